@@ -25,7 +25,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Final
@@ -106,15 +106,21 @@ class ColoredNoise:
 
     def variance(self, columns: FloatArray) -> FloatArray:
         """Return the variances (m,) of the sums of noise times columns (n, n_y, m)."""
+        return np.asarray(sum(np.einsum("nm,nm->m", rows, rows) for rows in self._rows(columns)))
+
+    def covariance(self, columns: FloatArray) -> FloatArray:
+        """Return the covariance (m, m) of the sums of noise times columns (n, n_y, m)."""
+        return np.asarray(sum(rows.T @ rows for rows in self._rows(columns)))
+
+    def _rows(self, columns: FloatArray) -> Iterator[FloatArray]:
+        """Yield rows (., m) whose products, added up, are those of the noise times columns (n, n_y, m)."""
         size = next_fast_len(2 * len(columns), real=True)
         weight = half_spectrum_scale(size)[:, None] * self.gain(size).conj()
         colored = rfft(columns, size, axis=0) * weight[:, :, None]
-        total = np.zeros(columns.shape[2])
         for band, root in zip(self.bands(size), self.roots, strict=True):
-            mixed = root.conj().T @ colored[band]
-            total += np.einsum("fim,fim->m", mixed.real, mixed.real)
-            total += np.einsum("fim,fim->m", mixed.imag, mixed.imag)
-        return total
+            mixed = (root.conj().T @ colored[band]).reshape(-1, columns.shape[2])
+            yield mixed.real
+            yield mixed.imag
 
 
 def band_edges(samples: int, channels: int) -> FloatArray:

@@ -100,7 +100,8 @@ def estimate_uncertainty(
 class ErrorBars:
     """Uncertainty of the parameters and nuisances of a fit, in SI; k = parameters, then nuisances."""
 
-    #: (k, k), corrected for color and for the scatter of maneuvers; zero for what is at a bound or not estimated
+    #: (k, k), corrected for color and for the scatter of maneuvers, of the fit's own bars also for what its model lacks; zero
+    #: for what is at a bound or not estimated
     covariance: FloatArray
     std: FloatArray  #: (k,), standard errors of that covariance
     conditional_std: FloatArray  #: (k,), corrected for color alone: right as far as the model is
@@ -114,6 +115,13 @@ class ErrorBars:
     contributions: tuple[Contribution, ...] = ()  #: of controls and motions
     #: of maneuvers or flights, whichever is larger; None where there is one maneuver
     scatter: Scatter | None = None
+
+    def with_model_error(self, more: FloatArray) -> ErrorBars:
+        """Return error bars with a further covariance (f, f) of the `free` unknowns."""
+        own = self.free < len(self.std)
+        covariance, places = self.covariance.copy(), np.ix_(self.free[own], self.free[own])
+        covariance[places] += more[np.ix_(own, own)]
+        return replace(self, covariance=covariance, std=standard_errors(covariance))
 
     def rejected(self, reason: Notice) -> ErrorBars:
         """Return error bars of which none is a confident statement, for one reason; earlier doubts stay."""
@@ -189,6 +197,15 @@ def error_bars(fit: Estimate) -> ErrorBars:
     )
 
 
+def held_inertia(fit: Estimate) -> dict[str, float]:
+    """Return the priors of the moments of inertia that are held, by name."""
+    return {
+        p.name: p.prior
+        for p in fit.problem.layout.vehicle.parameters
+        if p.name.startswith("mass.inertia.") and not p.free and p.prior is not None
+    }
+
+
 def _of_held_inertia(fit: Estimate, coloring: Coloring) -> FloatArray:
     """Return the covariance (f, f) that moments of inertia add which are held (consider covariance).
 
@@ -196,11 +213,7 @@ def _of_held_inertia(fit: Estimate, coloring: Coloring) -> FloatArray:
     (Tapley, Schutz and Born, *Statistical Orbit Determination*, 2004, section 6.2). How wrong c may be is what the flight leaves
     of its prior, and how far the flight would move it, if no further than the prior.
     """
-    held = {
-        p.name: p.prior
-        for p in fit.problem.layout.vehicle.parameters
-        if p.name.startswith("mass.inertia.") and not p.free and p.prior is not None
-    }
+    held = held_inertia(fit)
     responses = fit.responses() if held else Responses()
     own = [(j, held[e.name]) for j, e in enumerate(responses.extensions) if e.name in held]
     if not own:

@@ -31,7 +31,7 @@ import numpy as np
 from scipy.stats import norm
 
 from stoop.assessment.coloring import ColoredNoise, Coloring
-from stoop.assessment.covariance import MIN_WINDOWS, by_window, leave_windows_out, window_scatter
+from stoop.assessment.covariance import MIN_WINDOWS, by_window, leave_windows_out, widened, window_scatter
 from stoop.assessment.error_bars import ErrorBars
 from stoop.assessment.verdict import CONFIRMED
 from stoop.assessment.verdict import LIMITS as VERDICT
@@ -39,9 +39,9 @@ from stoop.base.arrays import BoolArray, FloatArray, IntArray
 from stoop.base.blas import on_one_blas_thread
 from stoop.base.notices import Notice, notice
 from stoop.estimate.estimate import Estimate
-from stoop.estimate.response import Responses
 from stoop.problem.evidence import Inverse, PieceEvidence, Unknown
 from stoop.results.extensions import ExtensionTest, ExtensionTests
+from stoop.vehicle.extensions import Extension
 
 
 @dataclass(frozen=True)
@@ -73,6 +73,9 @@ class Scores:
     std: FloatArray  #: (m,), of the change
     tested: BoolArray  #: (m,)
     shifts: FloatArray  #: (k, m), of the unknowns for a unit of change
+    score: FloatArray  #: (m,), s'r
+    information: FloatArray  #: (m, m), v's; the mean of the scores for a unit of each change
+    noise: FloatArray  #: (m, m), covariance of the scores where the model lacks nothing
     #: (N, m) of each piece: v, the part of the response that is the extension's alone
     own: tuple[FloatArray, ...]
 
@@ -113,10 +116,13 @@ def scores(
     own = [b + a @ shifts for a, b in zip(S, s, strict=True)]
     score = sum(b.T @ r for b, r in zip(s, residuals, strict=True))
     total = sum(np.einsum("nm,nm->m", b, b) for b in s)
-    alone = sum(np.einsum("nm,nm->m", v, b) for v, b in zip(own, s, strict=True))
+    information = np.asarray(sum(v.T @ b for v, b in zip(own, s, strict=True)))
+    alone = np.diag(information)
     parts = [_split(one, v) for one, v in zip(segments, own, strict=True)]
-    of_prior = np.einsum("km,kl,lm->m", shifts, prior, shifts)
-    variance = of_prior + _noise_variance(segments, parts, inverse, coloring.noise)
+    covariance = shifts.T @ prior @ shifts
+    of_prior = np.diag(covariance)
+    covariance = covariance + _noise_covariance(segments, parts, inverse, coloring.noise)
+    variance = np.diag(covariance).copy()
     tested = (alone > LIMITS.distinct * total) & (variance > 0.0)
 
     def found() -> Scores:
@@ -124,16 +130,16 @@ def scores(
             t = np.where(tested, score / np.sqrt(variance), 0.0)
             change = np.where(tested, score / alone, 0.0)
             std = np.where(tested, np.sqrt(variance) / alone, np.inf)
-        return Scores(t, change, std, tested, shifts, tuple(own))
+        return Scores(t, change, std, tested, shifts, np.asarray(score), information, covariance, tuple(own))
 
     first = found()
     for j in leaders(first):
         left = [_left(one, v[:, j], first.change[j]) for one, v in zip(segments, own, strict=True)]
         column = [_split(one, v[:, [j]]) for one, v in zip(segments, own, strict=True)]
-        again = _noise_variance(
+        again = _noise_covariance(
             left, column, inverse, coloring.noise_behind([one.filled()[0] for one in left])
         )
-        variance[j] = of_prior[j] + again[0]
+        variance[j] = of_prior[j] + again[0, 0]
     return found()
 
 
@@ -147,57 +153,79 @@ def _split(piece: PieceEvidence, rows: FloatArray) -> PieceEvidence:
     return replace(piece, jacobian=readings, gap_jacobian=gaps)
 
 
-def _noise_variance(
+def _noise_covariance(
     segments: Sequence[PieceEvidence], own: Sequence[PieceEvidence], inverse: Inverse, noise: ColoredNoise
 ) -> FloatArray:
-    """Return the variance (m,) of the scores under the noise of the residuals.
+    """Return the covariance (m, m) of the scores under the noise of the residuals.
 
     As in error bars, the variance between independent windows is at least that of stationary noise.
     """
-    variance = np.asarray(sum(noise.variance(one.jacobian) for one in own), dtype=np.float64)
+    covariance = np.asarray(sum(noise.covariance(one.jacobian) for one in own), dtype=np.float64)
     if sum(len(one.edges) - 1 for one in segments if one.edges) < MIN_WINDOWS:
-        return variance
-    windowed = np.zeros_like(variance)
+        return covariance
+    windowed = np.zeros_like(covariance)
     for segment, one in zip(segments, own, strict=True):
         r, S = by_window(segment, segment.edges, *segment.continuity_residuals)
         V = by_window(one, one.edges, *one.continuity_residuals)[1]
-        windowed += np.diag(window_scatter(leave_windows_out(r, S, inverse.factor), V))
-    return np.asarray(np.maximum(variance, windowed), dtype=np.float64)
+        windowed += window_scatter(leave_windows_out(r, S, inverse.factor), V)
+    return widened(covariance, windowed)
+
+
+@dataclass(frozen=True, eq=False)
+class Scored:
+    """The extensions of a fit with their responses, by segment, and first tests."""
+
+    extensions: tuple[Extension, ...]
+    responses: tuple[PieceEvidence, ...]
+    scores: Scores
 
 
 @on_one_blas_thread
-def extension_tests(fit: Estimate, bars: ErrorBars) -> ExtensionTests:
-    """Return score tests of the model extensions.
+def scored(fit: Estimate, bars: ErrorBars) -> Scored | None:
+    """Return the first tests of the model extensions.
 
     There are none where the estimator does not know the responses, nor away from an optimum, where the score has no meaning.
     """
     if fit.outcome.status not in CONFIRMED:
-        return ExtensionTests()
+        return None
     found = fit.responses()
     if not found.extensions:
-        return ExtensionTests()
-    evidence = fit.evidence
-    free = evidence.free
-    coloring = bars.uncertainty.coloring
-    segments = coloring.segments
+        return None
+    segments = bars.uncertainty.coloring.segments
     gaps = found.gaps or [None] * len(segments)
     responses = [
         replace(segment, jacobian=readings, gap_jacobian=gap)
         for segment, readings, gap in zip(segments, found.pieces, gaps, strict=True)
     ]
 
-    def strongest(of: Scores) -> list[int]:
-        """Return the plausible extensions, the strongest first."""
-        changes = of.change.tolist()
-        sense = [one.believes(change) for one, change in zip(found.extensions, changes, strict=True)]
-        return [j for j in np.argsort(-of.gain, kind="stable") if sense[j]]
+    def leaders(of: Scores) -> list[int]:
+        return _strongest(found.extensions, of)[: LIMITS.leaders]
 
-    def significant(of: Scores) -> list[int]:
-        """Return the significant ones among them."""
-        return [j for j in strongest(of) if of.p_value[j] < LIMITS.level]
+    first = scores(bars.uncertainty.coloring, responses, leaders)
+    return Scored(tuple(found.extensions), tuple(responses), first)
 
-    first = scores(coloring, responses, lambda of: strongest(of)[: LIMITS.leaders])
-    each, order = list(zip(found.extensions, first.change.tolist(), strict=True)), significant(first)
+
+def _strongest(extensions: Sequence[Extension], of: Scores) -> list[int]:
+    """Return the plausible extensions, the strongest first."""
+    sense = [one.believes(change) for one, change in zip(extensions, of.change.tolist(), strict=True)]
+    return [j for j in np.argsort(-of.gain, kind="stable").tolist() if sense[j]]
+
+
+def extension_tests(fit: Estimate, bars: ErrorBars) -> ExtensionTests:
+    """Return score tests of the model extensions, empty where there are none."""
+    known = scored(fit, bars)
+    return ExtensionTests() if known is None else tests_of(known, fit, bars)
+
+
+@on_one_blas_thread
+def tests_of(known: Scored, fit: Estimate, bars: ErrorBars) -> ExtensionTests:
+    """Return the significant extensions among those that were scored."""
+    evidence, first, responses = fit.evidence, known.scores, known.responses
+    free = evidence.free
+    coloring = bars.uncertainty.coloring
+    segments = coloring.segments
+    order = [j for j in _strongest(known.extensions, first) if first.p_value[j] < LIMITS.level]
+    each = list(zip(known.extensions, first.change.tolist(), strict=True))
     beside, others = np.full(len(each), np.nan), order[1 : LIMITS.shown]
     if others:
         parts = zip(segments, responses, first.own, strict=True)
@@ -222,13 +250,13 @@ def extension_tests(fit: Estimate, bars: ErrorBars) -> ExtensionTests:
                 line=one.line(change),
                 change=change,
                 beside=float(beside[j]),
-                rivals=_rivals(first, found, j, order),
+                rivals=_rivals(first, known.extensions, j, order),
                 moves=_moves(first, j, bars, evidence.unknowns, free),
             )
         )
     unresolved = tuple(
         one.name
-        for one, std in zip(found.extensions, first.std.tolist(), strict=True)
+        for one, std in zip(known.extensions, first.std.tolist(), strict=True)
         if one.kind in GIVEN and 0.0 < VERDICT.moved_share * abs(one.null) < std
     )
     return ExtensionTests(int(first.tested.sum()), LIMITS.level, tuple(tests), unresolved)
@@ -251,12 +279,14 @@ def _joined(
     return _split(_left(segment, own[:, index], float(found.change[index])), rows)
 
 
-def _rivals(found: Scores, responses: Responses, index: int, significant: Sequence[int]) -> tuple[str, ...]:
+def _rivals(
+    found: Scores, extensions: Sequence[Extension], index: int, significant: Sequence[int]
+) -> tuple[str, ...]:
     """Return the significant extensions with a similar response or a similar gain."""
     alike = np.abs(found.correlation(index)) >= LIMITS.alike
     near = np.abs(found.gain - found.gain[index]) < LIMITS.tie
     others = (j for j in significant if j != index and (alike[j] or near[j]))
-    return tuple(responses.extensions[j].name for j in others)
+    return tuple(extensions[j].name for j in others)
 
 
 def _moves(

@@ -124,9 +124,10 @@ def prior_tests(fit: Estimate, bars: ErrorBars) -> PriorTests:
     std = standard_deviations(bars, there)
     K = found.corrected[np.ix_(there, there)]
     own = np.array([place[i] for i, _ in known], dtype=np.intp)
-    means, error = np.array([p.prior_mean for _, p in known]), np.zeros(len(there))
-    error[own] = [fit.estimates[p.name] - p.prior_mean for _, p in known]
-    prior = np.array([p.prior or np.inf for _, p in known])
+    estimates = np.array([fit.estimates[p.name] for _, p in known])
+    means, prior = np.array([p.prior_about(x) for (_, p), x in zip(known, estimates, strict=True)]).T
+    error = np.zeros(len(there))
+    error[own] = estimates - means
     one = _Linearized(found.information[np.ix_(there, there)], K * np.outer(std, std), own, error, prior)
     conflicts, names = list[PriorConflict](), [p.name for _, p in known]
     while len(conflicts) < len(names) and (worst := one.worst(names, means, LEVEL)):

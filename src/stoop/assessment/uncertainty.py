@@ -117,7 +117,8 @@ def _directions(
     """Return singular values of all free unknowns, and near-null directions of the parameters, priors left out."""
     whole = bars.uncertainty.information
     own = bars.free[bars.free < len(names)]
-    prior = np.array([fit.problem.layout.parameters[i].prior or np.inf for i in own])
+    priors = [fit.problem.layout.parameters[i].prior_about(fit.estimates[names[i]]) for i in own]
+    prior = np.array([std for _, std in priors])
     data = marginal_information(whole, len(own)) - np.diag(prior**-2.0)
     rounding = np.diag(data) <= 1e-12 * np.diag(whole)[: len(data)]  # left of a prior that is taken off again
     data = np.where(rounding | rounding[:, None], 0.0, data)
@@ -387,12 +388,12 @@ def _estimates(fit: Estimate, bars: ErrorBars) -> dict[str, SingleEstimate]:
     """Return the estimates by name, each without its own prior."""
     parameters = fit.problem.layout.parameters
     entry = dict(zip(bars.free.tolist(), np.diag(bars.uncertainty.cramer_rao).tolist(), strict=True))
-    prior = [np.inf if p.prior is None else p.prior for p in parameters]
-    shares = np.nan_to_num([entry.get(i, np.nan) / s**2 for i, s in enumerate(prior)])
+    priors = [p.prior_about(fit.estimates[p.name]) for p in parameters]
+    shares = np.nan_to_num([entry.get(i, np.nan) / s**2 for i, (_, s) in enumerate(priors)])
     out = {}
     for i, p in enumerate(parameters):
         value, std = fit.estimates[p.name], float(bars.std[i])
-        one = without_prior(value, std, float(shares[i]), p.prior_mean, p.prior or np.nan)
+        one = without_prior(value, std, float(shares[i]), *priors[i])
         counted = one.counted and not bars.at_bound[i] and bars.identifiability[p.name].identifiable
         out[p.name] = replace(one, counted=bool(counted))
     return out

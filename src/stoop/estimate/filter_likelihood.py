@@ -220,7 +220,7 @@ class Likelihood:
 
     def prior(self, z: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return gradient (k,) and information (k, k) of the priors."""
-        rows = np.pad(self.problem.layout.prior_jacobian(), [(0, 0), (0, self.noise.size)])
+        rows = np.pad(self.problem.layout.prior_jacobian(z[: self.known]), [(0, 0), (0, self.noise.size)])
         return rows.T @ self.problem.layout.prior_residuals(z[None, : self.known])[0], rows.T @ rows
 
     def _innovations(self, z: FloatArray, index: int, entries: IntArray) -> Innovations:

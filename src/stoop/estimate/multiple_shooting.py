@@ -344,7 +344,7 @@ class LinearizedNodes(RefitProblem):
             by_window, slopes = self._shooting.sensitivities(windows, np.ones(j))
             for parts, one in ((readings, np.concatenate(by_window)), (gaps, slopes)):
                 parts.append((shots.entries, np.ascontiguousarray(one.reshape(-1, j).T)))
-        return TallMatrix.stacked([*readings, *gaps, *self.problem.prior_parts], len(z)), float(len(z))
+        return TallMatrix.stacked([*readings, *gaps, *self.problem.prior_parts(z)], len(z)), float(len(z))
 
     def responses(self, z: FloatArray) -> Responses:
         """Return the responses of readings and gaps to extensions of the vehicle at z (D + E,), states of windows eliminated."""

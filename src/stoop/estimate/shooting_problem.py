@@ -320,7 +320,7 @@ class ShootingProblem:
     ) -> tuple[FloatArray, FloatArray, list[Reduced]]:
         """Return normal matrix (j, j) and gradient (j,) of half the cost, the states of the windows eliminated."""
         layout = self.problem.layout
-        prior = layout.prior_jacobian()
+        prior = layout.prior_jacobian(at.z)
         normal, gradient = prior.T @ prior, prior.T @ layout.prior_residuals(at.z[None, :])[0]
         found = [reduced(windows, damping) for windows in pieces]
         for shots, one in zip(self.shots, found, strict=False):
@@ -345,7 +345,7 @@ class ShootingProblem:
     def evidence(self, at: Iterate) -> Evidence:
         """Return residuals and sensitivities of the search vector, the initial states of the windows unknown."""
         layout, model = self.problem.layout, window_model(self.problem.layout.vehicle)
-        rows = layout.prior_jacobian() / layout.scales
+        rows = layout.prior_jacobian(at.z) / layout.scales
         information, pieces = rows.T @ rows, []
         for shots, windows in zip(self.shots, self.linearize(at), strict=True):
             readings, gap_slopes = self.sensitivities(windows, layout.scales[shots.entries])

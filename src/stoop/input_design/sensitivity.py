@@ -110,9 +110,8 @@ class VehicleInformation:
     @property
     def prior(self) -> FloatArray:
         """Information of the file's priors (D, D), in the unit box."""
-        index, _, sigma = self.layout.priors
         out = np.zeros(len(self.unit))
-        out[index] = sigma**-2.0
+        out[self.layout.priors[0]] = self.layout.prior_slopes(self.unit) ** 2
         return np.diag(out)
 
     def information(self, candidate: CandidateProblem) -> FloatArray | None:

@@ -153,7 +153,7 @@ def unknowns_of(
         at_bound = estimated is None and not AT_BOUND <= z[i] <= 1.0 - AT_BOUND
         size, width = max(abs(p.value), abs(value)), p.upper - p.lower
         why = "bound" if at_bound else fixed[i]
-        out.append(Unknown(p.name, "parameter", value, size, width, p.prior or np.inf, why))
+        out.append(Unknown(p.name, "parameter", value, size, width, p.prior_about(value)[1], why))
     for i, n in enumerate(layout.nuisances, layout.dimension):
         value = n.center + n.scale * float(z[i])
         out.append(Unknown(n.name, "nuisance", value, n.scale, prior=n.scale, fixed=fixed[i]))

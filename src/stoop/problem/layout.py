@@ -7,11 +7,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Final
 
 import numpy as np
 
 from stoop.base.arrays import FloatArray, IntArray
 from stoop.vehicle import Parameter, Vehicle
+
+#: of the mean of a prior by a factor; outside of the bounds no value counts as less
+TINY: Final = 1e-6
 
 
 @dataclass(frozen=True)
@@ -56,6 +60,8 @@ class Layout:
     scales: FloatArray = field(init=False)
     #: entries with a prior, its mean and its standard deviation, in units of the vector
     priors: tuple[IntArray, FloatArray, FloatArray] = field(init=False)
+    #: places among them of priors by a factor
+    by_factor: IntArray = field(init=False)
 
     @classmethod
     def of(cls, vehicle: Vehicle, nuisances: Sequence[Nuisance]) -> Layout:
@@ -78,6 +84,7 @@ class Layout:
             rows=np.array([self.vehicle.rows[p.name] for p in self.parameters], dtype=np.intp),
             scales=np.concatenate([width, [n.scale for n in self.nuisances]]),
             priors=priors,
+            by_factor=np.flatnonzero([self.parameters[i].by_factor for i in index]),
         )
 
     @property
@@ -100,16 +107,36 @@ class Layout:
 
     def prior_residuals(self, Z: FloatArray) -> FloatArray:
         """Return the residuals of priors (B, n): parameters that have one, then every nuisance."""
+        return np.concatenate([self._pulls(Z), Z[:, self.dimension :]], axis=1)
+
+    def _pulls(self, Z: FloatArray) -> FloatArray:
+        """Return the residuals of the parameters' priors (B, n); that of a factor is its logarithm."""
         index, mean, sigma = self.priors
-        return np.concatenate([(Z[:, index] - mean) / sigma, Z[:, self.dimension :]], axis=1)
+        out, own = (Z[:, index] - mean) / sigma, self.by_factor
+        if own.size:
+            entries = index[own]
+            lower, width = self.lower[entries], self.width[entries]
+            means = lower + width * mean[own]
+            values = np.maximum(lower + width * Z[:, entries], TINY * means)
+            out[:, own] = np.log(values / means) * means / (width * sigma[own])
+        return out
+
+    def prior_slopes(self, z: FloatArray) -> FloatArray:
+        """Return the derivative (n,) of each parameter's prior residual by its entry, at a vector (D + E,) or its first D."""
+        index, mean, sigma = self.priors
+        out, own = 1.0 / sigma, self.by_factor
+        if own.size:
+            entries = index[own]
+            lower, width = self.lower[entries], self.width[entries]
+            means = lower + width * mean[own]
+            out[own] *= means / np.maximum(lower + width * z[entries], TINY * means)
+        return out
 
     def prior_costs(self, X: FloatArray) -> FloatArray:
         """Return the cost of priors (B,) for parameters (B, D), nuisances at their start."""
-        index, mean, sigma = self.priors
-        return np.asarray(np.sum(((X[:, index] - mean) / sigma) ** 2, axis=1))
+        return np.asarray(np.sum(self._pulls(X) ** 2, axis=1))
 
-    def prior_jacobian(self) -> FloatArray:
-        """Return the derivative of :meth:`prior_residuals`, (n, D + E)."""
-        index, _, sigma = self.priors
+    def prior_jacobian(self, z: FloatArray) -> FloatArray:
+        """Return the derivative of :meth:`prior_residuals` at a vector (D + E,), (n, D + E)."""
         one = np.eye(self.dimension + self.extra)
-        return np.concatenate([one[index] / sigma[:, None], one[self.dimension :]])
+        return np.concatenate([one[self.priors[0]] * self.prior_slopes(z)[:, None], one[self.dimension :]])

@@ -283,7 +283,7 @@ class Misfit:
                 row[:] = column[:width]
             parts.append((np.array([*entries, *biases], dtype=np.intp), rows[1:]))
             spent += len(entries) * count
-        return TallMatrix.stacked([*parts, *self.prior_parts], len(z)), spent / sum(self.ladder[-1])
+        return TallMatrix.stacked([*parts, *self.prior_parts(z)], len(z)), spent / sum(self.ladder[-1])
 
     def _difference(self, lanes: FloatArray, steps: FloatArray, index: int) -> None:
         """Replace readings (1 + m, n, n_y) after the first by their whitened difference quotients over steps (m,)."""
@@ -313,7 +313,7 @@ class Misfit:
             for j, column in self._bias_columns[i].items():
                 out[j] += inner(column[: own.stop - own.start], left[own])
             first = own.stop
-        for (some, rows), values in zip(self.prior_parts, _split(left[first:], PRIORS), strict=True):
+        for (some, rows), values in zip(self.prior_parts(z), _split(left[first:], PRIORS), strict=True):
             out[some] += np.diag(rows) * values
         return out
 
@@ -326,13 +326,11 @@ class Misfit:
         Z[each, entries] += np.where((entries < self.dimension) & (z[entries] + STEP > 1.0), -STEP, STEP)
         return entries, Z[each, entries] - z[entries], Z
 
-    @cached_property
-    def prior_parts(self) -> list[tuple[IntArray, FloatArray]]:
-        """Unknowns and derivatives of few residuals of priors at a time, each of one unknown."""
-        index, _, sigma = self.layout.priors
+    def prior_parts(self, z: FloatArray) -> list[tuple[IntArray, FloatArray]]:
+        """Return unknowns and derivatives of few residuals of priors at a time, each of one unknown."""
         nuisances = np.arange(self.dimension, self.dimension + self.extra)
-        entries: IntArray = np.concatenate([index, nuisances])
-        slopes: FloatArray = np.concatenate([1.0 / sigma, np.ones(self.extra)])
+        entries: IntArray = np.concatenate([self.layout.priors[0], nuisances])
+        slopes: FloatArray = np.concatenate([self.layout.prior_slopes(z), np.ones(self.extra)])
         pairs = zip(_split(entries, PRIORS), _split(slopes, PRIORS), strict=True)
         return [(some, np.diag(own)) for some, own in pairs]
 

@@ -10,12 +10,15 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any, Final, TypeAlias
 
-from stoop.assessment.error_bars import ErrorBars, error_bars
-from stoop.assessment.extensions import extension_tests
+import numpy as np
+
+from stoop.assessment.error_bars import ErrorBars, error_bars, held_inertia
+from stoop.assessment.extensions import scored, tests_of
+from stoop.assessment.model_error import model_error
 from stoop.base.interrupts import deferred_interrupt
-from stoop.base.notices import Notice, attempt
+from stoop.base.notices import Notice, attempt, notice
 from stoop.estimate import methods
 from stoop.estimate.estimate import Estimate
 from stoop.estimate.fit import Options
@@ -26,6 +29,8 @@ from stoop.results.extensions import ExtensionTests
 from stoop.vehicle import Vehicle
 
 Records: TypeAlias = Mapping[str, DecisionRecord]
+SHOWN: Final = 5  #: numbers whose wider error bars are named
+LEAST_WIDENED: Final = 1.1  #: times
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,12 +83,12 @@ class Change:
 
 @dataclass(frozen=True, eq=False)
 class Tested:
-    """Error bars of a fit, and the score tests of extensions of its model."""
+    """Error bars of a fit, what its model lacks included, and the score tests of extensions of its model."""
 
     bars: ErrorBars
     tests: ExtensionTests
-    #: why nothing was tested
-    failed: tuple[Notice, ...] = ()
+    #: by what error bars were widened, or why nothing was tested
+    notices: tuple[Notice, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -158,9 +163,24 @@ class Fitted:
 def test(found: Estimate) -> tuple[Tested, bool]:
     """Return error bars and score tests of a fit, and whether Ctrl-C came meanwhile: a search that has ended is not lost."""
     with deferred_interrupt() as ctrl_c:
-        failed, bars = list[Notice](), error_bars(found)
-        tests = attempt(failed, ExtensionTests(), extension_tests, found, bars)
-    return Tested(bars, tests, tuple(failed)), ctrl_c.came
+        notices, bars = list[Notice](), error_bars(found)
+        tests, known = ExtensionTests(), attempt(notices, None, scored, found, bars)
+        if known is not None:
+            tests = attempt(notices, tests, tests_of, known, found, bars)
+            whole = bars.with_model_error(model_error(known, held_inertia(found)))
+            notices += _widened(found, bars, whole)
+            bars = whole
+    return Tested(bars, tests, tuple(notices)), ctrl_c.came
+
+
+def _widened(found: Estimate, narrow: ErrorBars, bars: ErrorBars) -> list[Notice]:
+    """Return a notice of the error bars that what the model lacks widens most."""
+    names = [p.name for p in found.problem.layout.parameters]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratios = np.nan_to_num((bars.std / narrow.std)[: len(names)])
+    most = [i for i in np.argsort(-ratios, kind="stable")[:SHOWN].tolist() if ratios[i] > LEAST_WIDENED]
+    shown = tuple(f"{names[i]} {ratios[i]:.1f}" for i in most)
+    return [notice("bars-widened", median=float(np.median(ratios[ratios > 0.0])), most=shown)] if most else []
 
 
 Fitter: TypeAlias = Callable[[Setup], Fitted]

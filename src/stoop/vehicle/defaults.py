@@ -146,7 +146,7 @@ def _default_bounds(name: str, q: Quantity, sizes: Mapping[str, float]) -> tuple
             if name in group:
                 _, low, high = group[name]
                 return min(low, value - abs(value)), max(high, value + abs(value))
-        reach = max(1.0, 5.0 * abs(value))
+        reach = max(1.0, 5.0 * abs(value), 5.0 * (q.prior or 0.0))
         return -reach, reach
     if name.startswith(("rotors.", "rotor.", "body_drag.")) and (box := _rotor_bounds(name, q, sizes)):
         return box

@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import hashlib
 import json
+import math
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -22,7 +23,7 @@ from stoop.base.variables import POSITION
 from stoop.errors import VehicleError
 from stoop.kernels import Kernel, load_kernel
 from stoop.vehicle import terms
-from stoop.vehicle.defaults import COEFFICIENTS, bounds, free_by_default, unit
+from stoop.vehicle.defaults import COEFFICIENTS, POSITIVE, bounds, free_by_default, unit
 from stoop.vehicle.schema import CHANNELS, WIND, Quantity, Term, VehicleFile
 
 _BIASES = frozenset(f"sensors.{channel}.bias" for channel in (*WIND, *CHANNELS, *POSITION))
@@ -113,6 +114,19 @@ class Parameter:
     def prior_mean(self) -> float:
         """Mean of the prior."""
         return self.value if self.mean is None else self.mean
+
+    @property
+    def by_factor(self) -> bool:
+        """Whether the prior is normal in the logarithm: a positive number is known to a factor, as likely twice as half."""
+        return self.name in POSITIVE and self.prior is not None and min(self.lower, self.prior_mean) > 0.0
+
+    def prior_about(self, value: float) -> tuple[float, float]:
+        """Return mean and standard deviation of the normal prior that pulls as this one does about a value."""
+        mean, std = self.prior_mean, math.inf if self.prior is None else self.prior
+        if not self.by_factor:
+            return mean, std
+        value = max(value, self.lower)
+        return value * (1.0 - math.log(value / mean)), value * std / mean
 
 
 class Parameters(tuple[Parameter, ...]):

@@ -38,6 +38,13 @@ _PAIRS: Final = {
     "v-tail": "rudder",
     "flying-wing": "aileron",
 }  #: template -> control that shares the elevator's servos
+#: coefficient -> terms that eq. (1) lacks and flights show: standard deviation, and what they are
+_MORE_TERMS: Final = {
+    "CD": {
+        "beta^2": (1.0, "by sideslip; zero where the force of a sideslip is across the body"),
+        "elevator": (0.05, "by the elevator about its trim"),
+    }
+}
 _RECONSTRUCTED: Final = "reconstructed"  #: source of alpha and beta without vanes
 
 
@@ -58,7 +65,8 @@ class Airplane(FileText):
         self.controls = (
             default_controls(wanted) if flight is None else find_controls(flight, seen.setup, wanted)
         )
-        self.moments = inertia.of_airplane(self.template, self.mass, self.geometry.wing.span)
+        wing = self.geometry.wing
+        self.moments = inertia.of_airplane(self.template, self.mass, wing.span, wing.chord)
         self.airspeed, self.airspeed_source = self.steady.airspeed()
         self.alpha = self.steady.median("alpha")
 
@@ -226,6 +234,9 @@ class Airplane(FileText):
                 source = own[name].source
                 said = [MEANINGS[name], *([] if source == method else [source])]
                 sheet.entry(name, quantity(own[name].value, own[name].std), "; ".join(said))
+            for term, (std, about) in _MORE_TERMS.get(coefficient, {}).items():
+                text = f'{{ term = "{term}", value = 0.0, prior = {plain(std)} }}'
+                sheet.entry(f"{coefficient}{term.replace('^', '')}", text, about)
             pair = own.get(f"{coefficient}{_PAIRS.get(self.template, '')}")
             if coefficient in ("Cl", "Cn") and pair is not None and "elevator" in self.controls.mixers:
                 prior = f"prior = {plain(float(f'{PRIORS.unequal * abs(pair.value):.2g}'))}"

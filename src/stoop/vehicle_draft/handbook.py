@@ -39,12 +39,13 @@ ROLL_SIDEWASH: Final = 0.5
 
 @dataclass(frozen=True)
 class WorkingPoint:
-    """Where derivatives hold: airspeed in m/s, angle of attack of the body's x axis in rad, lift coefficient."""
+    """Where derivatives hold: airspeed in m/s, angle of attack of the body's x axis in rad, lift coefficient; kg/m3."""
 
     airspeed: float
     alpha: float
     lift: float
     alpha_given: bool = True
+    density: float = SEA_LEVEL_DENSITY
 
     @classmethod
     def of(
@@ -53,7 +54,8 @@ class WorkingPoint:
         """Return the working point of level flight, where lift or angle of attack are not given."""
         if lift is None:
             lift = 2.0 * geometry.mass * STANDARD_GRAVITY / (density * airspeed**2 * geometry.wing.area)
-        return cls(airspeed, attitude(geometry, lift) if alpha is None else alpha, lift, alpha is not None)
+        own = attitude(geometry, lift) if alpha is None else alpha
+        return cls(airspeed, own, lift, alpha is not None, density)
 
     def for_geometry(self, geometry: Geometry) -> WorkingPoint:
         """Return the point of another geometry; an angle of attack that was not given is that of its wing."""
@@ -90,10 +92,16 @@ def derivatives(
     Standard deviations are those of the method, and of what is typical of the geometry.
     """
     point = WorkingPoint.of(geometry, airspeed, alpha, density, lift)
-    typical = typical_std(geometry, lambda g: nominal(g, point.for_geometry(g)))
+
+    def values(by: Callable[[Geometry, WorkingPoint], dict[str, float]], g: Geometry) -> dict[str, float]:
+        own = point.for_geometry(g)
+        found = by(g, own)
+        return found | {n: found[n] + change for n, change in curvature(g, own, found).items()}
+
+    typical = typical_std(geometry, lambda g: values(nominal, g))
     return {
         name: Apriori(value, math.hypot(METHOD[name].std(value), typical[name]), source)
-        for name, value in (method or nominal)(geometry, point).items()
+        for name, value in values(method or nominal, geometry).items()
     }
 
 
@@ -188,10 +196,10 @@ def nominal(geometry: Geometry, point: WorkingPoint) -> dict[str, float]:
 
 
 def lag(geometry: Geometry) -> dict[str, float]:
-    """Return the part of CLq and Cmq that is due to the lag of downwash.
+    """Return the derivatives of CL and Cm by the rate of alpha, as part of CLq and Cmq: the lag of downwash.
 
-    Eq. (1) has no term of the rate of alpha, which in a maneuver is nearly the pitch rate; its derivatives are therefore part
-    of those of the pitch rate (Klein and Morelli, Aircraft System Identification, section 3.4).
+    Eq. (1) has no term of the rate of alpha, which in a maneuver is the pitch rate less that of the path, see `curvature`
+    (Klein and Morelli, Aircraft System Identification, section 3.4).
     """
     wing, tail = geometry.wing, geometry.tail
     if tail is None:
@@ -200,6 +208,25 @@ def lag(geometry: Geometry) -> dict[str, float]:
     load = wing_slope(tail) * math.cos(tail.dihedral) ** 2 * TAIL_PRESSURE * tail.area / wing.area
     lift = 2.0 * load * arm * downwash_slope(wing, tail)
     return {"CLq": lift, "Cmq": -lift * arm}
+
+
+def curvature(geometry: Geometry, point: WorkingPoint, values: Mapping[str, float]) -> dict[str, float]:
+    """Return what the rate of alpha adds to terms of CL and Cm, the pitch rate apart: lift that is not level turns the path.
+
+    The rate of alpha times c/2V is that of the pitch less k (CL - CL* (V*/V)^2), k = density S c / 4m. Slow airplanes have most
+    of it in CmV: what is faster than its trim turns upward, and its tail meets the downwash of before.
+    """
+    wing = geometry.wing
+    share = 0.25 * point.density * wing.area * wing.chord / geometry.mass
+    turning = {
+        "alpha": values["CLalpha"], "V": values["CLV"] + 2.0 * point.lift, "elevator": values.get("CLelevator", 0.0),
+    }  # fmt: skip
+    return {
+        f"{name[:2]}{variable}": -share * by_rate * by
+        for name, by_rate in lag(geometry).items()
+        for variable, by in turning.items()
+        if f"{name[:2]}{variable}" in values
+    }
 
 
 CONTROLS: Final[Mapping[str, tuple[str, ...]]] = {

@@ -1,8 +1,7 @@
 """Moments of inertia from mass and size, by radii of gyration.
 
-For airplanes radii are over the span: half the nondimensional radii of Raymer (*Aircraft Design: A Conceptual Approach*,
-table of radii of gyration; single engine 0.25 and 0.38, 0.39), moved to what is published of small unmanned aircraft,
-`PUBLISHED`. A body that is flat has zz = xx + yy; what stands above the plane makes zz smaller.
+For airplanes the radius about roll is over the span, that about pitch over the geometric mean of span and chord, as stubby
+wings have long bodies: means of `PUBLISHED`. A body that is flat has zz = xx + yy; what stands above the plane makes zz smaller.
 For multirotors they are over the root mean square distance of the rotors from the axis: `MULTIROTORS`.
 """
 
@@ -14,6 +13,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from stoop.base.autopilots import Point
+from stoop.base.units import FOOT, POUND_FORCE, SLUG, STANDARD_GRAVITY
 from stoop.vehicle_draft.apriori import Apriori
 
 
@@ -24,36 +24,52 @@ class Measured:
     template: str
     mass: float
     span: float
+    chord: float
     xx: float
     yy: float
     zz: float
 
-    def radii(self) -> tuple[float, float, float]:
-        """Return radii of gyration over the span."""
-        xx, yy, zz = (math.sqrt(i / self.mass) / self.span for i in (self.xx, self.yy, self.zz))
-        return xx, yy, zz
+    @classmethod
+    def in_feet(cls, weight: float, span: float, chord: float, *moments: float) -> Measured:
+        """Return those of a conventional airplane in lbf, ft and slug ft2."""
+        mass = weight * POUND_FORCE / STANDARD_GRAVITY
+        xx, yy, zz = (i * SLUG * FOOT**2 for i in moments)
+        return cls("conventional", mass, span * FOOT, chord * FOOT, xx, yy, zz)
+
+    def radii(self) -> tuple[float, float]:
+        """Return the radii of gyration about roll and pitch over their lengths, see `RADII`."""
+        roll, pitch = (math.sqrt(i / self.mass) for i in (self.xx, self.yy))
+        return roll / self.span, pitch / math.sqrt(self.span * self.chord)
 
 
 #: Aerosonde and Zagi: Beard and McLain, Small Unmanned Aircraft, appendix E; X8: Gryte et al., ICUAS 2018; twin boom:
-#: twin_boom.toml; standard_vtol: PX4's simulator
+#: twin_boom.toml; standard_vtol: PX4's simulator, its chord assumed; F-16: Stevens and Lewis, Aircraft Control and Simulation,
+#: appendix A; others: Nelson, Flight Stability and Automatic Control, appendix B
 PUBLISHED: Final = {
-    "Aerosonde": Measured("v-tail", 13.5, 2.8956, 0.8244, 1.135, 1.759),
-    "twin boom": Measured("conventional", 189.4, 5.19, 100.0, 120.0, 200.0),
-    "V-tail 8.5 kg (assumed)": Measured("v-tail", 8.5, 2.32, 1.38, 0.84, 2.17),
-    "Zagi": Measured("flying-wing", 1.56, 1.4224, 0.1147, 0.0576, 0.1712),
-    "Skywalker X8": Measured("flying-wing", 3.364, 2.1, 0.335, 0.140, 0.400),
-    "standard_vtol": Measured("quadplane", 5.0, 2.1, 0.478, 0.342, 0.811),
+    "Aerosonde": Measured("v-tail", 13.5, 2.8956, 0.18994, 0.8244, 1.135, 1.759),
+    "twin boom": Measured("conventional", 189.4, 5.19, 0.55, 100.0, 120.0, 200.0),
+    "V-tail 8.5 kg (assumed)": Measured("v-tail", 8.5, 2.32, 0.285, 1.38, 0.84, 2.17),
+    "Zagi": Measured("flying-wing", 1.56, 1.4224, 0.3302, 0.1147, 0.0576, 0.1712),
+    "Skywalker X8": Measured("flying-wing", 3.364, 2.1, 0.3571, 0.335, 0.140, 0.400),
+    "standard_vtol": Measured("quadplane", 5.0, 2.1, 0.29, 0.478, 0.342, 0.811),
+    "Navion": Measured.in_feet(2750.0, 33.4, 5.7, 1048.0, 3000.0, 3530.0),
+    "F-104A": Measured.in_feet(16300.0, 21.94, 9.55, 3549.0, 58611.0, 59669.0),
+    "Jetstar": Measured.in_feet(38204.0, 53.75, 10.93, 118773.0, 135869.0, 243504.0),
+    "Convair 880": Measured.in_feet(126000.0, 120.0, 18.94, 1.51e6, 2.51e6, 4.1e6),
+    "Boeing 747": Measured.in_feet(636600.0, 195.68, 27.31, 18.2e6, 33.1e6, 49.7e6),
+    "A-4D": Measured.in_feet(17578.0, 27.5, 10.8, 8090.0, 25900.0, 29200.0),
+    "F-16": Measured.in_feet(20500.0, 30.0, 11.32, 9496.0, 55814.0, 63100.0),
 }
-#: template -> radii about roll and pitch over the span
+#: template -> radii about roll over the span, about pitch over the root of span times chord
 RADII: Final[Mapping[str, tuple[float, float]]] = {
-    "conventional": (0.14, 0.15),
-    "v-tail": (0.13, 0.13),
-    "flying-wing": (0.17, 0.12),
-    "glider": (0.13, 0.10),
-    "quadplane": (0.15, 0.14),
+    "conventional": (0.14, 0.51),
+    "v-tail": (0.13, 0.39),
+    "flying-wing": (0.17, 0.26),
+    "glider": (0.13, 0.40),
+    "quadplane": (0.15, 0.36),
 }
 FLATNESS: Final = 0.95  #: zz over xx + yy
-#: standard deviation of a moment over its value: radii of `PUBLISHED` scatter by half of that
+#: standard deviation of a moment over its value: radii of `PUBLISHED` scatter by half of that, about pitch by a little more
 SPREAD: Final = 0.4
 #: radii over the root mean square distance of the rotors from an axis
 MULTIROTORS: Final = (0.66, 0.66, 0.65)
@@ -62,13 +78,13 @@ MULTIROTOR_SPREAD: Final = 0.5
 PRODUCT_SPREAD: Final = 0.05  #: of xz, over the geometric mean of xx and zz
 
 
-def of_airplane(template: str, mass: float, span: float) -> dict[str, Apriori]:
+def of_airplane(template: str, mass: float, span: float, chord: float) -> dict[str, Apriori]:
     """Return xx, yy, zz and xz of an airplane, kg m2."""
     roll, pitch = RADII[template]
-    xx, yy = (mass * (radius * span) ** 2 for radius in (roll, pitch))
+    xx, yy = mass * (roll * span) ** 2, mass * pitch**2 * span * chord
     zz = FLATNESS * (xx + yy)
     source = f"usual radius of gyration, {{:.2f}} spans ({template})"
-    radii = {"xx": (xx, roll), "yy": (yy, pitch), "zz": (zz, math.sqrt(zz / mass) / span)}
+    radii = {axis: (i, math.sqrt(i / mass) / span) for axis, i in (("xx", xx), ("yy", yy), ("zz", zz))}
     found = {axis: Apriori(i, SPREAD * i, source.format(radius)) for axis, (i, radius) in radii.items()}
     return {**found, "xz": Apriori(0.0, PRODUCT_SPREAD * math.sqrt(xx * zz), "usually small")}
 

@@ -15,6 +15,7 @@ from stoop.problem.misfit import horizon_ladder
 from stoop.simulation.fly import fly
 from stoop.simulation.maneuver import Maneuver
 from stoop.vehicle import Vehicle, load_vehicle, parse_vehicle
+from stoop_studies.verify import scenes
 
 SPEC = {"duration": 3.0, "rate": 50.0}
 
@@ -334,8 +335,8 @@ def test_layout_turns_units(problem: Misfit) -> None:
     assert ((x >= 0) & (x <= 1)).all()
     assert layout.physical(x[None, :])[0] == pytest.approx(values, rel=1e-12)
     assert layout.unit(values + 1e9) == pytest.approx(np.ones(layout.dimension))
-    J = layout.prior_jacobian()
     Z = np.random.default_rng(0).uniform(size=(2, layout.dimension + layout.extra))
+    J = layout.prior_jacobian(Z[0])
     difference = layout.prior_residuals(Z)[1] - layout.prior_residuals(Z)[0]
     assert J @ (Z[1] - Z[0]) == pytest.approx(difference, rel=1e-9)
 
@@ -368,3 +369,32 @@ def test_observed_information_is_the_slope_of_the_gradient(problem: Misfit, righ
     unit = np.sqrt(np.outer(np.diag(information), np.diag(information)))
     np.testing.assert_allclose(found / unit, slopes / np.outer(scales, scales) / unit, atol=0.01)
     assert (np.max(np.abs(found - information) / unit) < 0.02) == right
+
+
+def test_a_positive_number_has_its_prior_in_the_logarithm() -> None:
+    """Half is as likely as twice; the slope is that of differences, and a normal prior about the value pulls alike."""
+    free = {"mass.inertia.xx": {"value": 2.0, "prior": 0.8, "free": True, "bounds": [0.2, 20.0]}}
+    vehicle = scenes.aircraft().with_numbers(free)
+    layout = Layout.of(vehicle, ())
+    (one,) = (p for p in layout.parameters if p.name == "mass.inertia.xx")
+    own = [layout.parameters[i].name for i in layout.priors[0]].index("mass.inertia.xx")
+    place = layout.parameters.index(one)
+
+    def pull(value: float) -> float:
+        z = layout.start.copy()
+        z[place] = (value - one.lower) / (one.upper - one.lower)
+        return float(layout.prior_residuals(z[None])[0, own])
+
+    assert pull(2.0) == pytest.approx(0.0, abs=1e-12)
+    assert pull(4.0) == pytest.approx(np.log(2.0) / 0.4)
+    assert pull(1.0) == pytest.approx(-pull(4.0))
+    z = layout.start.copy()
+    z[place] = (5.0 - one.lower) / (one.upper - one.lower)
+    per_value = layout.prior_jacobian(z)[own, place] / (one.upper - one.lower)
+    assert per_value == pytest.approx((pull(5.001) - pull(4.999)) / 0.002, rel=1e-6)
+    mean, std = one.prior_about(5.0)
+    assert (5.0 - mean) / std == pytest.approx(pull(5.0))
+    assert std == pytest.approx(1.0 / per_value)
+    assert layout.prior_costs(z[None])[0] == pytest.approx(np.sum(layout.prior_residuals(z[None]) ** 2))
+    other = next(p for p in layout.parameters if p.name == "Clp")
+    assert other.prior_about(1.0)[0] == other.prior_mean

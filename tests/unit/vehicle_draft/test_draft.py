@@ -246,7 +246,7 @@ def test_what_is_missing_is_said_with_its_usual_size() -> None:
 def test_published_inertias(name: str) -> None:
     """Drafted moments lie within three standard deviations of what is published."""
     one = PUBLISHED[name]
-    found = of_airplane(one.template, one.mass, one.span)
+    found = of_airplane(one.template, one.mass, one.span, one.chord)
     for axis in ("xx", "yy", "zz"):
         assert abs(found[axis].value - getattr(one, axis)) < 3.0 * found[axis].std
     assert set(RADII) >= {one.template}

@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from stoop.base.units import STANDARD_GRAVITY
 from stoop.errors import VehicleError
 from stoop.vehicle.defaults import EQUATION_1
 from stoop.vehicle_draft import handbook
@@ -212,3 +213,31 @@ def test_every_geometry_that_is_accepted_gives_derivatives(
     assert all(math.isfinite(value) for value in found.values())
     for name in ("CLalpha", "Clp", "Cmelevator", "CLelevator", "Claileron", "CD0", "Cmq", "Cnr"):
         assert found[name] * SIGNS[name] > 0.0, name
+
+
+def test_a_path_that_curves_moves_the_tail():
+    """Terms of CL and Cm are those of the rate of alpha by the force equation of a straight start, by differences."""
+    mass, V, density = 3.0, 15.0, 1.1
+    geometry = Geometry.typical("conventional", mass, 2.0, 0.25, None)
+    wing = geometry.wing
+    found = handbook.derivatives(geometry, V, density=density)
+    point = handbook.WorkingPoint.of(geometry, V, None, density, None)
+    nominal_ = nominal(geometry, point)
+    by_rate = handbook.lag(geometry)
+
+    def rate(V: float, alpha: float, elevator: float) -> float:
+        lift = point.lift + nominal_["CLalpha"] * alpha + nominal_["CLelevator"] * elevator
+        upward = 0.5 * density * V**2 * wing.area * lift / mass - STANDARD_GRAVITY
+        return -upward / V * wing.chord / (2.0 * V)  # times c/2V, at no pitch rate
+
+    h = 1e-6
+    slopes = {
+        "alpha": (rate(V, h, 0.0) - rate(V, -h, 0.0)) / (2.0 * h),
+        "elevator": (rate(V, 0.0, h) - rate(V, 0.0, -h)) / (2.0 * h),
+        "V": (rate(V * (1.0 + h), 0.0, 0.0) - rate(V * (1.0 - h), 0.0, 0.0)) / (2.0 * h),
+    }
+    for name, slope in slopes.items():
+        for coefficient in ("CL", "Cm"):
+            change = found[coefficient + name].value - nominal_[coefficient + name]
+            assert change == pytest.approx(by_rate[f"{coefficient}q"] * slope, rel=1e-5)
+    assert found["CmV"].value > 0.03

@@ -243,11 +243,13 @@ class Equations(ABC):
         """Equation -> its constant term, as a place among the unknowns."""
         return {}
 
-    @property
-    def priors(self) -> Priors:
-        """Those of the vehicle file, its bounds included (no bounds of the biases); the iteration starts from the means."""
-        layout = self.layout
-        known = [(p.prior_mean, p.prior or np.inf, p.lower, p.upper) for p in layout.parameters]
+    def priors(self, values: FloatArray | None = None) -> Priors:
+        """Return those of the vehicle file about values (k,), by default the means, with its bounds (none of the biases)."""
+        layout, about = self.layout, {} if values is None else dict(zip(self.places, values, strict=True))
+        known = [
+            (*p.prior_about(about.get(i, p.prior_mean)), p.lower, p.upper)
+            for i, p in enumerate(layout.parameters)
+        ]
         known += [(n.center, n.scale, -np.inf, np.inf) for n in layout.nuisances]
         return Priors(*np.array([known[i] for i in self.places]).reshape(-1, 4).T)
 
@@ -294,7 +296,11 @@ def estimate(equations: Equations, domain: Domain, bounded: bool = False) -> Est
 
 
 def _gauss_newton(equations: Equations, domain: Domain, bounded: bool) -> Estimates | None:
-    priors = equations.priors if bounded else replace(equations.priors, lower=-np.inf, upper=np.inf)
+    def about(values: FloatArray | None = None) -> Priors:
+        priors = equations.priors(values)
+        return priors if bounded else replace(priors, lower=-np.inf, upper=np.inf)
+
+    priors = about()
     values = priors.mean
     for _ in range(MAX_ITERATIONS):
         samples = equations.rows(values)
@@ -305,7 +311,9 @@ def _gauss_newton(equations: Equations, domain: Domain, bounded: bool) -> Estima
         before, values = values, found.values
         if not np.isfinite(values).all():
             return None
-        if equations.linear or np.max(np.abs(values - before) / equations.scales) < STEP_TOLERANCE:
+        solved, priors = priors, about(values)
+        linear = equations.linear and np.array_equal(priors.sigma, solved.sigma)
+        if linear or np.max(np.abs(values - before) / equations.scales) < STEP_TOLERANCE:
             break
     lost = not domain.keeps_constants and equations.constants
     return _with_constants(found, samples, equations, priors) if lost else found

@@ -96,22 +96,22 @@ class LinearProblem(RefitProblem):
 
     @cached_property
     def _linear(self) -> tuple[FloatArray, FloatArray]:
-        """Modeled minus measured (n,) at the estimates, weighted, and the derivative (n, D + E), priors last."""
+        """Modeled minus measured (n,) at the estimates, weighted, and the derivative (n, D + E)."""
         residual = [-s.residual.ravel() for s in self.stretches]
         slopes = [
             s.jacobian.reshape(s.residual.size, -1) * self.problem.layout.scales for s in self.stretches
         ]
-        return np.concatenate(residual), np.concatenate([*slopes, self.problem.layout.prior_jacobian()])
+        return np.concatenate(residual), np.concatenate(slopes)
 
     def residuals(self, Z: FloatArray, rung: int) -> FloatArray:
         """Return weighted modeled minus measured responses, then the residuals of the priors, (B, n_r)."""
         residual, slopes = self._linear
-        equations = residual + (Z - self.center) @ slopes[: len(residual)].T
+        equations = residual + (Z - self.center) @ slopes.T
         return np.concatenate([equations, self.problem.layout.prior_residuals(Z)], axis=1)
 
     def jacobian(self, z: FloatArray, rung: int, r: FloatArray) -> tuple[FloatArray, float]:
         """Return the derivative of the residuals, which costs nothing."""
-        return self._linear[1], 0.0
+        return np.concatenate([self._linear[1], self.problem.layout.prior_jacobian(z)]), 0.0
 
     def in_units(self, white: Sequence[FloatArray]) -> list[FloatArray]:
         """Return weighted values (n, q) of each stretch in SI."""

@@ -117,7 +117,7 @@ class RealTime:
     def estimate(self) -> dict[str, Estimate]:
         """Return the estimates by parameter, constants excepted; empty while there are too few independent rows."""
         rows, count, repetition = self._rows(), 2 * len(self._frequencies), 1.0
-        priors = self._equations.priors
+        priors = self._equations.priors()
         if len(self._frequencies) > 1:  # those closer than one over the record's length repeat each other
             length = min(max(self._transform.count, 1) * self._dt, self._memory)
             repetition = max(1.0, 1.0 / (length * float(self._frequencies[1] - self._frequencies[0])))

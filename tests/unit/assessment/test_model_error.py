@@ -1,0 +1,93 @@
+"""Error bars hold what the model lacks, and are as they were where it lacks nothing."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.optimize import minimize
+from unit.assessment.test_extensions import fitted
+
+from stoop.assessment.covariance import NORMAL_95
+from stoop.assessment.error_bars import error_bars
+from stoop.assessment.extensions import scored
+from stoop.assessment.model_error import lacks_nothing, model_error, variances
+from stoop.strategy import decision
+
+
+def test_variances_of_extensions_that_share_nothing() -> None:
+    """Each is what its score exceeds its noise by, or zero: the maximum of the evidence of one number."""
+    z, G, S = np.array([5.0, -0.5, 20.0]), np.diag([2.0, 1.0, 4.0]), np.diag([4.0, 1.0, 9.0])
+    expected = np.maximum(z**2 - np.diag(S), 0.0) / np.diag(G) ** 2
+    assert variances(z, G, S) == pytest.approx(expected, rel=1e-2, abs=1e-6)
+
+
+def test_variances_of_greatest_evidence() -> None:
+    """No other variances explain scores of extensions that resemble each other better."""
+    rng = np.random.default_rng(4)
+    V = rng.standard_normal((60, 5)) + 1.5 * rng.standard_normal((60, 1))
+    G = V.T @ V
+    S, z = G.copy(), G @ np.array([0.0, 0.6, 0.0, -0.8, 0.0]) + np.linalg.cholesky(G) @ rng.standard_normal(5)
+
+    def deviance(tau: np.ndarray) -> float:
+        C = S + G @ np.diag(tau) @ G
+        return float(np.linalg.slogdet(C)[1] + z @ np.linalg.solve(C, z))
+
+    found = variances(z, G, S)
+    best = min(
+        minimize(deviance, start, bounds=[(0.0, None)] * 5).fun for start in (np.full(5, 0.1), np.eye(5)[1])
+    )
+    assert deviance(found) < best + 0.05
+
+
+def test_scores_of_noise_are_significant_as_often_as_stated() -> None:
+    rng = np.random.default_rng(1)
+    root = rng.standard_normal((40, 12)) @ rng.standard_normal((12, 40)) + 3.0 * rng.standard_normal((40, 40))
+    S = root @ root.T
+    std = np.sqrt(np.diag(S))
+    draws = (rng.standard_normal((2000, 40)) @ root.T) / std
+    share = np.mean([not lacks_nothing(one, S / np.outer(std, std)) for one in draws])
+    assert 0.003 < share < 0.03
+
+
+def test_a_random_term_that_is_lacking_is_in_the_error_bars() -> None:
+    """Regressions on two regressors without a third: intervals hold the truth that did not before."""
+    rng, inside = np.random.default_rng(7), np.zeros((300, 2), dtype=bool)
+    for hold in inside:
+        X = rng.standard_normal((400, 2))
+        lacking = X @ np.array([[0.6], [0.2]]) + rng.standard_normal((400, 1))
+        y = lacking[:, 0] * 0.5 * rng.standard_normal() + rng.standard_normal(400)
+        D = np.linalg.inv(X.T @ X)
+        error, L = D @ X.T @ y, -D @ X.T @ lacking
+        own = lacking + X @ L
+        G = own.T @ lacking
+        tau = variances(own.T @ y, G, G) if not lacks_nothing(own.T @ y / np.sqrt(G[0]), np.eye(1)) else 0.0
+        wide = np.sqrt(np.diag(D + (L * tau) @ L.T))
+        hold[:] = np.abs(error[0]) < NORMAL_95 * np.array([np.sqrt(D[0, 0]), wide[0]])
+    assert inside[:, 0].mean() < 0.6
+    assert inside[:, 1].mean() > 0.9
+
+
+def test_a_right_model_keeps_its_error_bars() -> None:
+    done = fitted(0.0)
+    bars, (found, _) = error_bars(done), decision.test(done)
+    known = scored(done, bars)
+    assert known is not None
+    assert not model_error(known).any()
+    assert np.array_equal(found.bars.covariance, bars.covariance)
+    assert not found.notices
+
+
+def test_a_lag_that_is_lacking_widens_what_it_moves() -> None:
+    """Roll damping and aileron are off by more than their error bars, and not by those that hold what is lacking."""
+    done, right = fitted(0.04), fitted(0.0)
+    bars, (found, _) = error_bars(done), decision.test(done)
+    names = [p.name for p in done.problem.layout.parameters]
+    (said,) = (one for one in found.notices if one.code == "bars-widened")
+    for name in ("Clp", "Claileron"):
+        i = names.index(name)
+        off = abs(done.estimates[name] - right.estimates[name])
+        assert off > 3.0 * bars.std[i]
+        assert off < 3.0 * found.bars.std[i]
+        assert any(text.startswith(name) for text in said.values["most"])
+    assert np.all(np.diag(found.bars.covariance) >= np.diag(bars.covariance))
+    assert np.linalg.eigvalsh(found.bars.covariance).min() > -1e-12 * np.trace(found.bars.covariance)
