@@ -19,6 +19,7 @@ from stoop.vehicle_draft.apriori import Apriori
 from stoop.vehicle_draft.autopilot import Scale
 from stoop.vehicle_draft.controls import AXES, default_controls, find_controls, recorded
 from stoop.vehicle_draft.geometry import Geometry
+from stoop.vehicle_draft.handbook import with_curved_path
 from stoop.vehicle_draft.power import USUAL, Drive, find_drive, speed_gain
 from stoop.vehicle_draft.request import AERODYNAMICS, Evidence, Request
 from stoop.vehicle_draft.steady import steady_flight
@@ -255,6 +256,7 @@ class Airplane(FileText):
         pressure = 0.5 * density * speed**2 * self.geometry.wing.area
         lift = self.mass * self.steady.lift_over_mass() / pressure
         found = AERODYNAMICS[self.request.aerodynamics](self.geometry, speed, alpha, density, lift)
+        found = with_curved_path(self.geometry, density, found)
         for name, one in found.items():
             if name[:2] in MOMENT_ARMS:
                 about = self.moments[2 * MOMENT_ARMS[name[:2]][1]]

@@ -45,7 +45,7 @@ METHOD: Final[dict[str, Rule]] = {
     "CD0": Rule(0.35, 0.01), "CDalpha": Rule(0.25, 0.06), "CDalpha2": Rule(0.4, 0.3), "CDV": Rule(0.0, 0.02),
     "CL0": Rule(0.15, 0.05), "CLalpha": Rule(0.08, 0.15), "CLq": Rule(0.35, 2.0), "CLV": Rule(0.0, 0.1),
     "CLelevator": Rule(0.25, 0.08),
-    "Cm0": Rule(0, 0.1), "Cmalpha": Rule(0.25, 0.45), "Cmq": Rule(0.2, 2), "CmV": Rule(0.5, 0.05),
+    "Cm0": Rule(0, 0.1), "Cmalpha": Rule(0.25, 0.45), "Cmq": Rule(0.2, 2), "CmV": Rule(0.0, 0.05),
     "Cmelevator": Rule(0.2, 0.06),
     "CQ0": Rule(0.0, 0.01), "CQbeta": Rule(0.3, 0.1), "CQp": Rule(0.4, 0.08), "CQr": Rule(0.3, 0.08),
     "CQrudder": Rule(0.25, 0.04), "CQV": Rule(0.0, 0.01),

@@ -33,19 +33,20 @@ FLAP_EFFICIENCY: Final = 0.8
 TAIL_PRESSURE: Final = 0.9
 #: effective over geometric aspect ratio of a fin with body and tail (Raymer, section 16.4)
 END_PLATE: Final = 1.55
+#: standard deviation of the derivatives by the rate of alpha over their value
+LAG_SPREAD: Final = 0.5
 #: share of the wash of a roll that arrives at a fin: DATCOM 7.1.2 has all in CQp, none in Cnp
 ROLL_SIDEWASH: Final = 0.5
 
 
 @dataclass(frozen=True)
 class WorkingPoint:
-    """Where derivatives hold: airspeed in m/s, angle of attack of the body's x axis in rad, lift coefficient; kg/m3."""
+    """Where derivatives hold: airspeed in m/s, angle of attack of the body's x axis in rad, lift coefficient."""
 
     airspeed: float
     alpha: float
     lift: float
     alpha_given: bool = True
-    density: float = SEA_LEVEL_DENSITY
 
     @classmethod
     def of(
@@ -54,8 +55,7 @@ class WorkingPoint:
         """Return the working point of level flight, where lift or angle of attack are not given."""
         if lift is None:
             lift = 2.0 * geometry.mass * STANDARD_GRAVITY / (density * airspeed**2 * geometry.wing.area)
-        own = attitude(geometry, lift) if alpha is None else alpha
-        return cls(airspeed, own, lift, alpha is not None, density)
+        return cls(airspeed, attitude(geometry, lift) if alpha is None else alpha, lift, alpha is not None)
 
     def for_geometry(self, geometry: Geometry) -> WorkingPoint:
         """Return the point of another geometry; an angle of attack that was not given is that of its wing."""
@@ -92,16 +92,10 @@ def derivatives(
     Standard deviations are those of the method, and of what is typical of the geometry.
     """
     point = WorkingPoint.of(geometry, airspeed, alpha, density, lift)
-
-    def values(by: Callable[[Geometry, WorkingPoint], dict[str, float]], g: Geometry) -> dict[str, float]:
-        own = point.for_geometry(g)
-        found = by(g, own)
-        return found | {n: found[n] + change for n, change in curvature(g, own, found).items()}
-
-    typical = typical_std(geometry, lambda g: values(nominal, g))
+    typical = typical_std(geometry, lambda g: nominal(g, point.for_geometry(g)))
     return {
         name: Apriori(value, math.hypot(METHOD[name].std(value), typical[name]), source)
-        for name, value in values(method or nominal, geometry).items()
+        for name, value in (method or nominal)(geometry, point).items()
     }
 
 
@@ -198,7 +192,7 @@ def nominal(geometry: Geometry, point: WorkingPoint) -> dict[str, float]:
 def lag(geometry: Geometry) -> dict[str, float]:
     """Return the derivatives of CL and Cm by the rate of alpha, as part of CLq and Cmq: the lag of downwash.
 
-    Eq. (1) has no term of the rate of alpha, which in a maneuver is the pitch rate less that of the path, see `curvature`
+    Eq. (1) has no term of the rate of alpha, which in a maneuver is the pitch rate less that of the path, see `with_curved_path`
     (Klein and Morelli, Aircraft System Identification, section 3.4).
     """
     wing, tail = geometry.wing, geometry.tail
@@ -210,23 +204,23 @@ def lag(geometry: Geometry) -> dict[str, float]:
     return {"CLq": lift, "Cmq": -lift * arm}
 
 
-def curvature(geometry: Geometry, point: WorkingPoint, values: Mapping[str, float]) -> dict[str, float]:
-    """Return what the rate of alpha adds to terms of CL and Cm, the pitch rate apart: lift that is not level turns the path.
+def with_curved_path(geometry: Geometry, density: float, found: Mapping[str, Apriori]) -> dict[str, Apriori]:
+    """Return derivatives with what the rate of alpha adds to them, the pitch rate apart: lift that is not level turns the path.
 
-    The rate of alpha times c/2V is that of the pitch less k (CL - CL* (V*/V)^2), k = density S c / 4m. Slow airplanes have most
-    of it in CmV: what is faster than its trim turns upward, and its tail meets the downwash of before.
+    Published derivatives hold at no rate of alpha, of which eq. (1) has no term. That rate times c/2V is the one of the pitch
+    less k (CL - CL* (V*/V)^2), k = density S c / 4m. Slow airplanes have most of it in CmV: what is faster than its trim turns
+    upward, and its tail meets the downwash of before.
     """
-    wing = geometry.wing
-    share = 0.25 * point.density * wing.area * wing.chord / geometry.mass
-    turning = {
-        "alpha": values["CLalpha"], "V": values["CLV"] + 2.0 * point.lift, "elevator": values.get("CLelevator", 0.0),
-    }  # fmt: skip
-    return {
-        f"{name[:2]}{variable}": -share * by_rate * by
-        for name, by_rate in lag(geometry).items()
-        for variable, by in turning.items()
-        if f"{name[:2]}{variable}" in values
-    }
+    wing, out = geometry.wing, dict(found)
+    share = 0.25 * density * wing.area * wing.chord / geometry.mass
+    turning = {name: found[f"CL{name}"].value for name in ("alpha", "elevator") if f"CL{name}" in found}
+    turning["V"] = found["CLV"].value + 2.0 * found["CL0"].value
+    for by, slope in lag(geometry).items():
+        for variable, lift in turning.items():
+            name, change = f"{by[:2]}{variable}", -share * slope * lift
+            one = found[name]
+            out[name] = replace(one, value=one.value + change, std=math.hypot(one.std, LAG_SPREAD * change))
+    return out
 
 
 CONTROLS: Final[Mapping[str, tuple[str, ...]]] = {

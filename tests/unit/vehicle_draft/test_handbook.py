@@ -220,7 +220,8 @@ def test_a_path_that_curves_moves_the_tail():
     mass, V, density = 3.0, 15.0, 1.1
     geometry = Geometry.typical("conventional", mass, 2.0, 0.25, None)
     wing = geometry.wing
-    found = handbook.derivatives(geometry, V, density=density)
+    published = handbook.derivatives(geometry, V, density=density)
+    found = handbook.with_curved_path(geometry, density, published)
     point = handbook.WorkingPoint.of(geometry, V, None, density, None)
     nominal_ = nominal(geometry, point)
     by_rate = handbook.lag(geometry)
@@ -238,6 +239,8 @@ def test_a_path_that_curves_moves_the_tail():
     }
     for name, slope in slopes.items():
         for coefficient in ("CL", "Cm"):
-            change = found[coefficient + name].value - nominal_[coefficient + name]
-            assert change == pytest.approx(by_rate[f"{coefficient}q"] * slope, rel=1e-5)
+            one, before = found[coefficient + name], published[coefficient + name]
+            change = by_rate[f"{coefficient}q"] * slope
+            assert one.value - before.value == pytest.approx(change, rel=1e-5)
+            assert one.std == pytest.approx(np.hypot(before.std, 0.5 * change), rel=1e-5)
     assert found["CmV"].value > 0.03
