@@ -27,7 +27,7 @@ from typing import Final
 import numpy as np
 from scipy.stats import chi2
 
-from stoop.assessment.extensions import LIMITS, Scored
+from stoop.assessment.extensions import GIVEN, LIMITS, Scored
 from stoop.base.arrays import FloatArray
 from stoop.base.blas import on_one_blas_thread
 
@@ -42,10 +42,14 @@ ROUNDING: Final = 1e-10
 def model_error(known: Scored, considered: Collection[str] = ()) -> FloatArray:
     """Return the covariance (k, k) that what the model lacks adds to the unknowns; zero where it lacks nothing.
 
-    Extensions that are `considered` already are left out.
+    Left out are numbers that the file gives, changes that make no sense, and what is `considered` already.
     """
-    own, names = known.scores, [one.name for one in known.extensions]
-    kept = np.flatnonzero(own.tested & [name not in considered for name in names])
+    own = known.scores
+    sense = [
+        one.kind not in GIVEN and one.name not in considered and one.believes(change)
+        for one, change in zip(known.extensions, own.change.tolist(), strict=True)
+    ]
+    kept = np.flatnonzero(own.tested & sense)
     count = len(own.shifts)
     if not kept.size:
         return np.zeros((count, count))

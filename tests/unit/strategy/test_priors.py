@@ -6,6 +6,7 @@ from functools import cache
 
 import pytest
 
+from stoop.assessment.error_bars import error_bars
 from stoop.estimate.fit import Options
 from stoop.flight import Flight
 from stoop.problem.windows import Window
@@ -53,7 +54,7 @@ def test_a_prior_that_the_flight_contradicts_is_widened() -> None:
 
     def off(one: Fitted) -> float:
         i = [p.name for p in one.estimate.problem.layout.parameters].index("Clp")
-        return abs(one.estimate.estimates["Clp"] - truth) / float(one.tested.bars.std[i])
+        return abs(one.estimate.estimates["Clp"] - truth) / float(error_bars(one.estimate).std[i])
 
     assert off(held) > 10.0
     assert off(found) < 3.0
