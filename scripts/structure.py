@@ -24,11 +24,11 @@ FLAG = re.compile(
 )  #: tests whether a vehicle has rotors
 #: room -> lines at most; "stoop" is the whole package, for which the design asks 68,000, and 9,000 for its studies
 BUDGETS = {
-    "stoop": 90940,
+    "stoop": 90950,
     "stoop_studies": 14640,
     "api": 200,
     "app": 3765,
-    "assessment": 6650,
+    "assessment": 6660,
     "base": 2410,
     "checks": 3010,
     "cli": 3425,

@@ -112,15 +112,20 @@ class ErrorBars:
     conditional: tuple[str, ...]  #: more than twice as uncertain if the parameters at a bound were free
     uncertainty: Uncertainty  #: of the `free` unknowns
     free: IntArray  #: (f,); the unknowns that are estimated and not at a bound; noise intensities come last
+    priors: FloatArray  #: (f,), standard deviations of their priors about the estimates; infinite without one
     contributions: tuple[Contribution, ...] = ()  #: of controls and motions
     #: of maneuvers or flights, whichever is larger; None where there is one maneuver
     scatter: Scatter | None = None
 
     def with_model_error(self, more: FloatArray) -> ErrorBars:
-        """Return error bars with a further covariance (f, f) of the `free` unknowns."""
+        """Return error bars with a further covariance (f, f) of the `free` unknowns; none becomes wider than its prior."""
         own = self.free < len(self.std)
-        covariance, places = self.covariance.copy(), np.ix_(self.free[own], self.free[own])
-        covariance[places] += more[np.ix_(own, own)]
+        free, more = self.free[own], more[np.ix_(own, own)]
+        room, added = np.maximum(self.priors[own] ** 2 - self.std[free] ** 2, 0.0), np.diag(more)
+        with np.errstate(invalid="ignore"):
+            share = np.sqrt(np.where(added > room, room / np.where(added > 0.0, added, 1.0), 1.0))
+        covariance = self.covariance.copy()
+        covariance[np.ix_(free, free)] += more * np.outer(share, share)
         return replace(self, covariance=covariance, std=standard_errors(covariance))
 
     def rejected(self, reason: Notice) -> ErrorBars:
@@ -192,6 +197,7 @@ def error_bars(fit: Estimate) -> ErrorBars:
         conditional=conditional,
         uncertainty=found,
         free=free,
+        priors=np.array([u.prior for u in known]),
         contributions=each,
         scatter=scatter,
     )

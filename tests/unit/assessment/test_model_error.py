@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.optimize import minimize
@@ -91,3 +93,18 @@ def test_a_lag_that_is_lacking_widens_what_it_moves() -> None:
         assert any(text.startswith(name) for text in said.values["most"])
     assert np.all(np.diag(found.bars.covariance) >= np.diag(bars.covariance))
     assert np.linalg.eigvalsh(found.bars.covariance).min() > -1e-12 * np.trace(found.bars.covariance)
+
+
+def test_no_number_becomes_less_known_than_its_prior_says() -> None:
+    bars = error_bars(fitted(0.0))
+    own = bars.free < len(bars.std)
+    std = bars.std[bars.free[own]]
+    more = np.zeros((len(bars.free),) * 2)
+    more[np.ix_(own, own)] = np.outer(std, std) + np.diag(std**2)
+    bound = np.where(np.arange(len(bars.free)) % 2 == 0, 1.2, np.inf)
+    known = replace(bars, priors=bound * np.append(std, np.ones(len(bars.free) - len(std))))
+    wide = known.with_model_error(more)
+    expected = np.where(np.isfinite(bound[own]), 1.2, np.sqrt(3.0))
+    assert wide.std[bars.free[own]] / std == pytest.approx(expected)
+    assert np.linalg.eigvalsh(wide.covariance).min() > -1e-12 * np.trace(wide.covariance)
+    assert np.array_equal(bars.with_model_error(np.zeros_like(more)).covariance, bars.covariance)
