@@ -100,10 +100,9 @@ def estimate_uncertainty(
 class ErrorBars:
     """Uncertainty of the parameters and nuisances of a fit, in SI; k = parameters, then nuisances."""
 
-    #: (k, k), corrected for color and for the scatter of maneuvers, of the fit's own bars also for what its model lacks; zero
-    #: for what is at a bound or not estimated
+    #: (k, k), corrected for color and for the scatter of maneuvers; zero for what is at a bound or not estimated
     covariance: FloatArray
-    std: FloatArray  #: (k,), standard errors of that covariance
+    std: FloatArray  #: (k,), standard errors of that covariance, and of what the model lacks where that was looked for
     conditional_std: FloatArray  #: (k,), corrected for color alone: right as far as the model is
     #: (k,), as if residuals were white; NaN where a method does not use their color
     cramer_rao_std: FloatArray
@@ -117,16 +116,17 @@ class ErrorBars:
     #: of maneuvers or flights, whichever is larger; None where there is one maneuver
     scatter: Scatter | None = None
 
-    def with_model_error(self, more: FloatArray) -> ErrorBars:
-        """Return error bars with a further covariance (f, f) of the `free` unknowns; none becomes wider than its prior."""
+    def with_model_error(self, variance: FloatArray) -> ErrorBars:
+        """Return error bars with a further variance (f,) of the `free` unknowns; none becomes wider than its prior.
+
+        The covariance stays that of the model as it is, which behaves as the flight did: what it lacks moves the numbers, and the
+        two together hardly move what they describe.
+        """
         own = self.free < len(self.std)
-        free, more = self.free[own], more[np.ix_(own, own)]
-        room, added = np.maximum(self.priors[own] ** 2 - self.std[free] ** 2, 0.0), np.diag(more)
-        with np.errstate(invalid="ignore"):
-            share = np.sqrt(np.where(added > room, room / np.where(added > 0.0, added, 1.0), 1.0))
-        covariance = self.covariance.copy()
-        covariance[np.ix_(free, free)] += more * np.outer(share, share)
-        return replace(self, covariance=covariance, std=standard_errors(covariance))
+        std, free = self.std.copy(), self.free[own]
+        wide = np.sqrt(std[free] ** 2 + variance[own])
+        std[free] = np.maximum(std[free], np.minimum(wide, self.priors[own]))
+        return replace(self, std=std)
 
     def rejected(self, reason: Notice) -> ErrorBars:
         """Return error bars of which none is a confident statement, for one reason; earlier doubts stay."""

@@ -75,7 +75,7 @@ def test_a_right_model_keeps_its_error_bars() -> None:
     known = scored(done, bars)
     assert known is not None
     assert not model_error(known).any()
-    assert np.array_equal(found.bars.covariance, bars.covariance)
+    assert np.array_equal(found.bars.std, bars.std)
     assert not found.notices
 
 
@@ -91,20 +91,15 @@ def test_a_lag_that_is_lacking_widens_what_it_moves() -> None:
         assert off > 3.0 * bars.std[i]
         assert off < 3.0 * found.bars.std[i]
         assert any(text.startswith(name) for text in said.values["most"])
-    assert np.all(np.diag(found.bars.covariance) >= np.diag(bars.covariance))
-    assert np.linalg.eigvalsh(found.bars.covariance).min() > -1e-12 * np.trace(found.bars.covariance)
+    assert np.all(found.bars.std >= bars.std)
+    assert np.array_equal(found.bars.covariance, bars.covariance)
 
 
 def test_no_number_becomes_less_known_than_its_prior_says() -> None:
     bars = error_bars(fitted(0.0))
     own = bars.free < len(bars.std)
-    std = bars.std[bars.free[own]]
-    more = np.zeros((len(bars.free),) * 2)
-    more[np.ix_(own, own)] = np.outer(std, std) + np.diag(std**2)
-    bound = np.where(np.arange(len(bars.free)) % 2 == 0, 1.2, np.inf)
-    known = replace(bars, priors=bound * np.append(std, np.ones(len(bars.free) - len(std))))
-    wide = known.with_model_error(more)
-    expected = np.where(np.isfinite(bound[own]), 1.2, np.sqrt(3.0))
-    assert wide.std[bars.free[own]] / std == pytest.approx(expected)
-    assert np.linalg.eigvalsh(wide.covariance).min() > -1e-12 * np.trace(wide.covariance)
-    assert np.array_equal(bars.with_model_error(np.zeros_like(more)).covariance, bars.covariance)
+    std = np.append(bars.std[bars.free[own]], np.ones(np.count_nonzero(~own)))
+    bound = np.where(np.arange(len(std)) % 3 == 0, 0.5, np.where(np.arange(len(std)) % 3 == 1, 1.2, np.inf))
+    wide = replace(bars, priors=bound * std).with_model_error(2.0 * std**2)
+    expected = np.clip(bound, 1.0, np.sqrt(3.0))[own]
+    assert wide.std[bars.free[own]] / std[own] == pytest.approx(expected)
