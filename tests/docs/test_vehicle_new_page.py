@@ -109,12 +109,12 @@ def test_solar_surfer_by_defaults(shared_data: Path) -> None:
     assert still.values["axes"] == ("roll", "pitch")
     result = stoop.fit(drafted.vehicle, flight, ["1354.2:1360"], ["1184.3:1188"]).result
     unknown = [name for name, one in result.parameters.items() if not one.identifiable or one.at_bound]
-    said = re.search(r"Of (\d+) numbers more than (\d+) are not identifiable, `CD0` among them", page_text())
+    said = re.search(r"Of (\d+) numbers more than (\d+) are not identifiable, `CL0` among them", page_text())
     assert said is not None
     # none or one is held, by the kernels of a BLAS
     held = [one for one in result.notices if one.code == "inertia-held"]
     assert len(result.parameters) + len(held) == int(said[1])
     assert len(unknown) > int(said[2])  # 34 or 41, by the kernels of a BLAS
-    assert "CD0" in unknown
+    assert "CL0" in unknown
     assert result.verdict is not None
     assert result.verdict.grade == "do not use"

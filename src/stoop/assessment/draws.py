@@ -20,6 +20,7 @@ from typing import Final, Literal
 import numpy as np
 from scipy.special import log_ndtr, ndtri_exp
 
+from stoop.assessment.covariance import standard_errors
 from stoop.base.arrays import FloatArray
 from stoop.base.notices import Notice, notice
 from stoop.errors import StoopError
@@ -124,7 +125,7 @@ def from_posterior(result: Result, posterior: bytes, count: int, where: str = "t
             f"{where}: {POSTERIOR_FILE}: holds no finite draws; sample again, or take --source covariance"
         )
     chosen = np.linspace(0, len(values) - 1, min(count, len(values))).astype(int)
-    rests = tuple(n for n, p in result.parameters.items() if _rests_on_prior(p))
+    rests = tuple(n for n, p in result.parameters.items() if _rests_on_prior(p, p.std_error))
     return Draws(names, values[chosen], "posterior", rests)
 
 
@@ -167,14 +168,15 @@ def from_covariance(result: Result, count: int, seed: int = 0) -> Draws:
             values[:, i] = generator.uniform(p.bound_lower, p.bound_upper, count)
         else:
             held.append(names[i])
-    rests = tuple(n for n, p, k in zip(names, own, known, strict=True) if not k or _rests_on_prior(p))
+    std = standard_errors(matrix)
+    rests = tuple(n for n, p, s in zip(names, own, std, strict=True) if _rests_on_prior(p, s))
     notices = (notice("parameters-held", parameters=tuple(held)),) if held else ()
     return Draws(names, values, "covariance", rests, notices)
 
 
-def _rests_on_prior(p: ParameterEstimate) -> bool:
+def _rests_on_prior(p: ParameterEstimate, std: float) -> bool:
     """Whether the data add next to nothing to what was known before: no interval, the box's edge, or the prior's width."""
-    return not p.identifiable or p.at_bound or bool(p.std_error >= PRIOR_SHARE * p.prior_std)
+    return not p.identifiable or p.at_bound or not std < PRIOR_SHARE * p.prior_std
 
 
 def truncated_normal(
