@@ -167,7 +167,8 @@ def test(found: Estimate) -> tuple[Tested, bool]:
         tests, known = ExtensionTests(), attempt(notices, None, scored, found, bars)
         if known is not None:
             tests = attempt(notices, tests, tests_of, known, found, bars)
-            whole = bars.with_model_error(model_error(known, held_inertia(found)))
+            more = attempt(notices, np.zeros(len(bars.free)), model_error, known, held_inertia(found))
+            whole = bars.with_model_error(more)
             notices += _widened(found, bars, whole)
             bars = whole
     return Tested(bars, tests, tuple(notices)), ctrl_c.came
