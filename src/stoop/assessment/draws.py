@@ -176,7 +176,8 @@ def from_covariance(result: Result, count: int, seed: int = 0) -> Draws:
 
 def _rests_on_prior(p: ParameterEstimate, std: float) -> bool:
     """Whether the data add next to nothing to what was known before: no interval, the box's edge, or the prior's width."""
-    return not p.identifiable or p.at_bound or not std < PRIOR_SHARE * p.prior_std
+    known = np.isfinite(std) and not std >= PRIOR_SHARE * p.prior_std
+    return not p.identifiable or p.at_bound or not known
 
 
 def truncated_normal(
