@@ -236,12 +236,11 @@ class Airplane(FileText):
                 said = [MEANINGS[name], *([] if source == method else [source])]
                 sheet.entry(name, quantity(own[name].value, own[name].std), "; ".join(said))
             for term, (std, about) in _MORE_TERMS.get(coefficient, {}).items():
-                text = f'{{ term = "{term}", value = 0.0, prior = {plain(std)} }}'
-                sheet.entry(f"{coefficient}{term.replace('^', '')}", text, about)
+                if term not in AXES or term in self.controls.mixers:
+                    sheet.entry(f"{coefficient}{term.replace('^', '')}", _term(term, std), about)
             pair = own.get(f"{coefficient}{_PAIRS.get(self.template, '')}")
             if coefficient in ("Cl", "Cn") and pair is not None and "elevator" in self.controls.mixers:
-                prior = f"prior = {plain(float(f'{PRIORS.unequal * abs(pair.value):.2g}'))}"
-                text = f'{{ term = "elevator", value = 0.0, {prior} }}'
+                text = _term("elevator", PRIORS.unequal * abs(pair.value))
                 sheet.entry(
                     f"{coefficient}elevator", text, "of a left and a right surface that move unequally"
                 )
@@ -310,6 +309,11 @@ class Airplane(FileText):
         found += plausibility.of_excitation(self.seen)
         uses = tuple(dict.fromkeys(self.seen.setup.others.values()))  # of outputs that the draft leaves out
         return [*found, *([notice("draft-left-out", self.seen.setup.autopilot, uses=uses)] if uses else [])]
+
+
+def _term(term: str, std: float) -> str:
+    """Return a term that eq. (1) lacks, with its prior about zero, as a vehicle file has it."""
+    return f'{{ term = "{term}", value = 0.0, prior = {plain(float(f"{std:.2g}"))} }}'
 
 
 def _measured(flight: Flight, channel: str) -> bool:

@@ -196,6 +196,14 @@ def test_recorded_deflections(flown: Flight) -> None:
     assert turned.vehicle.value("Claileron") == pytest.approx(-found.vehicle.value("Claileron"))
 
 
+def test_a_log_without_an_elevator_has_no_term_of_it(flown: Flight) -> None:
+    kept = {str(n): flown.column(str(n)) for n in flown.data.data_vars if n != "elevator"}
+    vehicle = drafted(from_columns("still", flown.time, kept)).vehicle
+    assert "elevator" not in vehicle.controls
+    assert "elevator" not in {text for group in vehicle.terms.values() for text in group.values()}
+    assert vehicle.terms["CD"]["CDbeta2"] == "beta^2"
+
+
 def test_a_mass_that_is_wrong_by_far(flown: Flight) -> None:
     codes = {}
     for factor in (0.1, 0.25, 1.0, 3.0):
