@@ -119,9 +119,8 @@ def scores(
     information = np.asarray(sum(v.T @ b for v, b in zip(own, s, strict=True)))
     alone = np.diag(information)
     parts = [_split(one, v) for one, v in zip(segments, own, strict=True)]
-    covariance = shifts.T @ prior @ shifts
-    of_prior = np.diag(covariance)
-    covariance = covariance + _noise_covariance(segments, parts, inverse, coloring.noise)
+    of_prior = shifts.T @ prior @ shifts
+    covariance = of_prior + _noise_covariance(segments, parts, inverse, coloring.noise)
     variance = np.diag(covariance).copy()
     tested = (alone > LIMITS.distinct * total) & (variance > 0.0)
 
@@ -139,7 +138,7 @@ def scores(
         again = _noise_covariance(
             left, column, inverse, coloring.noise_behind([one.filled()[0] for one in left])
         )
-        variance[j] = of_prior[j] + again[0, 0]
+        variance[j] = of_prior[j, j] + again[0, 0]
     return found()
 
 

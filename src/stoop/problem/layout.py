@@ -114,22 +114,22 @@ class Layout:
         index, mean, sigma = self.priors
         out, own = (Z[:, index] - mean) / sigma, self.by_factor
         if own.size:
-            entries = index[own]
-            lower, width = self.lower[entries], self.width[entries]
-            means = lower + width * mean[own]
-            values = np.maximum(lower + width * Z[:, entries], TINY * means)
-            out[:, own] = np.log(values / means) * means / (width * sigma[own])
+            means, factors = self._factors(Z)
+            out[:, own] = np.log(factors) * means / (self.width[index[own]] * sigma[own])
         return out
+
+    def _factors(self, Z: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the means (m,), SI, of priors by a factor, and the values (B, m) over them."""
+        entries = self.priors[0][self.by_factor]
+        lower, width = self.lower[entries], self.width[entries]
+        means = lower + width * self.priors[1][self.by_factor]
+        return means, np.maximum((lower + width * Z[:, entries]) / means, TINY)
 
     def prior_slopes(self, z: FloatArray) -> FloatArray:
         """Return the derivative (n,) of each parameter's prior residual by its entry, at a vector (D + E,) or its first D."""
-        index, mean, sigma = self.priors
-        out, own = 1.0 / sigma, self.by_factor
+        out, own = 1.0 / self.priors[2], self.by_factor
         if own.size:
-            entries = index[own]
-            lower, width = self.lower[entries], self.width[entries]
-            means = lower + width * mean[own]
-            out[own] *= means / np.maximum(lower + width * z[entries], TINY * means)
+            out[own] /= self._factors(z[None])[1][0]
         return out
 
     def prior_costs(self, X: FloatArray) -> FloatArray:

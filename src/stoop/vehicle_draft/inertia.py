@@ -36,11 +36,6 @@ class Measured:
         xx, yy, zz = (i * SLUG * FOOT**2 for i in moments)
         return cls("conventional", mass, span * FOOT, chord * FOOT, xx, yy, zz)
 
-    def radii(self) -> tuple[float, float]:
-        """Return the radii of gyration about roll and pitch over their lengths, see `RADII`."""
-        roll, pitch = (math.sqrt(i / self.mass) for i in (self.xx, self.yy))
-        return roll / self.span, pitch / math.sqrt(self.span * self.chord)
-
 
 #: Aerosonde and Zagi: Beard and McLain, Small Unmanned Aircraft, appendix E; X8: Gryte et al., ICUAS 2018; twin boom:
 #: twin_boom.toml; standard_vtol: PX4's simulator, its chord assumed; F-16: Stevens and Lewis, Aircraft Control and Simulation,

@@ -88,7 +88,7 @@ def fitted_model(decided: Fitted) -> FittedModel:
         process_noise=fit.process_noise,
         innovation_correlation=fit.innovation_correlation,
     )
-    failed = [*decided.tested.notices]  # of detectors
+    failed = [*decided.tested.notices]  # of error bars, then of detectors
     found = attempt(failed, (), modes, fit, result.covariance.names, result.covariance.matrix)
     left = attempt(failed, (), model_misfits, model.vehicle.coupled_to(()), flights, maneuvers, traces)
     result = replace(

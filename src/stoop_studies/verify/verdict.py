@@ -7,6 +7,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from stoop.assessment.covariance import standard_errors
 from stoop.estimate.fit import Options
 from stoop.results.result import Result
 from stoop.workflow.identification import identify
@@ -38,7 +39,8 @@ def _examined(case: str, seed: int) -> dict[str, Any]:
     options = Options(seed=seed, method=KINDS[defects()[case].kind].method)
     result = identify(scene.start, list(scene.flights.values()), fitted, held_back, options).result
     known = {n: one for n, one in result.parameters.items() if n in scene.truth}
-    off = [abs(p.estimate - scene.truth[n]) / p.std_error for n, p in known.items() if p.std_error > 0.0]
+    bars = dict(zip(result.covariance.names, standard_errors(result.covariance.matrix), strict=True))
+    off = [abs(p.estimate - scene.truth[n]) / bars[n] for n, p in known.items() if bars[n] > 0.0]
     return {
         "grade": result.verdict.grade, "uses": list(result.verdict.justified),
         "against": [one.code for one in result.verdict.against], "harm": max(off, default=0.0),

@@ -60,4 +60,4 @@ def test_a_lag_of_all_servos_is_refused_by_name() -> None:
     assert found["grade"] == "do not use"
     assert found["against"][0] == "verdict-form-one-of"
     assert found["uses"] == []
-    assert 1.0 < found["harm"] < 2.0  # error bars hold the lag that the model lacks; without it 5 and more
+    assert found["harm"] > 5.0
