@@ -248,7 +248,7 @@ class Coloring:
     inverse: Inverse  #: of the information that the fit used, priors included
     prior: FloatArray  #: (k, k); information of the priors
     white: bool = False  #: whether residuals are uncorrelated by construction: no color is looked for
-    observed: FloatArray | None = None  #: (k, k); Hessian of half the cost, where it is known
+    observed: FloatArray | None = None  #: (r, r); Hessian of half the cost, where it is known
 
     @classmethod
     def of(cls, pieces: Sequence[PieceEvidence], prior: FloatArray, white: bool = False) -> Coloring:
@@ -318,7 +318,7 @@ class Coloring:
         factor = self.inverse.factor
         if self.observed is None or not np.isfinite(self.observed).all():
             return factor
-        values, vectors = np.linalg.eigh(factor.T @ self.observed @ factor)
+        values, vectors = np.linalg.eigh(self.observed)
         return np.asarray(factor @ (vectors / np.maximum(values, MIN_CURVATURE)) @ vectors.T)
 
     def spread(self, middles: Sequence[FloatArray]) -> FloatArray:

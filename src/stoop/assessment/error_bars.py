@@ -7,7 +7,7 @@ determine of each parameter.
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Sequence
+from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -72,17 +72,17 @@ def estimate_uncertainty(
     pieces: Sequence[PieceEvidence],
     prior: FloatArray,
     white: bool = False,
-    observed: FloatArray | None = None,
+    observed: Callable[[FloatArray], FloatArray | None] = lambda factor: None,
 ) -> Uncertainty:
     """Return the uncertainty of a fit from its residuals and sensitivities, and the information (k, k) of the priors.
 
     Initial states and biases are among the unknowns, those at a bound are not. Without a prior an unknown that the data
-    do not determine gets infinite variance. Residuals that are `white` by construction are not corrected. `observed` is the
-    Hessian (k, k) of half the cost, where it is known.
+    do not determine gets infinite variance. Residuals that are `white` by construction are not corrected. `observed` returns
+    the Hessian of half the cost along columns (k, r), where it is known.
     """
     information = data_information(pieces) + prior
     inverse = inverse_information(pieces, prior)
-    coloring = Coloring(tuple(pieces), inverse, prior, white, observed)
+    coloring = Coloring(tuple(pieces), inverse, prior, white, observed(inverse.factor))
     noise = coloring.noise
     lags = min(CORRELATION_LAGS, max(len(piece.residual) for piece in pieces) - 1)
     corrected = inverse.matrix if white else coloring.covariance(noise)
@@ -146,7 +146,7 @@ def error_bars(fit: Estimate) -> ErrorBars:
     evidence = fit.evidence
     unknowns, free = evidence.unknowns, evidence.free
     pieces, prior = [piece.of(free) for piece in evidence.pieces], evidence.prior[np.ix_(free, free)]
-    found = estimate_uncertainty(pieces, prior, evidence.white, fit.observed_information())
+    found = estimate_uncertainty(pieces, prior, evidence.white, fit.observed_information)
     corrected, cramer_rao = found.corrected, found.cramer_rao
     gaps = [(p.gaps, p.gap_jacobian) for p in pieces if p.gaps is not None and p.gap_jacobian is not None]
     if gaps:

@@ -162,8 +162,11 @@ class Estimate(ABC):
         """Return the class for a kind of vehicle."""
         return cls
 
-    def observed_information(self) -> FloatArray | None:
-        """Return the Hessian (f, f) of half the cost by the free unknowns; None where only Gauss and Newton's is known."""
+    def observed_information(self, factor: FloatArray) -> FloatArray | None:
+        """Return the Hessian (r, r) of half the cost along the columns of `factor` (f, r), changes of the free unknowns.
+
+        None where only Gauss and Newton's is known.
+        """
         return None
 
     def responses(self) -> Responses:

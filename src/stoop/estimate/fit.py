@@ -169,9 +169,9 @@ class OutputErrorEstimate(Estimate):
         """The simulation with the final weights."""
         return SimulationProblem(self.problem)
 
-    def observed_information(self) -> FloatArray:
-        """Return the Hessian (f, f) of half the cost by the free unknowns, by second differences."""
-        return observed_information(self.problem, self.z, self.evidence)
+    def observed_information(self, factor: FloatArray) -> FloatArray:
+        """Return the Hessian (r, r) of half the cost, by second differences."""
+        return observed_information(self.problem, self.z, self.evidence, factor)
 
     @property
     def inflation(self) -> float:

@@ -20,7 +20,9 @@ from stoop.base.files import read_bounded, utf8_text
 from stoop.errors import IdentificationError
 from stoop.problem import Misfit, on_circle
 
-FLOOR: Final = 1e-4  #: of a channel's spread: no channel is trusted further than that
+FLOOR: Final = (
+    1e-5  #: of a channel's median spread within its pieces: no channel is trusted further than that
+)
 SENSOR_FLOOR: Final = 1e-3  #: of the noise that the vehicle file gives a sensor, likewise
 #: of a channel's spread: noise before anything is known, so that no channel dominates
 FIRST_GUESS: Final = 0.5
@@ -41,14 +43,13 @@ def noise_variance(problem: Misfit, residuals: Sequence[FloatArray]) -> FloatArr
     """
     pieces = zip(residuals, problem.pieces, strict=True)
     errors = np.concatenate([r / p.relative_noise if p.relative_noise else r for r, p in pieces])
-    measured = np.concatenate([p.measured for p in problem.pieces])
     sensors, outputs = problem.layout.vehicle.file.sensors, problem.layout.vehicle.outputs
+    spreads = FLOOR**2 * spread_within(problem)
     out = np.ones(errors.shape[1])
     for i, channel in enumerate(outputs):
         present = np.isfinite(errors[:, i])
         if present.any():
-            spread = FLOOR * float(np.std(measured[present, i]))
-            floor = spread**2 + (SENSOR_FLOOR * getattr(sensors, channel).sigma) ** 2
+            floor = spreads[i] + (SENSOR_FLOOR * getattr(sensors, channel).sigma) ** 2
             out[i] = max(float(np.mean(errors[present, i] ** 2)), floor)
     return out
 
@@ -72,15 +73,24 @@ def effective_variance(problem: Misfit, residuals: Sequence[FloatArray]) -> Floa
 
 
 def first_variance(problem: Misfit) -> FloatArray:
-    """Return a variance (n_y,) to begin with: a share of each channel's median spread within its pieces.
+    """Return a variance (n_y,) to begin with: a share of each channel's spread.
 
     One for a channel that was not measured or does not move.
     """
+    spread = spread_within(problem)
+    return FIRST_GUESS**2 * np.where(spread > 0.0, spread, 1.0)
+
+
+def spread_within(problem: Misfit) -> FloatArray:
+    """Return the median variance (n_y,) of a channel within its pieces; zero where nothing was measured.
+
+    Over all pieces it would be, of a position, how far the vehicle went between them.
+    """
     out = []
     for columns in zip(*(p.measured.T for p in problem.pieces), strict=True):
-        spreads = [float(np.var(y[np.isfinite(y)])) for y in columns if np.isfinite(y).any()]
-        out.append(float(np.median(spreads) if spreads else 0.0) or 1.0)
-    return FIRST_GUESS**2 * np.array(out)
+        own = [float(np.var(y[np.isfinite(y)])) for y in columns if np.isfinite(y).any()]
+        out.append(float(np.median(own)) if own else 0.0)
+    return np.array(out)
 
 
 def correlation_times(residuals: Sequence[FloatArray], dt: float) -> FloatArray:

@@ -21,8 +21,9 @@ from stoop.problem.misfit import Misfit
 AT_BOUND: Final = 1e-6
 #: of the greatest scaled eigenvalue; below it is rounding, not information
 NULL_EIGENVALUE: Final = 1e-13
-#: of a standard error, the others known, in second differences; from 0.1 to 1 there is no difference
-STEP: Final = 0.3
+#: standard errors along a principal direction, in second differences
+STEP: Final = 0.003
+LONGEST: Final = 0.01  #: of a step, in widths of a parameter's bounds
 #: simulated at a time
 CANDIDATES: Final = 512
 #: an unknown with a larger component in a null direction is not determined
@@ -180,35 +181,51 @@ def simulation_evidence(problem: Misfit, z: FloatArray, inflation: float) -> Evi
     return Evidence(unknowns, tuple(pieces), prior_information(unknowns), inflation)
 
 
-def observed_information(problem: Misfit, z: FloatArray, evidence: Evidence) -> FloatArray:
-    """Return the Hessian (f, f) of half the cost by the free entries of z, per SI unit, by second differences.
+def observed_information(
+    problem: Misfit, z: FloatArray, evidence: Evidence, factor: FloatArray
+) -> FloatArray:
+    """Return the Hessian (r, r) of half the cost along the columns of `factor` (f, r), where that of Gauss and Newton is 1.
 
-    The Gauss-Newton information, which determines steps, omits the products of residuals and second derivatives; these are large
-    for a wrong model. Not finite where a simulation nearby diverges.
+    That, which determines steps, omits the products of residuals and second derivatives; these are large for a wrong model. Not
+    finite where a simulation nearby diverges. Differences are taken along principal directions, in which the cost grows by one
+    for a unit: along single unknowns, what only all of them together hardly change were a difference of large numbers.
     """
     free = evidence.free
-    total = evidence.prior[np.ix_(free, free)]
-    columns = [piece.filled()[1] for piece in evidence.pieces]
-    alone = np.diag(total) + sum(np.einsum("nyk,nyk->k", own, own)[free] for own in columns)
-    sizes = STEP / np.sqrt(np.maximum(alone, np.finfo(np.float64).tiny))
-    steps = np.zeros((len(free), len(z)))
-    steps[np.arange(len(free)), free] = sizes / problem.layout.scales[free]
-    for i, piece in enumerate(problem.pieces):
-        seen = {*range(problem.dimension), *(j for j, _ in problem.own[i])}
-        own = np.flatnonzero([j in seen for j in free.tolist()])
-        unit, (a, b) = steps[own], np.triu_indices(len(own), 1)
-        moves = np.concatenate([unit, -unit, unit[a] + unit[b], -unit[a] - unit[b], np.zeros((1, len(z)))])
-        parts = np.array_split(z + moves, 1 + len(moves) // CANDIDATES)
-        costs = np.concatenate([problem.piece_costs(part, i, len(piece.time)) for part in parts])
-        ahead, behind, ahead_both, behind_both, here = np.split(
-            costs, np.cumsum([len(own), len(own), len(a), len(a)])
-        )
-        with np.errstate(invalid="ignore"):
-            both = ahead + behind
-            block = np.diag(both - 2.0 * here)
-            block[a, b] = block[b, a] = 0.5 * (ahead_both + behind_both - both[a] - both[b]) + here
-        total[np.ix_(own, own)] += 0.5 * block / np.outer(sizes[own], sizes[own])
+    covariance, total = factor @ factor.T, factor.T @ evidence.prior[np.ix_(free, free)] @ factor
+    for i, piece in enumerate(evidence.pieces):
+        own = np.flatnonzero(np.any(piece.jacobian != 0.0, axis=(0, 1))[free])
+        directions = principal_directions(covariance[np.ix_(own, own)])
+        unit = np.zeros((directions.shape[1], len(z)))
+        unit[:, free[own]] = directions.T / problem.layout.scales[free[own]]
+        sizes = np.minimum(STEP, LONGEST / np.max(np.abs(unit), axis=1))
+        curvature = second_differences(problem, z, i, unit * sizes[:, None]) / np.outer(sizes, sizes)
+        along = np.linalg.pinv(directions) @ factor[own]
+        total += 0.5 * along.T @ curvature @ along
     return np.asarray(total)
+
+
+def principal_directions(covariance: FloatArray) -> FloatArray:
+    """Return B (k, r) with B B' the covariance (k, k), of columns orthogonal where all unknowns have unit variance."""
+    std = np.sqrt(np.maximum(np.diag(covariance), np.finfo(np.float64).tiny))
+    values, vectors = np.linalg.eigh(covariance / np.outer(std, std))
+    kept = values > NULL_EIGENVALUE * values[-1]
+    return np.asarray(std[:, None] * vectors[:, kept] * np.sqrt(values[kept]))
+
+
+def second_differences(problem: Misfit, z: FloatArray, index: int, steps: FloatArray) -> FloatArray:
+    """Return the second differences (r, r) of a piece's cost about z along `steps` (r, D + E)."""
+    a, b = np.triu_indices(len(steps), 1)
+    moves = np.concatenate([steps, -steps, steps[a] + steps[b], -steps[a] - steps[b], np.zeros((1, len(z)))])
+    count = len(problem.pieces[index].time)
+    parts = np.array_split(z + moves, 1 + len(moves) // CANDIDATES)
+    costs = np.concatenate([problem.piece_costs(part, index, count) for part in parts])
+    sizes = np.cumsum([len(steps), len(steps), len(a), len(a)])
+    ahead, behind, ahead_both, behind_both, here = np.split(costs, sizes)
+    with np.errstate(invalid="ignore"):
+        both = ahead + behind
+        block = np.diag(both - 2.0 * here)
+        block[a, b] = block[b, a] = 0.5 * (ahead_both + behind_both - both[a] - both[b]) + here
+    return block
 
 
 @dataclass(frozen=True, eq=False)

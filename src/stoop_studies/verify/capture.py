@@ -75,7 +75,9 @@ def fly(case: str, seed: int, folder: Path) -> tuple[defaults.Flown, float]:
     if len(attitude) == 4:
         pose[3:] = [*continuous(quaternions_of(np.column_stack(pose[3:]))).T]
     sent = {n: np.interp(clock + late, clock, flown[n]) for n in truth.recorded}
-    commands = [np.interp(seen, clock, x) for x in sent.values()]
+    commands = [
+        np.interp(seen + late, clock, flown[n]) for n in sent
+    ]  # interpolated once: twice would smooth them
     rows = np.column_stack([seen, *pose, *commands])
     path = folder / f"capture{seed}.csv"
     with path.open("w", newline="", encoding="utf-8") as file:

@@ -249,6 +249,18 @@ def test_recovers_the_truth_and_the_noise(aircraft: Vehicle, wrong: Vehicle, fli
     )
 
 
+def test_a_channel_is_trusted_whatever_lies_between_the_pieces(aircraft: Vehicle, flight: Flight) -> None:
+    """What a vehicle did between two maneuvers, kilometers for a position, tells nothing of the noise."""
+    windows = [Window("sim", 0.0, 10.0), Window("sim", 15.0, 25.0)]
+    problem, _ = estimation_problem(aircraft, {"sim": flight}, windows, Options())
+    first, second = problem.pieces
+    apart = replace(problem, pieces=(first, replace(second, measured=second.measured + 1e6)))
+    residuals = [0.01 * np.random.default_rng(1).standard_normal(p.measured.shape) for p in problem.pieces]
+    assert np.array_equal(noise_variance(apart, residuals), noise_variance(problem, residuals))
+    assert noise_variance(apart, residuals) == pytest.approx(np.mean(np.concatenate(residuals) ** 2, axis=0))
+    assert np.all(noise_variance(apart, [0.0 * r for r in residuals]) > 0.0)
+
+
 def test_same_seed_same_bits_whatever_the_threads(
     wrong: Vehicle, flight: Flight, monkeypatch: pytest.MonkeyPatch
 ) -> None:

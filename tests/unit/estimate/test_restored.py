@@ -119,7 +119,7 @@ def compared(found: Estimate) -> list[Any]:
         found.measurement_noise,
         found.inflation,
         found.deviations(bars.covariance) or (),
-        found.observed_information() if found.observed_information() is not None else (),
+        () if bars.uncertainty.coloring.observed is None else bars.uncertainty.coloring.observed,
         list(found.responses().pieces),
         left_out_residuals(found) or (),
         [p.measured for p in found.prepared.pieces],
