@@ -21,7 +21,7 @@ from stoop.problem.misfit import Misfit
 AT_BOUND: Final = 1e-6
 #: of the greatest scaled eigenvalue; below it is rounding, not information
 NULL_EIGENVALUE: Final = 1e-13
-#: standard errors along a principal direction, in second differences
+#: standard errors, of second differences
 STEP: Final = 0.003
 LONGEST: Final = 0.01  #: of a step, in widths of a parameter's bounds
 #: simulated at a time
@@ -187,29 +187,21 @@ def observed_information(
     """Return the Hessian (r, r) of half the cost along the columns of `factor` (f, r), where that of Gauss and Newton is 1.
 
     That, which determines steps, omits the products of residuals and second derivatives; these are large for a wrong model. Not
-    finite where a simulation nearby diverges. Differences are taken along principal directions, in which the cost grows by one
-    for a unit: along single unknowns, what only all of them together hardly change were a difference of large numbers.
+    finite where a simulation nearby diverges. Each difference is along a direction in which the cost grows by one for a unit:
+    along single unknowns, what only all of them together hardly change were a difference of large numbers.
     """
     free = evidence.free
-    covariance, total = factor @ factor.T, factor.T @ evidence.prior[np.ix_(free, free)] @ factor
+    total = factor.T @ evidence.prior[np.ix_(free, free)] @ factor
     for i, piece in enumerate(evidence.pieces):
         own = np.flatnonzero(np.any(piece.jacobian != 0.0, axis=(0, 1))[free])
-        directions = principal_directions(covariance[np.ix_(own, own)])
-        unit = np.zeros((directions.shape[1], len(z)))
-        unit[:, free[own]] = directions.T / problem.layout.scales[free[own]]
-        sizes = np.minimum(STEP, LONGEST / np.max(np.abs(unit), axis=1))
+        along, triangle = np.linalg.qr(factor[own].T)  # a row of it moves an unknown and those behind it
+        unit = np.zeros((len(triangle), len(z)))
+        unit[:, free[own]] = triangle / problem.layout.scales[free[own]]
+        longest = np.maximum(np.max(np.abs(unit), axis=1), np.finfo(np.float64).tiny)
+        sizes = np.minimum(STEP, LONGEST / longest)
         curvature = second_differences(problem, z, i, unit * sizes[:, None]) / np.outer(sizes, sizes)
-        along = np.linalg.pinv(directions) @ factor[own]
-        total += 0.5 * along.T @ curvature @ along
+        total += 0.5 * along @ curvature @ along.T
     return np.asarray(total)
-
-
-def principal_directions(covariance: FloatArray) -> FloatArray:
-    """Return B (k, r) with B B' the covariance (k, k), of columns orthogonal where all unknowns have unit variance."""
-    std = np.sqrt(np.maximum(np.diag(covariance), np.finfo(np.float64).tiny))
-    values, vectors = np.linalg.eigh(covariance / np.outer(std, std))
-    kept = values > NULL_EIGENVALUE * values[-1]
-    return np.asarray(std[:, None] * vectors[:, kept] * np.sqrt(values[kept]))
 
 
 def second_differences(problem: Misfit, z: FloatArray, index: int, steps: FloatArray) -> FloatArray:
