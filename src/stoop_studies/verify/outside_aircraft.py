@@ -57,7 +57,8 @@ class OutsideFlight:
     rate: float  #: Hz
     columns: Columns
     tape: Mapping[str, float]  #: mass, span, chord
-    truth: Callable[[Vehicle], Vehicle]  #: from a file to the vehicle that has the true value of its terms
+    #: from a file, and the columns where it was fitted, to the vehicle that has the true value of its terms
+    truth: Callable[[Vehicle, Columns], Vehicle]
     asked: Mapping[str, str]  #: what a person sees: template, engine
     reversed: tuple[str, ...] = ()  #: surfaces that its simulator counts the other way than the registry
     #: s, by which commands and speeds of rotors (motor, rotor) act later than straight lines through their samples
@@ -235,7 +236,7 @@ def fly(model: Model, seed: int, gusts: str = "calm") -> OutsideFlight:
     turned = tuple(c for c, x in pilot.power.items() if SIGNS[c] * x * aircraft.gain[c] < 0.0)
     asked = {"template": model.template, "engine": model.engine}
     return OutsideFlight(
-        RATE, columns, tape, lambda file: true_vehicle(aircraft, file, columns), asked, turned
+        RATE, columns, tape, lambda file, fitted: true_vehicle(aircraft, file, fitted), asked, turned
     )
 
 

@@ -93,7 +93,9 @@ class Rotorcraft:
         """Return a flight of it; a person measures its mass, and the largest distance between motors."""
         span = float(2.0 * np.max(np.linalg.norm(self.positions[:, :2], axis=1)))
         tape = {"mass": self.numbers["mass.mass"], "span": span}
-        return OutsideFlight(rate, columns, tape, self.vehicle, {"template": "quad"}, late=self.late)
+        return OutsideFlight(
+            rate, columns, tape, lambda file, _: self.vehicle(file), {"template": "quad"}, late=self.late
+        )
 
 
 def plan(craft: Rotorcraft, rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:

@@ -154,7 +154,7 @@ def drafted(flight: OutsideFlight) -> Vehicle:
 
 def test_truth_of_the_lift_slope_is_that_of_the_simulators_accelerations(cub: OutsideFlight) -> None:
     """Vertical acceleration over alpha at rest rates, in JSBSim's own units, without anything of the truth's code."""
-    truth = cub.truth(drafted(cub))
+    truth = cub.truth(drafted(cub), cub.columns)
     airframe = Airframe(outside.AIRCRAFT["J3Cub"])
     V, height, alpha = (float(cub.columns[n].mean()) for n in ("V", "altitude", "alpha"))
     step, lifts = 0.01, []
@@ -172,7 +172,7 @@ def test_truth_of_a_linear_model_is_what_its_file_says() -> None:
     """The F-4N of the package has constant derivatives, of body-axis moments about its reference point on the wing."""
     pytest.importorskip("jsbsim")
     flight = outside_aircraft.fly(outside.AIRCRAFT["F4N"], 0)
-    truth = flight.truth(drafted(flight))
+    truth = flight.truth(drafted(flight), flight.columns)
     own = {
         "CQbeta": -1.0,
         "Clp": -0.4,
@@ -190,7 +190,7 @@ def test_an_aircraft_whose_moments_are_those_of_no_body_has_true_derivatives() -
     """The MD-11 of the package: its file, in slug ft2, breaks the triangle inequality by 8 %."""
     pytest.importorskip("jsbsim")
     flight = outside_aircraft.fly(outside.AIRCRAFT["MD11"], 0)
-    truth = flight.truth(drafted(flight))
+    truth = flight.truth(drafted(flight), flight.columns)
     moments = [truth.value(f"mass.inertia.{a}") for a in ("xx", "yy", "zz")]
     assert moments == pytest.approx([x * 1.3558179 for x in (1.3185e7, 3.83816e7, 5.56127e7)], rel=1e-4)
     assert moments[2] > sum(moments[:2])
