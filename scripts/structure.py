@@ -24,8 +24,8 @@ FLAG = re.compile(
 )  #: tests whether a vehicle has rotors
 #: room -> lines at most; "stoop" is the whole package, for which the design asks 68,000, and 9,000 for its studies
 BUDGETS = {
-    "stoop": 90950,
-    "stoop_studies": 14640,
+    "stoop": 90975,
+    "stoop_studies": 14650,
     "api": 200,
     "app": 3765,
     "assessment": 6660,
@@ -33,7 +33,7 @@ BUDGETS = {
     "checks": 3010,
     "cli": 3425,
     "control_laws": 1555,
-    "estimate": 7545,
+    "estimate": 7560,
     "exporters": 8900,
     "fleet": 2700,
     "flight": 6510,
@@ -44,7 +44,7 @@ BUDGETS = {
     "parallel": 1250,
     "performance": 875,
     "prediction": 785,
-    "problem": 1755,
+    "problem": 1765,
     "propagation": 1150,
     "reconstruction": 850,
     "report": 4430,
