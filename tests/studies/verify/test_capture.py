@@ -6,8 +6,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 
 from stoop_studies.findings import Setting
+from stoop_studies.verify import pilots
 from stoop_studies.verify.capture import CASES, EXPERIMENT, NOISE, fly
 from stoop_studies.verify.study import run_key
 
@@ -41,12 +43,16 @@ def test_claims_turn_with_the_records() -> None:
     assert not verdicts(record(stopped="no window"))[0]
 
 
-def test_a_log_holds_noisy_poses_and_commands_as_they_were_sent(tmp_path: Path) -> None:
+def test_a_log_holds_noisy_poses_and_commands_as_they_were_sent(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    moved, by_stoop = list[pilots.Columns](), pilots.by_stoop
+    monkeypatch.setattr(pilots, "by_stoop", lambda *given: moved.append(by_stoop(*given)) or moved[-1])
     for seed in range(2):
-        flown, _ = fly("wings", seed, tmp_path)
+        flown, late = fly("wings", seed, tmp_path)
         table = np.genfromtxt(flown.path, delimiter=",", names=True)
         time = table["t"]
-        sent = np.interp(time, flown.time, flown.true["elevator"])
+        sent = np.interp(time + late, flown.time, moved[-1]["elevator"])
         np.testing.assert_allclose(table["elevator"], sent, atol=2e-5)
         name = "x_n" if seed % 2 == 0 else "pos_n"
         third = np.diff(table[name], 3)  # of white noise they have 20 times its variance
