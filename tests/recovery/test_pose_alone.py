@@ -108,8 +108,8 @@ def test_a_model_leaves_the_room_without_its_position(tmp_path: Path) -> None:
     assert captured().without_positions().positions == ()
 
 
-@pytest.mark.parametrize(("case", "seed"), [("wings", 2), ("rotors", 0)])
-def test_made_up_vehicles_are_right_by_the_defaults(case: str, seed: int) -> None:
+@pytest.mark.parametrize(("case", "seed", "grade"), [("wings", 2, "trusted"), ("rotors", 0, "usable")])
+def test_made_up_vehicles_are_right_by_the_defaults(case: str, seed: int, grade: str) -> None:
     found = capture.examine({"case": case, "seed": seed}, [None])[0]
     assert not found["stopped"]
     errors, _ = defaults.scores([found], "numbers")
@@ -117,5 +117,5 @@ def test_made_up_vehicles_are_right_by_the_defaults(case: str, seed: int) -> Non
     assert np.sqrt(np.mean(errors**2)) < 1.6
     (value, _, late, *_), *_ = found["late"]
     assert abs(value - late) < capture.DELAY_ERROR
-    assert found["grade"] == "usable"
+    assert found["grade"] == grade
     assert defaults.right(found)
