@@ -20,9 +20,8 @@ from stoop.base.files import read_bounded, utf8_text
 from stoop.errors import IdentificationError
 from stoop.problem import Misfit, on_circle
 
-FLOOR: Final = (
-    1e-5  #: of a channel's median spread within its pieces: no channel is trusted further than that
-)
+#: of a channel's median spread within its pieces: no channel is trusted further than that
+FLOOR: Final = 1e-5
 SENSOR_FLOOR: Final = 1e-3  #: of the noise that the vehicle file gives a sensor, likewise
 #: of a channel's spread: noise before anything is known, so that no channel dominates
 FIRST_GUESS: Final = 0.5

@@ -75,9 +75,8 @@ def fly(case: str, seed: int, folder: Path) -> tuple[defaults.Flown, float]:
     if len(attitude) == 4:
         pose[3:] = [*continuous(quaternions_of(np.column_stack(pose[3:]))).T]
     sent = {n: np.interp(clock + late, clock, flown[n]) for n in truth.recorded}
-    commands = [
-        np.interp(seen + late, clock, flown[n]) for n in sent
-    ]  # interpolated once: twice would smooth them
+    # not from those at the pilot's instants: interpolated twice they would be smoothed
+    commands = [np.interp(seen + late, clock, flown[n]) for n in sent]
     rows = np.column_stack([seen, *pose, *commands])
     path = folder / f"capture{seed}.csv"
     with path.open("w", newline="", encoding="utf-8") as file:

@@ -21,7 +21,7 @@ from scipy.optimize import minimize_scalar
 from scipy.signal import lfilter
 
 import stoop
-from stoop.base.arrays import BoolArray, FloatArray
+from stoop.base.arrays import FloatArray
 from stoop.base.extras import install
 from stoop.base.units import FACTORS
 from stoop.errors import StoopError
@@ -208,10 +208,11 @@ def flown(
     x, y, z = (arm / flight.tape.get("chord", 0.5 * flight.tape["span"])).tolist()
     true = dict(flight.columns)
     clock = np.arange(len(true["p"])) / flight.rate
+    instants = log.start + clock
     # of what is not linear, the slopes and curvatures over what was flown there
-    fitted = np.any([_within(log.start + clock, w.start, w.stop) for w in job.windows()], axis=0)
+    fitted = np.any([(instants >= w.start) & (instants <= w.stop) for w in job.windows()], axis=0)
     truth = flight.truth(job.vehicle, {n: x[fitted] for n, x in true.items()})
-    late = {"velocity": recorder.latency["gps"], "commands": early(job, log.start + clock, true)}
+    late = {"velocity": recorder.latency["gps"], "commands": early(job, instants, true)}
     if "rotors.delay" in truth.rows:
         of = next(iter(truth.file.rotor.values())).channel.split("_")[0]
         steps = flight.late.get(of, 0.0) - 0.5 / flight.rate  # instead of the hold that `early` takes
@@ -222,11 +223,7 @@ def flown(
     made = MadeUp(seed, flight.asked["template"], "csv", truth, {}, flight.tape)
     airspeed = float(np.mean(true["V"])) if "V" in true else 0.0
     defect = Defect("", delay=late, arm=(x, y, z))
-    return defaults.Flown(made, log.path, case, "", defect, log.start + clock, true, airspeed)
-
-
-def _within(time: FloatArray, start: float, stop: float) -> BoolArray:
-    return np.asarray((time >= start) & (time <= stop))
+    return defaults.Flown(made, log.path, case, "", defect, instants, true, airspeed)
 
 
 def early(job: FittedModel, clock: FloatArray, true: Columns) -> float:
