@@ -84,6 +84,14 @@ class Airframe(jsbsim_flight.Aircraft):
         """Return the center of gravity, about which a drafted file counts moments, for any point but the eye."""
         return super().point(jsbsim.CENTER)
 
+    def put(self, state: State, deflections: Mapping[str, float]) -> None:
+        """Put the aircraft into a state, its engines as in steady flight there: a propeller blows on wing and tail."""
+        super().put(state, deflections)
+        self.fdm.suspend_integration()
+        self.fdm.get_propulsion().get_steady_state()
+        self.fdm.run()
+        self.fdm.resume_integration()
+
     def read(self, names: Iterable[str]) -> FloatArray:
         """Return properties; the engines' moments count with those of the air: a drafted file has no thrust line or torque.
 
@@ -235,8 +243,10 @@ def fly(model: Model, seed: int, gusts: str = "calm") -> OutsideFlight:
     tape["chord"] = aircraft["metrics/Sw-sqft"] * FOOT**2 / pilot.span
     turned = tuple(c for c, x in pilot.power.items() if SIGNS[c] * x * aircraft.gain[c] < 0.0)
     asked = {"template": model.template, "engine": model.engine}
+    calm = Airframe(model)  # the gusts of the flight would move whatever is put into a state
+    calm.commands, calm.throttle = aircraft.commands, aircraft.throttle
     return OutsideFlight(
-        RATE, columns, tape, lambda file, fitted: true_vehicle(aircraft, file, fitted), asked, turned
+        RATE, columns, tape, lambda file, fitted: true_vehicle(calm, file, fitted), asked, turned
     )
 
 

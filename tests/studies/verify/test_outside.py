@@ -168,6 +168,24 @@ def test_truth_of_the_lift_slope_is_that_of_the_simulators_accelerations(cub: Ou
     assert truth.value("CLalpha") == pytest.approx(slope, rel=0.05)
 
 
+def test_truth_of_a_flight_in_gusts_is_that_in_calm_air(cub: OutsideFlight) -> None:
+    blown, file = outside_aircraft.fly(outside.AIRCRAFT["J3Cub"], 0, "moderate"), drafted(cub)
+    true = [flight.truth(file, cub.columns) for flight in (cub, blown)]
+    terms = [p.name for p in file.parameters if p.name.startswith("C")]
+    assert [true[1].value(n) for n in terms] == pytest.approx([true[0].value(n) for n in terms], rel=1e-6)
+
+
+def test_engines_of_an_aircraft_that_is_put_into_a_state_run_as_in_flight() -> None:
+    """A second later they still do."""
+    pytest.importorskip("jsbsim")
+    airframe, rpm = Airframe(outside.AIRCRAFT["J3Cub"]), "propulsion/engine[0]/propeller-rpm"
+    airframe.put(State(35.0, 600.0, alpha=-0.03, theta=-0.03), dict.fromkeys(outside_aircraft.SURFACES, 0.0))
+    begun = airframe[rpm]
+    for _ in range(round(outside_aircraft.RATE)):
+        airframe.fdm.run()
+    assert airframe[rpm] == pytest.approx(begun, rel=0.02)
+
+
 def test_truth_of_a_linear_model_is_what_its_file_says() -> None:
     """The F-4N of the package has constant derivatives, of body-axis moments about its reference point on the wing."""
     pytest.importorskip("jsbsim")
