@@ -24,7 +24,7 @@ FLAG = re.compile(
 )  #: tests whether a vehicle has rotors
 #: room -> lines at most; "stoop" is the whole package, for which the design asks 68,000, and 9,000 for its studies
 BUDGETS = {
-    "stoop": 90975,
+    "stoop": 91005,
     "stoop_studies": 14650,
     "api": 200,
     "app": 3765,
@@ -36,8 +36,8 @@ BUDGETS = {
     "estimate": 7560,
     "exporters": 8900,
     "fleet": 2700,
-    "flight": 6510,
-    "input_design": 2350,
+    "flight": 6535,
+    "input_design": 2365,
     "kernels": 2810,
     "logs": 5150,
     "optimize": 2750,

@@ -38,6 +38,14 @@ CONTROLS: Final[dict[str, Axis]] = {
     "control_throttle": "heave",  # of a vehicle that rotors carry
 }
 FEEDBACK: Final = (*RATES, "phi", "theta", "vd", "altitude")  #: of which an autopilot makes its commands
+AGAINST: Final = ("elevator", "rudder")  #: that turn the vehicle to the other side when they are positive
+#: what feedback about an axis opposes; a command with which they go is answered by the vehicle
+OPPOSED: Final[dict[Axis, tuple[str, ...]]] = {
+    "roll": ("p", "phi"),
+    "pitch": ("q", "theta"),
+    "yaw": ("r",),
+    "heave": (),
+}
 MOTION: Final[dict[Axis, str]] = {"roll": "p", "pitch": "q", "yaw": "r", "heave": "az"}
 
 
@@ -59,8 +67,8 @@ class Limits:
     rest: float = 5.0  #: s beside a burst, from which the position of rest is taken
     swings: int = 2  #: a doublet has two, a 3-2-1-1 four
     hysteresis: float = 0.3  #: of the largest excursion
-    #: share of a command's power in a window that feedback leaves over, at least; a roll doublet in open loop leaves a third,
-    #: as the roll rate follows the ailerons, an autopilot in gusts a twentieth
+    #: share of a command's power in a window that feedback leaves over, at least; a maneuver leaves 0.3 and more, an autopilot
+    #: in gusts a tenth
     commanded: float = 0.1
     #: share of a command's power that feedback leaves over, and of the acceleration that this explains, where a log is too
     #: short to show what is usual; multisines and sweeps leave 0.4 and explain 0.3, gusts under an autopilot leave 0.13 at most
@@ -78,6 +86,11 @@ class Command:
     axis: Axis  #: about which (or along which: "heave") it moves the vehicle
     variable: str  #: channel, or first and last of the channels it is combined from
     u: FloatArray  #: (n,) unit of the channel; of a combination, rad/s2 (m/s2 for heave) less a constant; NaN: missing
+
+    @property
+    def sense(self) -> float:
+        """1 where a positive command turns the vehicle to the positive side, else -1."""
+        return -1.0 if self.variable in AGAINST else 1.0
 
 
 @dataclass(frozen=True)
@@ -271,27 +284,37 @@ def band_pass(flight: Flight, x: FloatArray, least: float = 0.3) -> FloatArray:
 class Feedback:
     """The motion of a flight (n, k) of which an autopilot makes its commands, as :func:`band_pass` left it, in the air."""
 
+    names: tuple[str, ...]
     motion: FloatArray
     known: BoolArray  #: (n,) complete, airborne
 
     @classmethod
     def of(cls, flight: Flight, up: BoolArray) -> Feedback:
         """Return that of a flight, airborne where `up` (n,) says."""
-        names = [n for n in FEEDBACK if n in flight.names and np.isfinite(flight.column(n)).any()]
+        names = tuple(n for n in FEEDBACK if n in flight.names and np.isfinite(flight.column(n)).any())
         if not names:
-            return cls(np.empty((flight.time.size, 0)), np.zeros(flight.time.size, dtype=bool))
+            return cls((), np.empty((flight.time.size, 0)), np.zeros(flight.time.size, dtype=bool))
         motion = band_pass(flight, np.column_stack([flight.column(name) for name in names]))
-        return cls(motion, up & np.isfinite(motion).all(axis=1))
+        return cls(names, motion, up & np.isfinite(motion).all(axis=1))
 
-    def taken_off(self, u: FloatArray) -> FloatArray:
-        """Return what it does not explain of commands (n, m) that :func:`band_pass` left; NaN where unknown.
+    def taken_off(self, found: Sequence[Command], u: FloatArray) -> FloatArray:
+        """Return what it does not explain of commands, of which :func:`band_pass` left (n, m).
 
-        It is the regression on rates, attitude, altitude and its rate at the same instant, over the airborne part.
+        It is the regression on rates, attitude, altitude and its rate at the same instant, over the airborne part, with gains
+        that oppose the rate and the attitude about the axis of the command. Where the vehicle follows a command closely (the
+        roll rate of a light airplane its ailerons), the rate explains the command as well as any feedback could, with a gain
+        of the other sign.
         """
+        from scipy.optimize import lsq_linear
+
         out, good = u.copy(), self.known & np.isfinite(u).all(axis=1)
         if good.sum() >= LIMITS.samples:
             motion = self.motion[good]
-            out[good] -= motion @ np.linalg.lstsq(motion, u[good], rcond=None)[0]
+            q, r = np.linalg.qr(motion)
+            for k, (command, explained) in enumerate(zip(found, (q.T @ u[good]).T, strict=True)):
+                low, high = np.full(len(self.names), -np.inf), np.full(len(self.names), np.inf)
+                (high if command.sense > 0.0 else low)[np.isin(self.names, OPPOSED[command.axis])] = 0.0
+                out[good, k] -= motion @ lsq_linear(r, explained, (low, high), method="bvls").x
         return out
 
 
@@ -354,7 +377,7 @@ def _bursts(flight: Flight, command: Command, up: BoolArray, feedback: Feedback)
         return
     around = round(LIMITS.rest * flight.rate)
     moved = band_pass(flight, u[:, None])
-    own = feedback.taken_off(moved)
+    own = feedback.taken_off([command], moved)
     first, last = float(flight.time[0]), float(flight.time[-1])
     for run in bursts:
         # the window is narrowed to where the control moves

@@ -201,9 +201,8 @@ class Excitation:
             largest = float(np.max(np.abs(seen))) if seen.size else 0.0
             sizes.append(max(usual_deviation(column, up), COMMANDS.min_usual * largest) or 1.0)
         x = x / np.array(sizes)
-        return cls(
-            names, (*by_command, *rates), x, Feedback.of(flight, up).taken_off(x[:, : len(by_command)])
-        )
+        own = Feedback.of(flight, up).taken_off([*by_command.values()], x[:, : len(by_command)])
+        return cls(names, (*by_command, *rates), x, own)
 
     def inside(self, flight: Flight, one: Candidate) -> FloatArray:
         """Return the complete samples (k, m) of a window, about their mean."""

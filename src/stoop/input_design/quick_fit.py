@@ -1,7 +1,8 @@
-"""A quick fit of windows: the fit of `stoop identify` by the method that it takes by itself, and nothing after it.
+"""Quick fits of windows: one to linearize about, then that of `stoop identify` by the method that it takes by itself.
 
-Its error bars are those that identification publishes: with the color and the level of the flight's own residuals, priors,
-unknown initial states and biases, and the scatter of the maneuvers. Nothing of what the fit will say is worked out twice.
+The error bars of the latter are those that identification publishes: with the color and the level of the flight's own
+residuals, priors, unknown initial states and biases, and the scatter of the maneuvers. Nothing of what the fit will say is
+worked out twice.
 """
 
 from __future__ import annotations
@@ -16,12 +17,16 @@ from stoop.errors import FlightError, IdentificationError
 from stoop.estimate.fit import DEFAULTS
 from stoop.flight import Flight
 from stoop.problem.windows import Window
+from stoop.strategy.bounds import BOUNDS
+from stoop.strategy.gusts import GUSTS
 from stoop.strategy.run import FIT_ALONE
 from stoop.strategy.run import fit as fit_by
 from stoop.vehicle import Vehicle
 
 #: a search that has not ended by then finds several optima, and which of them would not make other windows worth more
 QUICK: Final = replace(DEFAULTS, budget=15_000.0)
+#: of a fit about whose estimates windows are linearized: it need not be the best one, and its error bars are not asked for
+FIRST: Final = FIT_ALONE.without(GUSTS.name, BOUNDS.name)
 
 
 @dataclass(frozen=True)
@@ -36,11 +41,18 @@ class QuickFit:
     failure: str = ""
 
 
+def first_fit(vehicle: Vehicle, flights: Mapping[str, Flight], windows: Sequence[Window]) -> dict[str, float]:
+    """Return estimates (SI) of free numbers by name, of a fit in calm air; those of the file where it fails."""
+    try:
+        return fit_by(FIRST, vehicle, _used(flights, windows), windows, options=QUICK).estimate.estimates
+    except (FlightError, IdentificationError):
+        return {}
+
+
 def quick_fit(vehicle: Vehicle, flights: Mapping[str, Flight], windows: Sequence[Window]) -> QuickFit:
     """Fit the free numbers of a vehicle to windows of flights as identification does; a fit that fails is a value."""
-    used = {name: flight for name, flight in flights.items() if any(w.flight == name for w in windows)}
     try:
-        fit = fit_by(FIT_ALONE, vehicle, used, windows, options=QUICK).estimate
+        fit = fit_by(FIT_ALONE, vehicle, _used(flights, windows), windows, options=QUICK).estimate
         bars = error_bars(fit)
     except (FlightError, IdentificationError) as error:
         return QuickFit(failure=str(error))
@@ -48,3 +60,8 @@ def quick_fit(vehicle: Vehicle, flights: Mapping[str, Flight], windows: Sequence
     values = {name: math.nan if held[name] else value for name, value in fit.estimates.items()}
     errors = {n: math.inf if held[n] else float(std) for n, std in zip(values, bars.std, strict=False)}
     return QuickFit(values, errors)
+
+
+def _used(flights: Mapping[str, Flight], windows: Sequence[Window]) -> dict[str, Flight]:
+    """Return the flights of windows."""
+    return {name: flight for name, flight in flights.items() if any(w.flight == name for w in windows)}

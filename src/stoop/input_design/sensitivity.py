@@ -185,8 +185,8 @@ def linearization_point(
     if not Layout.of(vehicle, ()).dimension:
         raise IdentificationError(f"{vehicle.where}: no number is free; set free = true or use --free NAME")
     weights = Weights.of(np.diag(sensor_noise(vehicle)))
-    layout, known = Layout.of(vehicle, ()), {n: v for n, v in estimates.items() if np.isfinite(v)}
-    unit = layout.unit(np.array([known.get(p.name, p.value) for p in layout.parameters]))
+    layout = Layout.of(vehicle, ())
+    unit = layout.unit(np.array([estimates.get(p.name, p.value) for p in layout.parameters]))
     linear = [(one, p, *_linearized(p, unit)) for one in sample for p in [one.misfit(vehicle, weights)]]
     linear = [one for one in linear if np.isfinite(one[2]).all()]
     if not linear:

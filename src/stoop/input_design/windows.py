@@ -26,7 +26,6 @@ from stoop.flight.maneuvers import Axis, commands, moves, output_families
 from stoop.input_design.candidates import Candidate, Excitation, candidates, with_motors
 
 if TYPE_CHECKING:  # fits are imported where a vehicle is given: without one nothing is fitted
-    from stoop.input_design.quick_fit import QuickFit
     from stoop.input_design.sensitivity import CandidateProblem, VehicleInformation
     from stoop.vehicle import Vehicle
 
@@ -281,12 +280,11 @@ def find_windows(
     if not found or not (vehicle is None or excitations or _driven(flights, vehicle)):
         raise _nothing_found(flights, vehicle, unmeasured=not found and not excitations)
     choose = partial(_by_excitation, flights, excitations)
-    model, expected, notices = None, list[Expected](), list[Notice]()
+    model, notices = None, list[Notice]()
     if vehicle is None:
         information = choose(found)
-        selection = select(found, information)
     else:
-        from stoop.input_design.quick_fit import quick_fit
+        from stoop.input_design.quick_fit import first_fit, quick_fit
         from stoop.input_design.sensitivity import candidate_problem
 
         problems = [
@@ -297,20 +295,18 @@ def find_windows(
         usable = [c for c, _ in problems]
         first = _first_windows(usable, choose(usable) if excitations else None)
         tell("first fit of the windows that stand out")
-        fitted = quick_fit(vehicle, flights, [c.window for c in first])
-        found, information, model = _about_vehicle(vehicle, flights, problems, fitted, tell)
-        selection = select(found, information)
-        chosen = [found[i] for i in selection.fitted]
-        if chosen and {(c.flight, c.start, c.stop) for c in chosen} != {
-            (c.flight, c.start, c.stop) for c in first
-        }:
-            tell("fit of the proposed windows")
-            fitted = quick_fit(vehicle, flights, [c.window for c in chosen])
+        estimates = first_fit(vehicle, flights, [c.window for c in first])
+        found, information, model = _about_vehicle(vehicle, flights, problems, estimates, tell)
+    selection = select(found, information)
+    if not selection.fitted:
+        raise _nothing_found(flights, vehicle, unmeasured=True)
+    expected = list[Expected]()
+    if vehicle is not None:
+        tell("fit of the proposed windows")
+        fitted = quick_fit(vehicle, flights, [found[i].window for i in selection.fitted])
         expected = [Expected(name, value, fitted.errors[name]) for name, value in fitted.values.items()]
         if fitted.failure:
             notices.append(notice("windows-not-fitted", reason=fitted.failure))
-    if not selection.fitted:
-        raise _nothing_found(flights, vehicle, unmeasured=True)
     report = _Report(flights, excitations, found, information, model)
     if not selection.held_out:
         notices.append(notice("no-validation-window"))
@@ -372,7 +368,7 @@ def _about_vehicle(
     vehicle: Vehicle,
     flights: Mapping[str, Flight],
     problems: Sequence[tuple[Candidate, CandidateProblem]],
-    fitted: QuickFit,
+    estimates: Mapping[str, float],
     tell: Callable[[str], None],
 ) -> tuple[list[Candidate], CandidateInformation, VehicleInformation]:
     """Return the candidates that can be simulated, and their information about the vehicle's free numbers."""
@@ -383,7 +379,7 @@ def _about_vehicle(
         if not any(one[0].meets(other) for other, _ in disjoint):
             disjoint.append(one)
     kept, matrices = [], []
-    model = linearization_point(vehicle, [p for _, p in disjoint], fitted.values)
+    model = linearization_point(vehicle, [p for _, p in disjoint], estimates)
     began = time.perf_counter()
     for i, (candidate, problem) in enumerate(problems):
         left = remaining(time.perf_counter() - began, i, len(problems))

@@ -111,11 +111,15 @@ def test_an_aeroplane_with_one_motor_flies_whether_it_runs_or_not(command: float
 
 
 def test_what_an_autopilot_answers_to_a_gust_is_no_maneuver() -> None:
-    """The same burst of the elevator: commanded, and fed back from a pitch rate that a gust made."""
+    """The same burst of the elevator: commanded, fed back from a pitch rate that a gust made, and followed by the pitch rate.
+
+    The elevator (trailing edge down, nose down) opposes a rate that it answers, and has the rate follow to the other side.
+    """
     burst, calm = signal((120.0, "3211", 0.4)), 0.02 * np.random.default_rng(1).normal(size=TIME.size)
     rate = 0.02 * np.sin(TIME) + calm
     assert len(find_maneuvers(flight(elevator=burst, q=rate))) == 1
-    assert find_maneuvers(flight(elevator=burst, q=-2.0 * burst + 0.1 * calm)) == []
+    assert find_maneuvers(flight(elevator=burst, q=2.0 * burst + 0.1 * calm)) == []
+    assert len(find_maneuvers(flight(elevator=burst, q=-2.0 * burst + 0.1 * calm))) == 1
 
 
 @pytest.mark.parametrize("width", [1, 2, 5, 6, 29, 30, 99])
