@@ -42,11 +42,13 @@ class QuickFit:
 
 
 def first_fit(vehicle: Vehicle, flights: Mapping[str, Flight], windows: Sequence[Window]) -> dict[str, float]:
-    """Return estimates (SI) of free numbers by name, of a fit in calm air; those of the file where it fails."""
+    """Return estimates (SI) of free numbers by name, in calm air; none of what a bound holds, or where it fails."""
     try:
-        return fit_by(FIRST, vehicle, _used(flights, windows), windows, options=QUICK).estimate.estimates
+        fit = fit_by(FIRST, vehicle, _used(flights, windows), windows, options=QUICK).estimate
     except (FlightError, IdentificationError):
         return {}
+    held = {one.name for one in fit.unknowns if one.fixed == "bound"}
+    return {name: value for name, value in fit.estimates.items() if name not in held}
 
 
 def quick_fit(vehicle: Vehicle, flights: Mapping[str, Flight], windows: Sequence[Window]) -> QuickFit:
