@@ -182,10 +182,10 @@ def linearization_point(
         Nothing is free, or the simulation diverges in all windows.
     """
     sample = candidates[:NOISE_WINDOWS]
-    if not Layout.of(vehicle, ()).dimension:
+    layout = Layout.of(vehicle, ())
+    if not layout.dimension:
         raise IdentificationError(f"{vehicle.where}: no number is free; set free = true or use --free NAME")
     weights = Weights.of(np.diag(sensor_noise(vehicle)))
-    layout = Layout.of(vehicle, ())
     unit = layout.unit(np.array([estimates.get(p.name, p.value) for p in layout.parameters]))
     linear = [(one, p, *_linearized(p, unit)) for one in sample for p in [one.misfit(vehicle, weights)]]
     linear = [one for one in linear if np.isfinite(one[2]).all()]
