@@ -42,13 +42,13 @@ MOVED: Final = 0.02  #: A, rms of its changes that tells it
 
 @dataclass(frozen=True)
 class FlightFigure:
-    """A figure of a flight; `part` is the place of the part on which it depends, or empty."""
+    """A figure of a flight; `parts` are the places of the parts on which it depends, separated by blanks."""
 
     name: str
     value: float
     std_error: float
     unit: str
-    part: str = ""
+    parts: str = ""
 
 
 @dataclass(frozen=True)
@@ -68,7 +68,7 @@ def instruments(flight: Flight, vehicle: Vehicle | None) -> Iterator[FlightFigur
             yield from without_prior(name, one, INSTRUMENTS.get(which, ""))
 
 
-def without_prior(name: str, one: Finding | ParameterEstimate, part: str) -> Iterator[FlightFigure]:
+def without_prior(name: str, one: Finding | ParameterEstimate, parts: str) -> Iterator[FlightFigure]:
     """Yield an estimate with its prior taken off, which would draw every flight towards one value, and changes towards zero.
 
     Where the flight itself tells less than the prior, the difference of the two is mostly the error of the standard error.
@@ -77,7 +77,7 @@ def without_prior(name: str, one: Finding | ParameterEstimate, part: str) -> Ite
     if own > 2.0 * prior:
         mean = one.prior_mean if prior else 0.0
         yield FlightFigure(
-            name, (own * one.estimate - prior * mean) / (own - prior), (own - prior) ** -0.5, one.unit, part
+            name, (own * one.estimate - prior * mean) / (own - prior), (own - prior) ** -0.5, one.unit, parts
         )
 
 
@@ -90,7 +90,7 @@ def rotors(flight: Flight, vehicle: Vehicle | None) -> Iterator[FlightFigure]:
     lift = (balance.of_thrust @ thrust + balance.of_torque @ torque)[:1]
     blocks = block_means(np.vstack([lift, thrust / thrust.mean(axis=0)]), flight.rate)
     errors = blocks.std(axis=1, ddof=1) / np.sqrt(blocks.shape[1])
-    yield FlightFigure("hover.lift", float(lift.mean()), float(errors[0]), "N")
+    yield FlightFigure("hover.lift", float(lift.mean()), float(errors[0]), "N", " ".join(vehicle.rotors))
     for name, share, error in zip(vehicle.rotors, blocks[1:].mean(axis=1), errors[1:], strict=True):
         yield FlightFigure(f"share.{name}", float(share), float(error), "1", name)
 
@@ -128,8 +128,8 @@ def trims(flight: Flight, vehicle: Vehicle | None) -> Iterator[FlightFigure]:
     X = np.column_stack([np.ones_like(ratio), ratio])
     for name, values in zip(recorded, read, strict=True):
         value, error = _regression(X, values, STEADY)
-        unit, part = VARIABLES[name].unit, "" if name == "alpha" else name
-        yield FlightFigure(f"trim.{name}", float(value[0]), float(error[0]), unit, part)
+        unit, own = VARIABLES[name].unit, INSTRUMENTS.get(name, name)
+        yield FlightFigure(f"trim.{name}", float(value[0]), float(error[0]), unit, f"{own} {INSTRUMENTS['V']}")
 
 
 def drag(flight: Flight, vehicle: Vehicle | None) -> Iterator[FlightFigure]:
@@ -141,7 +141,8 @@ def drag(flight: Flight, vehicle: Vehicle | None) -> Iterator[FlightFigure]:
     cut = blocks(flight, level.mass)
     known = Propulsion(efficiency_std=SAME, diameter=DISC * level.area**0.5)
     value, error = fit_polar(cut, level.mass, level.area, SAME, known).drag(np.array([level.coefficient]))
-    yield FlightFigure("drag.CD", float(value[0]), float(error[0]), "1")
+    read = " ".join(INSTRUMENTS[name] for name in ("V", "alpha"))
+    yield FlightFigure("drag.CD", float(value[0]), float(error[0]), "1", read)
 
 
 def vibration(flight: Flight, vehicle: Vehicle | None) -> Iterator[FlightFigure]:

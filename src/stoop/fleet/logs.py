@@ -114,7 +114,7 @@ def read(arguments: Mapping[str, Any], stops: Sequence[int | None]) -> list[Json
         found, absent = figures_of(flight, vehicle)
     except StoopError as error:
         return [{"figures": [], "absent": {"log": str(error).splitlines()[0]}, "header": {}}]
-    rows: list[Json] = [[one.name, one.value, one.std_error, one.part] for one in found]
+    rows: list[Json] = [[one.name, one.value, one.std_error, one.parts] for one in found]
     known: dict[str, Json] = {"vehicle": said.vehicle, "software": said.software, "count": said.count}
     known |= dict(conditions(flight))
     if said.zero is not None:

@@ -47,7 +47,7 @@ def test_the_resistance_of_a_battery_with_an_error_that_holds() -> None:
     rng = np.random.default_rng(0)
     found = [resistance(drawn(rng)) for _ in range(100)]
     ratios = np.array([(one.value - RESISTANCE) / one.std_error for one in found])
-    assert found[0].part == "battery"
+    assert found[0].parts == "battery"
     assert np.sqrt(np.mean(ratios**2)) == pytest.approx(1.0, abs=0.35)
     assert np.mean(np.abs(ratios) < 1.96) > 0.85
 
@@ -83,7 +83,7 @@ def test_the_prior_of_an_instrument_error_is_taken_off(monkeypatch: pytest.Monke
     }  # fmt: skip
     monkeypatch.setattr(log_figures, "check", lambda flight: (SimpleNamespace(findings=found), None))
     (one,) = GROUPS["instruments"].evaluate(drawn(np.random.default_rng(0)), None)
-    assert (one.name, one.part) == ("V.scale", "pitot")
+    assert (one.name, one.parts) == ("V.scale", "pitot")
     assert one.value == pytest.approx(1.02)
     assert one.std_error == pytest.approx(0.03)
 
@@ -118,7 +118,9 @@ def test_trims_are_those_at_the_airspeed_of_reference_with_errors_that_hold() ->
     truth = {"trim.elevator": 0.01, "trim.alpha": -0.08 + level / 4.8}
     for _ in range(60):
         found = {one.name: one for one in GROUPS["trims"].evaluate(glide(rng), vehicle)}
-        assert found["trim.elevator"].part == "elevator"
+        assert {name: found[name].parts for name in truth} == {
+            "trim.elevator": "elevator pitot", "trim.alpha": "vanes pitot",
+        }  # fmt: skip
         ratios += [(found[name].value - true) / found[name].std_error for name, true in truth.items()]
     assert np.sqrt(np.mean(np.square(ratios))) == pytest.approx(1.0, abs=0.3)
 
@@ -129,6 +131,7 @@ def test_the_drag_coefficient_is_that_of_level_flight_at_the_airspeed_of_referen
     (one,) = GROUPS["drag"].evaluate(glide(rng), vehicle)
     assert one.value == pytest.approx(0.05 + 0.06 * level**2, rel=0.01)
     assert one.std_error < 0.05 * one.value
+    assert one.parts == "pitot vanes"
 
 
 def test_a_rougher_ride_is_a_larger_vibration() -> None:
