@@ -31,6 +31,7 @@ from stoop.estimate.filter_gains import GAINS, STATED, Gain, Noise, Steady, Vary
 from stoop.estimate.filter_likelihood import SCORING, FrozenFilter, Likelihood, Score
 from stoop.estimate.fit import Callback, Fitter, Options, State, starts
 from stoop.estimate.fitted_filter import FittedFilter, with_gusts
+from stoop.estimate.gusts import LIMITS, UnexplainedError
 from stoop.estimate.instability import largest_growth
 from stoop.estimate.linearization import Points, undelayed
 from stoop.estimate.noise_model import OUTLIERS_WEIGHTED, outlying_innovations
@@ -50,6 +51,8 @@ FIRST_STEPS: Final = 20
 MAX_LINEARIZATIONS: Final = 3
 #: of the filter over the record, for outliers behind outliers
 MAX_SWEEPS: Final = 20
+MAX_RAISES: Final = 10  #: of the first noise
+RAISED: Final = 1.5  #: mean square of innovations over their variance, from which on it is
 
 
 @dataclass(frozen=True)
@@ -165,13 +168,7 @@ class FilterEstimate(Estimate):
     @property
     def innovation_correlation(self) -> float:
         """Correlation of the innovations of neighboring readings, the mean of all pieces."""
-        found = []
-        for own, piece in zip(self.score.pieces, self.problem.pieces, strict=True):
-            read = zip(own.white.T, np.isfinite(piece.measured).T, strict=True)
-            columns = [column[there] for column, there in read]
-            together = np.concatenate([v[1:] * v[:-1] for v in columns])
-            found.append(float(np.mean(together) / np.mean(np.concatenate(columns) ** 2)))
-        return float(np.mean(found))
+        return innovation_correlation(self.problem, self.score)
 
     @cached_property
     def predictor(self) -> FittedFilter:
@@ -200,22 +197,13 @@ class FilterError(Fitter[FilterEstimate]):
         vehicle, given = problem.layout.vehicle, options.covariance
         variances = np.diag(given) if given is not None and given.ndim == 2 else given
         noise = Noise(vehicle, first_guess(vehicle, problem.pieces), variances, self.stated)
-        shifted = undelayed(problem)
-        price, searches = float(problem.dimension + problem.extra + noise.size + 2), []
+        price = float(problem.dimension + problem.extra + noise.size + 2)
         stages = Stages(SCORING, price, options.generations, options.budget, callback, state)
-        for x in starts(problem):
-            z = np.concatenate([x, np.zeros(problem.extra), noise.start])
-            likelihood = Likelihood.of(shifted, noise, self.gain, z)
-            best = maximize(stages, likelihood, z, TOLERANCES.first, FIRST_STEPS)
-            if best.usable:  # once more with gains that suit where that led
-                likelihood = best.likelihood.along(best.z)
-                best = maximize(stages, likelihood, best.z, TOLERANCES.first, FIRST_STEPS)
-            searches.append(best)
-            if best.status == "interrupted":
-                break
-        best = min(searches, key=lambda a: a.cost)
-        if searches[-1].status == "interrupted":
-            best.status = "interrupted"
+        best, costs = self._from_starts(stages, undelayed(problem), noise)
+        if options.treatment.gives_up and best.usable:
+            correlation = innovation_correlation(problem, best.likelihood.score(best.z))
+            if abs(correlation) >= LIMITS.correlation:
+                raise UnexplainedError(correlation)
         for _ in range(MAX_LINEARIZATIONS):
             if not best.usable:
                 break
@@ -239,8 +227,55 @@ class FilterError(Fitter[FilterEstimate]):
                 f"{vehicle.where}: the filter diverges from every start; check values, bounds and units, or shorten "
                 "the maneuver"
             )
-        costs = sorted(a.cost for a in searches)
         return _estimate(recorded, problem, prepared, best, costs, stages)
+
+    def _from_starts(self, stages: Stages, problem: Misfit, noise: Noise) -> tuple[ScoringModel, list[float]]:
+        """Return the best of the first searches, and the costs of all, ascending; Ctrl-C ends them."""
+        searches: list[ScoringModel] = []
+        for x in starts(problem):
+            z = np.concatenate([x, np.zeros(problem.extra), noise.start])
+            likelihood = Likelihood.of(problem, noise, self.gain, z)
+            best = maximize(stages, likelihood, raised(likelihood, z), TOLERANCES.first, FIRST_STEPS)
+            if best.usable:  # once more with gains that suit where that led
+                likelihood = best.likelihood.along(best.z)
+                best = maximize(stages, likelihood, best.z, TOLERANCES.first, FIRST_STEPS)
+            searches.append(best)
+            if best.status == "interrupted":
+                break
+        best = min(searches, key=lambda a: a.cost)
+        if searches[-1].status == "interrupted":
+            best.status = "interrupted"
+        return best, sorted(a.cost for a in searches)
+
+
+def innovation_correlation(problem: Misfit, score: Score) -> float:
+    """Return the correlation of the innovations of neighboring readings, the mean of all pieces."""
+    found = []
+    for own, piece in zip(score.pieces, problem.pieces, strict=True):
+        read = zip(own.white.T, np.isfinite(piece.measured).T, strict=True)
+        columns = [column[there] for column, there in read]
+        together = np.concatenate([v[1:] * v[:-1] for v in columns])
+        found.append(float(np.mean(together) / np.mean(np.concatenate(columns) ** 2)))
+    return float(np.mean(found))
+
+
+def raised(likelihood: Likelihood, z: FloatArray) -> FloatArray:
+    """Return the unknowns with measurement noise raised to what the innovations show, where that is more.
+
+    Second differences hide slow noise, and scoring raises a variance by a factor of e a step.
+    """
+    tail = likelihood.known + len(likelihood.noise.disturbed)
+    for _ in range(MAX_RAISES):
+        pieces = FrozenFilter.of(likelihood, z).standardized(z[: likelihood.known])
+        shown = np.concatenate([v for v, _ in pieces])[:, likelihood.noise.channels]
+        with np.errstate(over="ignore", invalid="ignore"):
+            ratio = np.nansum(shown**2, axis=0) / np.maximum(np.isfinite(shown).sum(axis=0), 1)
+        ratio = np.maximum(np.where(np.isfinite(ratio), ratio, 1.0), 1.0)  # what diverges shows nothing
+        if not np.any(ratio > RAISED):
+            break
+        low, high = (bound[tail:] for bound in likelihood.bounds)
+        z = np.append(z[:tail], np.clip(z[tail:] + 0.5 * np.log(ratio), low, high))
+    return z
 
 
 def without_outliers(likelihood: Likelihood, z: FloatArray, problem: Misfit) -> Misfit:

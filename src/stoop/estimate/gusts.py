@@ -30,6 +30,7 @@ import tomlkit
 from stoop.base.arrays import BoolArray, FloatArray, IntArray
 from stoop.base.notices import Notice, notice
 from stoop.base.units import STANDARD_GRAVITY
+from stoop.errors import IdentificationError
 from stoop.estimate.estimate import Estimate
 from stoop.flight import Flight
 from stoop.flight.air_data import RECONSTRUCTED
@@ -72,6 +73,14 @@ class GustLimits:
 
 
 LIMITS: Final = GustLimits()
+
+
+class UnexplainedError(IdentificationError):
+    """Gusts do not explain the innovations of a filter, which correlate from reading to reading."""
+
+    def __init__(self, correlation: float) -> None:
+        super().__init__(f"innovations correlate by {correlation:.2f}")
+        self.correlation = correlation
 
 
 def gust_levels(vehicle: Vehicle, flights: Mapping[str, Flight], windows: Sequence[Window]) -> FloatArray:
@@ -179,4 +188,9 @@ def unexplained(fit: Estimate, method: str, instead: str) -> tuple[Notice, ...]:
         return (notice("gusts-no-optimum", method=instead, other=method),)
     if abs(correlation := fit.innovation_correlation) < LIMITS.correlation:
         return ()
-    return (notice("gusts-not-explained", correlation=correlation, method=instead, other=method),)
+    return (not_explained(correlation, method, instead),)
+
+
+def not_explained(correlation: float, method: str, instead: str) -> Notice:
+    """Return that innovations of a filter correlate, and which method is taken instead."""
+    return notice("gusts-not-explained", correlation=correlation, method=instead, other=method)

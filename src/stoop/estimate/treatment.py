@@ -21,6 +21,8 @@ class Treatment:
         Residuals with outliers have the density of a mixture; a filter leaves outliers out.
     maneuver_noise : bool
         Each maneuver has a noise of its own where they differ.
+    gives_up : bool
+        A filter ends after its first searches where gusts do not explain its innovations; no decision of a strategy.
     """
 
     recorded_motion: bool = True
@@ -28,6 +30,7 @@ class Treatment:
     stuck_channels: bool = True
     noise_shape: bool = True
     maneuver_noise: bool = True
+    gives_up: bool = False
 
 
 DEFAULT = Treatment()

@@ -129,7 +129,9 @@ def trims(flight: Flight, vehicle: Vehicle | None) -> Iterator[FlightFigure]:
     for name, values in zip(recorded, read, strict=True):
         value, error = _regression(X, values, STEADY)
         unit, own = VARIABLES[name].unit, INSTRUMENTS.get(name, name)
-        yield FlightFigure(f"trim.{name}", float(value[0]), float(error[0]), unit, f"{own} {INSTRUMENTS['V']}")
+        yield FlightFigure(
+            f"trim.{name}", float(value[0]), float(error[0]), unit, f"{own} {INSTRUMENTS['V']}"
+        )
 
 
 def drag(flight: Flight, vehicle: Vehicle | None) -> Iterator[FlightFigure]:

@@ -10,7 +10,14 @@ from stoop.base.notices import Notice, notice
 from stoop.errors import IdentificationError
 from stoop.estimate import methods
 from stoop.estimate.filter_likelihood import SCORING
-from stoop.estimate.gusts import exceed_sensors, gust_levels, unexplained, with_turbulence
+from stoop.estimate.gusts import (
+    UnexplainedError,
+    exceed_sensors,
+    gust_levels,
+    not_explained,
+    unexplained,
+    with_turbulence,
+)
 from stoop.results.decisions import DecisionRecord
 from stoop.strategy.decision import Change, Decision, Fitted, Fitter, Setup
 from stoop.strategy.instability import late_sensors
@@ -52,13 +59,17 @@ def fit_in_gusts(setup: Setup, fit: Fitter) -> Fitted:
         from stoop.estimate.gust_bias import gust_bias
 
         return found.noting(*gust_bias(found.estimate, found.setup.flights))
-    began, filtered = time.perf_counter(), replace(setup, vehicle=with_turbulence(setup.vehicle))
+    began, quitting = time.perf_counter(), replace(setup.options.treatment, gives_up=True)
+    options = replace(setup.options, treatment=quitting)
+    filtered = replace(setup, vehicle=with_turbulence(setup.vehicle), options=options)
     # a state of the search in calm air, which goes on
     if setup.state is not None and setup.state.optimizer != SCORING:
         filtered = replace(filtered, callback=None, state=None)
     try:
         found = fit(filtered)
         doubts = unexplained(found.estimate, setup.options.method, setup.in_calm)
+    except UnexplainedError as error:
+        doubts = (not_explained(error.correlation, setup.options.method, setup.in_calm),)
     except IdentificationError as error:  # a filter that diverges from every start
         doubts = (notice("filter-diverges", text=str(error), method=setup.in_calm),)
     if not doubts:

@@ -4,8 +4,7 @@ Stoop is given mass properties, geometry and surfaces at trim, but no aerodynami
 JSBSim's own aerodynamics has at a flight condition, by finite differences through it: JSBSim is put into states about
 the trim, one variable off at a time (two where a term is a product), and its aerodynamic force and moment are read. The
 terms of the model are fitted to them: where a table is straight that is the central difference; where it bends, the mean
-over steps as they occur in flight (quantiles of a normal distribution with the flight's standard deviation), which is
-all that a flight can tell.
+over what was flown (a variable's values in order, in parts of equal size, of each its mean), which is all that a flight can tell.
 """
 
 from __future__ import annotations
@@ -18,7 +17,6 @@ from typing import Any, Final
 
 import numpy as np
 import pandas as pd
-from scipy.stats import norm
 
 from stoop.base.arrays import FloatArray
 from stoop.base.units import FOOT, SLUG
@@ -39,8 +37,8 @@ NOISE: Final = {
     "phi": 0.005, "theta": 0.005, "psi": 0.005, "ax": 0.05, "ay": 0.05, "az": 0.05,
 }  #: one standard deviation of the white noise on each channel: m/s, rad, rad/s, m/s2  # fmt: skip
 VARIABLES: Final = ("V", "alpha", "beta", "p", "q", "r", "elevator", "aileron", "rudder")  #: of the terms
-LEVELS: Final = tuple(map(float, norm.ppf((np.arange(16) + 0.5) / 16)))  #: standard deviations off the trim
-CORNERS: Final = (-1.0, 1.0)  #: likewise, of both factors of a product
+PARTS: Final = 32  #: of what was flown of a variable
+CORNERS: Final = (-1.0, 1.0)  #: standard deviations, of both factors of a product
 CENTER, REFERENCE = "inertia/cg-{}-in", "metrics/aero-rp-{}-in"
 
 
@@ -121,23 +119,20 @@ def _lengths(aircraft: jsbsim_flight.Aircraft) -> dict[str, float]:
 def _offsets(
     aircraft: jsbsim_flight.Aircraft, vehicle: Vehicle, flown: jsbsim_flight.Recording
 ) -> Iterator[dict[str, float]]:
-    """Give changes of term variables from the trim: none, each one to either side, and corners of products.
-
-    Steps are standard deviations of the flight.
-    """
-    steps = {name: float(np.std(flown.columns[name])) for name in VARIABLES}
-    speed = float(np.mean(flown.columns["V"]))
-    steps |= {a: steps[a] * length / (2.0 * speed) for a, length in _lengths(aircraft).items()}
-    steps["V"] = steps["V"] / vehicle.value("reference.airspeed")
+    """Give changes of term variables from the trim: none, each one as flown, and corners of products."""
+    columns, speed = flown.columns, float(np.mean(flown.columns["V"]))
+    units = {a: 2.0 * speed / length for a, length in _lengths(aircraft).items()}
+    units["V"] = vehicle.value("reference.airspeed")
+    changes = {n: (columns[n] - np.mean(columns[n])) / units.get(n, 1.0) for n in VARIABLES}
     yield {}
-    for name, step in steps.items():
-        yield from ({name: level * step} for level in LEVELS)
+    for name, values in changes.items():
+        yield from ({name: float(part.mean())} for part in np.array_split(np.sort(values), PARTS))
     known = set(VARIABLES)
     texts = {text for group in vehicle.terms.values() for text in group.values()}
     for used in sorted({tuple(sorted(terms.variables(terms.parse(t, known, t)))) for t in texts}):
         if len(used) > 1:
             for levels in itertools.product(CORNERS, repeat=len(used)):
-                yield {name: level * steps[name] for name, level in zip(used, levels, strict=True)}
+                yield {n: level * float(np.std(changes[n])) for n, level in zip(used, levels, strict=True)}
 
 
 def _place(

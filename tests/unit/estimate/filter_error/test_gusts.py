@@ -7,11 +7,12 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from stoop.base.notices import notice
 from stoop.base.units import KNOT
 from stoop.errors import IdentificationError
-from stoop.estimate import methods
+from stoop.estimate import filter_error, methods, scoring
 from stoop.estimate.filter_error import FilterError
 from stoop.estimate.filter_likelihood import SCORING
 from stoop.estimate.fit import Options
@@ -225,6 +226,30 @@ def test_a_filter_that_diverges_is_replaced(gusty_start, gusty_flight, monkeypat
     assert method == "output-error"
     assert {n.code for n in found.notices} - {"bounds-widened"} == {"filter-diverges"}
     assert methods.find(method).simulates
+
+
+def test_a_filter_whose_innovations_gusts_do_not_explain_ends_early(gusty_start, gusty_flight, monkeypatch):
+    """Slow errors of all readings; a filter that was named goes on to its optimum."""
+    rng = np.random.default_rng(0)
+    slow = {
+        n: 5.0
+        * getattr(gusty_start.file.sensors, n).sigma
+        * lfilter([0.3], [1.0, -0.95], rng.standard_normal(gusty_flight.time.size))
+        for n in gusty_start.outputs
+    }
+    drifting = gusty_flight.data.assign({n: gusty_flight.data[n] + x for n, x in slow.items()})
+    flights = {"sim": replace(gusty_flight, data=drifting)}
+    searches = []
+    monkeypatch.setattr(
+        filter_error, "maximize", lambda *args: searches.append(args[3]) or scoring.maximize(*args)
+    )
+    done = fit(FIT_ALONE, gusty_start, flights, WINDOWS)
+    assert done.setup.options.method == "output-error"
+    assert "gusts-not-explained" in [n.code for n in done.estimate.notices]
+    assert set(searches) == {filter_error.TOLERANCES.first}
+    found = methods.find("filter-error").fitter()(gusty_start, flights, WINDOWS, Options(), None, None)
+    assert searches[-1] == filter_error.TOLERANCES.last
+    assert abs(found.innovation_correlation) > LIMITS.correlation
 
 
 @pytest.mark.parametrize(("optimizer", "resumed"), [("ps-gde-lm", None), (SCORING, SCORING)])

@@ -5,10 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from stoop.assessment.error_bars import error_bars
 from stoop.errors import IdentificationError
 from stoop.estimate import methods
+from stoop.estimate.filter_error import raised
 from stoop.estimate.fit import Options
 from stoop.problem.windows import Window
 from stoop.simulation.fly import simulate_flight
@@ -40,6 +42,24 @@ def test_truth_lies_within_the_error_bars(gusty_start, gusty_flight):
     assert found.outcome.status == "converged"
     assert np.abs(z).max() < 3.5
     assert np.sqrt(np.mean(z**2)) < 1.6
+
+
+def test_the_first_noise_is_at_least_what_innovations_show(gusty_start, gusty_flight):
+    """Slow errors hardly show in second differences; a search from these alone costs a step for every factor of e."""
+    rng, sigma = np.random.default_rng(0), gusty_start.file.sensors.theta.sigma
+    slow = 20.0 * sigma * lfilter([0.1], [1.0, -0.99], rng.standard_normal(gusty_flight.time.size))
+    flight = replace(gusty_flight, data=gusty_flight.data.assign(theta=gusty_flight.data["theta"] + slow))
+    found = methods.find("filter-error").fitter()(
+        gusty_start, {"sim": flight}, [Window("sim", 0.0, 15.0)], Options(), None, None
+    )
+    likelihood, at = found.likelihood, gusty_start.outputs.index("theta")
+    low = found.optimum.copy()
+    low[likelihood.known + at] -= 4.0
+    there = raised(likelihood, low)
+    changed = np.flatnonzero(there != low)
+    assert likelihood.known + at in changed
+    assert there[likelihood.known + at] == pytest.approx(found.optimum[likelihood.known + at], abs=0.5)
+    assert np.array_equal(raised(likelihood, found.optimum), found.optimum)
 
 
 def test_a_limit_of_steps_ends_it_and_more_of_them_go_on(gusty_start, gusty_flight):
