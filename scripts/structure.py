@@ -24,8 +24,8 @@ FLAG = re.compile(
 )  #: tests whether a vehicle has rotors
 #: room -> lines at most; "stoop" is the whole package, for which the design asks 68,000, and 9,000 for its studies
 BUDGETS = {
-    "stoop": 91010,
-    "stoop_studies": 14650,
+    "stoop": 91080,
+    "stoop_studies": 14700,
     "api": 200,
     "app": 3765,
     "assessment": 6660,
@@ -33,7 +33,7 @@ BUDGETS = {
     "checks": 3010,
     "cli": 3425,
     "control_laws": 1555,
-    "estimate": 7560,
+    "estimate": 7615,
     "exporters": 8900,
     "fleet": 2700,
     "flight": 6535,
@@ -53,7 +53,7 @@ BUDGETS = {
     "strategy": 1440,
     "tuning": 2390,
     "vehicle": 3700,
-    "vehicle_draft": 3370,
+    "vehicle_draft": 3380,
     "workflow": 4315,
 }
 #: modules that an allowed import cycle goes through, imports in functions counted: registries that name their entries

@@ -188,9 +188,11 @@ def unexplained(fit: Estimate, method: str, instead: str) -> tuple[Notice, ...]:
         return (notice("gusts-no-optimum", method=instead, other=method),)
     if abs(correlation := fit.innovation_correlation) < LIMITS.correlation:
         return ()
-    return (not_explained(correlation, method, instead),)
+    return (doubt(UnexplainedError(correlation), method, instead),)
 
 
-def not_explained(correlation: float, method: str, instead: str) -> Notice:
-    """Return that innovations of a filter correlate, and which method is taken instead."""
-    return notice("gusts-not-explained", correlation=correlation, method=instead, other=method)
+def doubt(error: IdentificationError, method: str, instead: str) -> Notice:
+    """Return why another method is taken instead of a filter that ended with an error."""
+    if isinstance(error, UnexplainedError):
+        return notice("gusts-not-explained", correlation=error.correlation, method=instead, other=method)
+    return notice("filter-diverges", text=str(error), method=instead)

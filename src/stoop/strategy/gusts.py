@@ -10,14 +10,7 @@ from stoop.base.notices import Notice, notice
 from stoop.errors import IdentificationError
 from stoop.estimate import methods
 from stoop.estimate.filter_likelihood import SCORING
-from stoop.estimate.gusts import (
-    UnexplainedError,
-    exceed_sensors,
-    gust_levels,
-    not_explained,
-    unexplained,
-    with_turbulence,
-)
+from stoop.estimate.gusts import doubt, exceed_sensors, gust_levels, unexplained, with_turbulence
 from stoop.results.decisions import DecisionRecord
 from stoop.strategy.decision import Change, Decision, Fitted, Fitter, Setup
 from stoop.strategy.instability import late_sensors
@@ -68,10 +61,8 @@ def fit_in_gusts(setup: Setup, fit: Fitter) -> Fitted:
     try:
         found = fit(filtered)
         doubts = unexplained(found.estimate, setup.options.method, setup.in_calm)
-    except UnexplainedError as error:
-        doubts = (not_explained(error.correlation, setup.options.method, setup.in_calm),)
-    except IdentificationError as error:  # a filter that diverges from every start
-        doubts = (notice("filter-diverges", text=str(error), method=setup.in_calm),)
+    except IdentificationError as error:
+        doubts = (doubt(error, setup.options.method, setup.in_calm),)
     if not doubts:
         return found
     record = replace(

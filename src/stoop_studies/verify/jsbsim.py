@@ -4,7 +4,7 @@ Stoop is given mass properties, geometry and surfaces at trim, but no aerodynami
 JSBSim's own aerodynamics has at a flight condition, by finite differences through it: JSBSim is put into states about
 the trim, one variable off at a time (two where a term is a product), and its aerodynamic force and moment are read. The
 terms of the model are fitted to them: where a table is straight that is the central difference; where it bends, the mean
-over what was flown (a variable's values in order, in parts of equal size, of each its mean), which is all that a flight can tell.
+over what was flown (parts of a variable's range, by how long it was there), which is all that a flight can tell.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ NOISE: Final = {
     "phi": 0.005, "theta": 0.005, "psi": 0.005, "ax": 0.05, "ay": 0.05, "az": 0.05,
 }  #: one standard deviation of the white noise on each channel: m/s, rad, rad/s, m/s2  # fmt: skip
 VARIABLES: Final = ("V", "alpha", "beta", "p", "q", "r", "elevator", "aileron", "rudder")  #: of the terms
-PARTS: Final = 32  #: of what was flown of a variable
+PARTS: Final = 24  #: of the range of a variable
 CORNERS: Final = (-1.0, 1.0)  #: standard deviations, of both factors of a product
 CENTER, REFERENCE = "inertia/cg-{}-in", "metrics/aero-rp-{}-in"
 
@@ -98,15 +98,22 @@ def derivatives(
     """Return the true value of every aerodynamic term of a vehicle, at the mean altitude of a flight."""
     altitude = float(flown.columns["altitude"].mean())
     middle = replace(trim, state=replace(trim.state, altitude=altitude, phi=0.0))
-    places = [_place(aircraft, middle, offset) for offset in _offsets(aircraft, vehicle, flown)]
+    offsets, shares = zip(*_offsets(aircraft, vehicle, flown), strict=True)
+    root = np.sqrt(shares)
+    places = [_place(aircraft, middle, offset) for offset in offsets]
+    # what is left of one variable is a constant in its places: those of the others do not count as places of it
+    moved = [(*offset,) for offset in offsets]
+    alone = [[float(names == (v,)) for names in moved] for v in VARIABLES]
     known = set(places[0][0])
     out: dict[str, float] = {}
     for coefficient, group in vehicle.terms.items():
         parsed = [terms.parse(text, known, text) for text in group.values()]
         columns = [[float(terms.convert(term, variables)) for variables, _ in places] for term in parsed]
         required = [values[coefficient] for _, values in places]
-        found = np.linalg.lstsq(np.array(columns).T, np.array(required), rcond=None)[0]
-        out |= dict(zip(group, map(float, found), strict=True))
+        found = np.linalg.lstsq((root * [*columns, *alone]).T, root * required, rcond=None)[0]
+        own = dict(zip(group, map(float, found), strict=False))
+        constants = [name for name, text in group.items() if text == "1"]
+        out |= own | {name: own[name] + float(found[len(own) :].sum()) for name in constants}
     return out
 
 
@@ -118,21 +125,25 @@ def _lengths(aircraft: jsbsim_flight.Aircraft) -> dict[str, float]:
 
 def _offsets(
     aircraft: jsbsim_flight.Aircraft, vehicle: Vehicle, flown: jsbsim_flight.Recording
-) -> Iterator[dict[str, float]]:
-    """Give changes of term variables from the trim: none, each one as flown, and corners of products."""
+) -> Iterator[tuple[dict[str, float], float]]:
+    """Give changes of term variables from the trim with their shares: none, each one as flown, and corners of products."""
     columns, speed = flown.columns, float(np.mean(flown.columns["V"]))
     units = {a: 2.0 * speed / length for a, length in _lengths(aircraft).items()}
     units["V"] = vehicle.value("reference.airspeed")
     changes = {n: (columns[n] - np.mean(columns[n])) / units.get(n, 1.0) for n in VARIABLES}
-    yield {}
+    yield {}, 1.0
     for name, values in changes.items():
-        yield from ({name: float(part.mean())} for part in np.array_split(np.sort(values), PARTS))
+        counts, edges = np.histogram(values, PARTS)
+        sums = np.histogram(values, edges, weights=values)[0]
+        for total, count in zip(sums[counts > 0].tolist(), counts[counts > 0].tolist(), strict=True):
+            yield {name: total / count}, count / len(values)
     known = set(VARIABLES)
     texts = {text for group in vehicle.terms.values() for text in group.values()}
     for used in sorted({tuple(sorted(terms.variables(terms.parse(t, known, t)))) for t in texts}):
         if len(used) > 1:
             for levels in itertools.product(CORNERS, repeat=len(used)):
-                yield {n: level * float(np.std(changes[n])) for n, level in zip(used, levels, strict=True)}
+                steps = {n: level * float(np.std(changes[n])) for n, level in zip(used, levels, strict=True)}
+                yield steps, 1.0 / len(CORNERS)
 
 
 def _place(
@@ -151,7 +162,7 @@ def _place(
         "alpha": aircraft["aero/alpha-rad"] - stock.alpha,
         "beta": aircraft["aero/beta-rad"],
         **{a: aircraft[f"velocities/{a}-aero-rad_sec"] * n / (2.0 * airspeed) for a, n in lengths.items()},
-        **{c: aircraft[stock.surfaces[c]] - value for c, value in trim.deflections.items()},
+        **{c: aircraft.deflection(c) - value for c, value in trim.deflections.items()},
     }
     pressure_area = aircraft["aero/qbar-psf"] * aircraft["metrics/Sw-sqft"]
     wind = aircraft.read([f"forces/fw{a}-aero-lbs" for a in "xyz"]) / pressure_area

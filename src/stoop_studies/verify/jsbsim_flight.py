@@ -200,6 +200,10 @@ class Aircraft(Executive):
         """Return deflections by property."""
         return {self.stock.surfaces[control]: value for control, value in deflections.items()}
 
+    def deflection(self, control: str) -> float:
+        """Return where a surface stands, rad."""
+        return float(self[self.stock.surfaces[control]])
+
     @property
     def apparent_gravity(self) -> float:
         """What acts on level flight north over the equator, m/s2.

@@ -206,12 +206,13 @@ def flown(
     """Return a flight as `defaults` compares it: surfaces as they were when their commands were recorded."""
     recorder, arm, _ = drawn(case, seed, flight.tape)
     x, y, z = (arm / flight.tape.get("chord", 0.5 * flight.tape["span"])).tolist()
-    true = dict(flight.columns)
+    sticks = "control_pitch" in log.lines
+    true = flight.by_sticks() if sticks else dict(flight.columns)
     clock = np.arange(len(true["p"])) / flight.rate
     instants = log.start + clock
     # of what is not linear, the slopes and curvatures over what was flown there
     fitted = np.any([(instants >= w.start) & (instants <= w.stop) for w in job.windows()], axis=0)
-    truth = flight.truth(job.vehicle, {n: x[fitted] for n, x in true.items()})
+    truth = flight.truth(job.vehicle, {n: x[fitted] for n, x in true.items()}, sticks)
     late = {"velocity": recorder.latency["gps"], "commands": early(job, instants, true)}
     if "rotors.delay" in truth.rows:
         of = next(iter(truth.file.rotor.values())).channel.split("_")[0]

@@ -9,6 +9,7 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any, Final
 
 import numpy as np
@@ -57,12 +58,23 @@ class OutsideFlight:
     rate: float  #: Hz
     columns: Columns
     tape: Mapping[str, float]  #: mass, span, chord
-    #: from a file, and the columns where it was fitted, to the vehicle that has the true value of its terms
-    truth: Callable[[Vehicle, Columns], Vehicle]
+    #: from a file, the columns where it was fitted, and whether its controls are sticks, to the vehicle that has the true value
+    #: of its terms
+    truth: Callable[[Vehicle, Columns, bool], Vehicle]
     asked: Mapping[str, str]  #: what a person sees: template, engine
     reversed: tuple[str, ...] = ()  #: surfaces that its simulator counts the other way than the registry
     #: s, by which commands and speeds of rotors (motor, rotor) act later than straight lines through their samples
     late: Mapping[str, float] = field(default_factory=dict)
+    #: surface -> rad per unit of its stick, without what the flight control adds
+    stick_gain: Mapping[str, float] = field(default_factory=dict)
+
+    def by_sticks(self) -> dict[str, FloatArray]:
+        """Return the columns with the deflections that the sticks ask for."""
+        out = dict(self.columns)
+        for surface, gain in self.stick_gain.items():
+            stick = out[COMMANDS[surface]]
+            out[surface] = out[surface].mean() + gain * (stick - stick.mean())
+        return out
 
 
 class Airframe(jsbsim_flight.Aircraft):
@@ -79,6 +91,8 @@ class Airframe(jsbsim_flight.Aircraft):
         self.commands = dict.fromkeys(SURFACES, 0.0)  #: where deflections count from
         self.neutral, self.gain = dict.fromkeys(SURFACES, 0.0), dict.fromkeys(SURFACES, 1.0)
         self.turning: dict[str, float] = {}  #: moments of the engines in flight, by property
+        self.by_stick = False  #: whether deflections count as asked for, without what the flight control adds
+        self.asked: Mapping[str, float] = {}
 
     def point(self, name: str) -> tuple[float, float, float]:
         """Return the center of gravity, about which a drafted file counts moments, for any point but the eye."""
@@ -86,11 +100,16 @@ class Airframe(jsbsim_flight.Aircraft):
 
     def put(self, state: State, deflections: Mapping[str, float]) -> None:
         """Put the aircraft into a state, its engines as in steady flight there: a propeller blows on wing and tail."""
+        self.asked = deflections
         super().put(state, deflections)
         self.fdm.suspend_integration()
         self.fdm.get_propulsion().get_steady_state()
         self.fdm.run()
         self.fdm.resume_integration()
+
+    def deflection(self, control: str) -> float:
+        """Return where a surface stands, or what its stick asks for, rad."""
+        return self.asked[control] if self.by_stick else super().deflection(control)
 
     def read(self, names: Iterable[str]) -> FloatArray:
         """Return properties; the engines' moments count with those of the air: a drafted file has no thrust line or torque.
@@ -245,9 +264,9 @@ def fly(model: Model, seed: int, gusts: str = "calm") -> OutsideFlight:
     asked = {"template": model.template, "engine": model.engine}
     calm = Airframe(model)  # the gusts of the flight would move whatever is put into a state
     calm.commands, calm.throttle = aircraft.commands, aircraft.throttle
-    return OutsideFlight(
-        RATE, columns, tape, lambda file, fitted: true_vehicle(calm, file, fitted), asked, turned
-    )
+    gains = {c: float(np.sign(x)) * aircraft.gain[c] for c, x in pilot.power.items()}
+    truth = partial(true_vehicle, calm)
+    return OutsideFlight(RATE, columns, tape, truth, asked, turned, stick_gain=gains)
 
 
 def _begin_record(aircraft: Airframe, now: Mapping[str, float], gusts: str) -> None:
@@ -261,14 +280,17 @@ def _begin_record(aircraft: Airframe, now: Mapping[str, float], gusts: str) -> N
                   f"{of}ulence/milspec/windspeed_at_20ft_AGL-fps": wind / FOOT})  # fmt: skip
 
 
-def true_vehicle(aircraft: Airframe, file: Vehicle, columns: Columns) -> Vehicle:
+def true_vehicle(aircraft: Airframe, file: Vehicle, columns: Columns, sticks: bool) -> Vehicle:
     """Return the vehicle whose terms are those of a file, with JSBSim's derivatives about the flown condition.
 
+    To a log of sticks what the flight control adds is part of the vehicle: a damper's rudder is damping.
     Its moments of inertia are those of JSBSim's file, be they those of a body or not.
     """
     means = {n: float(x.mean()) for n, x in columns.items()}
     state = State(means["V"], means["altitude"], alpha=means["alpha"], theta=means["theta"])
+    aircraft.by_stick = False
     aircraft.measure_gains(state)
+    aircraft.by_stick = sticks
     aircraft.turning = {n: means[n] for n in MOMENTS if n in means}
     aircraft.stock = replace(
         aircraft.stock, airspeed=file.value("reference.airspeed"), alpha=file.value("reference.alpha", 0.0),

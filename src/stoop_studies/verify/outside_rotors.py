@@ -94,7 +94,7 @@ class Rotorcraft:
         span = float(2.0 * np.max(np.linalg.norm(self.positions[:, :2], axis=1)))
         tape = {"mass": self.numbers["mass.mass"], "span": span}
         return OutsideFlight(
-            rate, columns, tape, lambda file, _: self.vehicle(file), {"template": "quad"}, late=self.late
+            rate, columns, tape, lambda file, *_: self.vehicle(file), {"template": "quad"}, late=self.late
         )
 
 

@@ -154,7 +154,7 @@ def drafted(flight: OutsideFlight) -> Vehicle:
 
 def test_truth_of_the_lift_slope_is_that_of_the_simulators_accelerations(cub: OutsideFlight) -> None:
     """Vertical acceleration over alpha at rest rates, in JSBSim's own units, without anything of the truth's code."""
-    truth = cub.truth(drafted(cub), cub.columns)
+    truth = cub.truth(drafted(cub), cub.columns, False)
     airframe = Airframe(outside.AIRCRAFT["J3Cub"])
     V, height, alpha = (float(cub.columns[n].mean()) for n in ("V", "altitude", "alpha"))
     step, lifts = 0.01, []
@@ -170,7 +170,7 @@ def test_truth_of_the_lift_slope_is_that_of_the_simulators_accelerations(cub: Ou
 
 def test_truth_of_a_flight_in_gusts_is_that_in_calm_air(cub: OutsideFlight) -> None:
     blown, file = outside_aircraft.fly(outside.AIRCRAFT["J3Cub"], 0, "moderate"), drafted(cub)
-    true = [flight.truth(file, cub.columns) for flight in (cub, blown)]
+    true = [flight.truth(file, cub.columns, False) for flight in (cub, blown)]
     terms = [p.name for p in file.parameters if p.name.startswith("C")]
     assert [true[1].value(n) for n in terms] == pytest.approx([true[0].value(n) for n in terms], rel=1e-6)
 
@@ -190,7 +190,7 @@ def test_truth_of_a_linear_model_is_what_its_file_says() -> None:
     """The F-4N of the package has constant derivatives, of body-axis moments about its reference point on the wing."""
     pytest.importorskip("jsbsim")
     flight = outside_aircraft.fly(outside.AIRCRAFT["F4N"], 0)
-    truth = flight.truth(drafted(flight), flight.columns)
+    truth = flight.truth(drafted(flight), flight.columns, False)
     own = {
         "CQbeta": -1.0,
         "Clp": -0.4,
@@ -204,11 +204,44 @@ def test_truth_of_a_linear_model_is_what_its_file_says() -> None:
     assert truth.value("mass.mass") == pytest.approx(flight.tape["mass"])
 
 
+def test_a_damper_is_part_of_the_vehicle_to_a_log_of_sticks() -> None:
+    """The F-4N's rudder answers the yaw rate; by the flight's own accelerations, over what the pedals ask for."""
+    pytest.importorskip("jsbsim")
+    flight = outside_aircraft.fly(outside.AIRCRAFT["F4N"], 0)
+    columns, file = flight.columns, drafted(flight)
+    truth = flight.truth(file, flight.by_sticks(), True)
+    names = ("beta", "p", "r", "control_roll", "control_yaw")
+    X = np.column_stack([np.ones(len(columns["r"])), *(columns[n] for n in names)])
+    rates = np.gradient(columns["r"], 1.0 / outside_aircraft.RATE)
+    _, by_beta, _, by_r, _, by_pedals = np.linalg.lstsq(X, rates, rcond=None)[0]
+    span = flight.tape["span"] / (2.0 * columns["V"].mean())
+    assert truth.value("Cnr") * span / truth.value("Cnbeta") == pytest.approx(by_r / by_beta, rel=0.05)
+    pedals = truth.value("Cnrudder") * flight.stick_gain["rudder"]
+    assert pedals / truth.value("Cnbeta") == pytest.approx(by_pedals / by_beta, rel=0.05)
+    assert truth.value("Cnr") < 2.0 * flight.truth(file, columns, False).value("Cnr") < 0.0
+
+
+def test_truth_of_what_bends_is_a_least_squares_fit_over_what_was_flown(cub: OutsideFlight) -> None:
+    """The Cub's drag goes with the absolute sideslip, of which most of a flight has little."""
+    some = {n: x[:: round(outside_aircraft.RATE)] for n, x in cub.columns.items()}
+    truth, airframe = cub.truth(drafted(cub), some, False), Airframe(outside.AIRCRAFT["J3Cub"])
+    V, height, alpha = (float(some[n].mean()) for n in ("V", "altitude", "alpha"))
+    drags = []
+    for beta in some["beta"].tolist():
+        state = State(V, height, alpha=alpha, beta=beta, theta=alpha)
+        airframe.put(state, dict.fromkeys(outside_aircraft.SURFACES, 0.0))
+        drags.append(
+            -airframe["forces/fwx-aero-lbs"] / (airframe["aero/qbar-psf"] * airframe["metrics/Sw-sqft"])
+        )
+    curvature = abs(np.polyfit(some["beta"], drags, 2)[0])
+    assert truth.value("CDbeta2") == pytest.approx(curvature, rel=0.2)
+
+
 def test_an_aircraft_whose_moments_are_those_of_no_body_has_true_derivatives() -> None:
     """The MD-11 of the package: its file, in slug ft2, breaks the triangle inequality by 8 %."""
     pytest.importorskip("jsbsim")
     flight = outside_aircraft.fly(outside.AIRCRAFT["MD11"], 0)
-    truth = flight.truth(drafted(flight), flight.columns)
+    truth = flight.truth(drafted(flight), flight.columns, False)
     moments = [truth.value(f"mass.inertia.{a}") for a in ("xx", "yy", "zz")]
     assert moments == pytest.approx([x * 1.3558179 for x in (1.3185e7, 3.83816e7, 5.56127e7)], rel=1e-4)
     assert moments[2] > sum(moments[:2])
