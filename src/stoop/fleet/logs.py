@@ -34,7 +34,7 @@ from stoop.workflow.outputs import file_hashes
 
 WORK: Final = "stoop.fleet.logs:read"
 SAID: Final = ("vehicle", "time")  #: of a flight, by the table of flights, else by its log
-FIGURE: Final = ("figure", "value", "std_error", "parts")
+FIGURE: Final = ("figure", "value", "std_error", "parts", "unit")
 STORES, ABSENT, DATES = "logs-*.sqlite", "absent.csv", "dates.csv"
 ABSENTEES: Final = ("flight", "group", "reason")
 DATED: Final = ("flight", "vehicle", "time", "end", "count")  #: by the logs
@@ -114,7 +114,7 @@ def read(arguments: Mapping[str, Any], stops: Sequence[int | None]) -> list[Json
         found, absent = figures_of(flight, vehicle)
     except StoopError as error:
         return [{"figures": [], "absent": {"log": str(error).splitlines()[0]}, "header": {}}]
-    rows: list[Json] = [[one.name, one.value, one.std_error, one.parts] for one in found]
+    rows: list[Json] = [[one.name, one.value, one.std_error, one.parts, one.unit] for one in found]
     known: dict[str, Json] = {"vehicle": said.vehicle, "software": said.software, "count": said.count}
     known |= dict(conditions(flight))
     if said.zero is not None:

@@ -14,7 +14,7 @@ from stoop.base.arrays import FloatArray
 from stoop.base.numbers import NOTHING, count, number, rounded_to_error
 from stoop.fleet.analysis import Alarm, FigureModel, FleetAnalysis
 from stoop.fleet.parts import Parts, day
-from stoop.fleet.store import Fleet, ToldAlarm
+from stoop.fleet.store import Fleet, ToldAlarm, shown_unit
 from stoop.fleet.table import FigureTable
 from stoop.report.series import spanning
 from stoop.report.sheet import Code, Legend, Page, Panel, Panels, Prose, Section, Sheet, Table
@@ -82,7 +82,8 @@ def _panels(vehicle: str, found: FleetAnalysis, parts: Parts, places: Places, mo
         if vehicle in figure.sequences:
             own = [one for one in found.alarms if (one.vehicle, one.figure) == (vehicle, name)]
             drawn = _drawn(figure, vehicle, own, parts, places, most)
-            yield Panel(name, drawn, note=_ends(figure.sequences[vehicle][0]))
+            rows = figure.sequences[vehicle][0]
+            yield Panel(name, drawn, unit=shown_unit(rows.unit[-1]).strip(), note=_ends(rows))
 
 
 def _ends(rows: FigureTable) -> str:

@@ -39,6 +39,7 @@ class ToldAlarm:
     ----------
     vehicle, figure, kind : texts, see `Alarm` and `Change`
     size, std_error : of a step in the unit of the figure; of a drift per day
+    unit : of the figure, empty where it is not known
     began, found : flights
     began_time, found_time : s since 1970, UTC
     causes : the likeliest first
@@ -58,6 +59,7 @@ class ToldAlarm:
     causes: tuple[Cause, ...]
     back: str = ""
     withdrawn: bool = False
+    unit: str = ""
 
     @classmethod
     def of(cls, alarm: Alarm, table: FigureTable) -> ToldAlarm:
@@ -73,6 +75,7 @@ class ToldAlarm:
             *own,
             alarm.causes,
             alarm.back,
+            unit=table.of(alarm.figure).unit[-1],
         )
 
     @property
@@ -82,8 +85,8 @@ class ToldAlarm:
 
     @property
     def per(self) -> str:
-        """What the size is per, in words; empty for a step."""
-        return " a day" if self.kind == "drift" else ""
+        """The unit of the size, with what it is per; empty for a step of what has none."""
+        return shown_unit(self.unit) + (" a day" if self.kind == "drift" else "")
 
     @property
     def explanation(self) -> str:
@@ -98,6 +101,11 @@ class ToldAlarm:
         """Tell whether both tell of one change: of the same figure, begun in flights of which none is after the other's alarm."""
         same = (self.vehicle, self.figure) == (other.vehicle, other.figure)
         return same and self.began_time <= other.found_time and other.began_time <= self.found_time
+
+
+def shown_unit(unit: str) -> str:
+    """Return a unit as it follows a number."""
+    return "" if unit in ("", "1") else f" {unit}"
 
 
 @dataclass(frozen=True, eq=False)

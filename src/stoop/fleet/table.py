@@ -23,7 +23,7 @@ LOGS: Final = f"{FIGURES}/logs.parquet"  #: figures of logs
 TEXTS: Final = ("flight", "vehicle", "figure")
 NUMBERS: Final = ("value", "std_error")
 NEEDED: Final = (*TEXTS, "time", *NUMBERS)
-OPTIONAL: Final = ("software", "parts")
+OPTIONAL: Final = ("software", "parts", "unit")
 #: of a number or a date; a vehicle may be called so
 UNKNOWN: Final = ("", "NA", "N/A", "NaN", "nan", "null", "None")
 PARQUET: Final = (".parquet", ".pq")
@@ -40,6 +40,7 @@ class FigureTable:
     flight, vehicle, figure : (n,) texts
     software : (n,) texts, empty where it is not known
     parts : (n,) places of the parts on which the figure depends, separated by blanks
+    unit : (n,) texts, of the figure, empty where it is not known
     time : (n,) s since 1970, UTC, at which the flight began
     value : (n,) in the unit of the figure
     std_error : (n,) positive, of the value
@@ -51,6 +52,7 @@ class FigureTable:
     figure: tuple[str, ...]
     software: tuple[str, ...]
     parts: tuple[str, ...]
+    unit: tuple[str, ...]
     time: FloatArray
     value: FloatArray
     std_error: FloatArray
@@ -70,9 +72,10 @@ class FigureTable:
     ) -> FigureTable:
         """Return a table of columns by name, all of one length; optional ones may be absent."""
         empty = ("",) * len(numbers["time"])
-        flight, vehicle, figure, software, parts = (tuple(texts.get(n, empty)) for n in (*TEXTS, *OPTIONAL))
+        flight, vehicle, figure, *more = (tuple(texts.get(n, empty)) for n in (*TEXTS, *OPTIONAL))
         time, value, std_error = (numbers[n] for n in ("time", *NUMBERS))
-        return cls(flight, vehicle, figure, software, parts, time, value, std_error, conditions)
+        software, parts, unit = more
+        return cls(flight, vehicle, figure, software, parts, unit, time, value, std_error, conditions)
 
     def frame(self) -> pd.DataFrame:
         """Return the table for pandas, in its own columns; `read_figures` reads it."""
@@ -107,8 +110,8 @@ class FigureTable:
 def read_figures(*paths: Path) -> FigureTable:
     """Read tables of figures, CSV or Parquet: ``flight, vehicle, time, figure, value, std_error``.
 
-    ``software`` and ``parts`` may stand beside them. ``time`` is seconds since 1970, or a date by ISO 8601, in UTC where no
-    zone stands. Other columns of numbers are conditions.
+    ``software``, ``parts`` and ``unit`` may stand beside them. ``time`` is seconds since 1970, or a date by ISO 8601, in UTC
+    where no zone stands. Other columns of numbers are conditions.
 
     Raises
     ------

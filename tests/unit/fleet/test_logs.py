@@ -58,7 +58,11 @@ def said(day: int, count: float, vehicle: str = "uuid", hours: float = 0.5) -> d
         "count": count,
         "density": 1.2,
     }
-    return {"figures": [["az.bias", 0.1, 0.01, "imu"]], "absent": {"rotors": "none"}, "header": header}
+    return {
+        "figures": [["az.bias", 0.1, 0.01, "imu", "m/s2"]],
+        "absent": {"rotors": "none"},
+        "header": header,
+    }
 
 
 def table_of(folder: Path, logs: dict[str, dict[str, Any]], flights: Path | None = None) -> LogFigures:
@@ -79,6 +83,7 @@ def test_vehicle_and_time_come_from_the_log_unless_the_table_of_flights_says_els
     assert found.flight == ("c", "a", "b")
     assert found.vehicle == ("uuid", "uuid", "Lisa")
     assert found.software == ("1.4", "", "")
+    assert (found.parts[0], found.unit[0]) == ("imu", "m/s2")
     assert found.time[1:].tolist() == [86400.0 * 20000, 86400.0 * 20001]
     assert found.conditions["density"].tolist() == [1.2] * 3
     assert set(found.conditions) == {"density"}

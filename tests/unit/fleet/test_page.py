@@ -38,6 +38,20 @@ def test_alarms_come_first_and_their_vehicles_are_open() -> None:
     assert "alarms only" in html
 
 
+def test_figures_are_shown_in_their_units() -> None:
+    """Of those that have one; the size of an alarm, too."""
+    table, parts = fleet()
+    units = tuple("N" if figure == "thrust" else "1" for figure in table.figure)
+    worn = replace(changed(table, "thrust", EXCHANGED, -0.15), unit=units)
+    (alarm,) = (ToldAlarm.of(one, worn) for one in analyze(worn, parts, 0.1).alarms)
+    assert alarm.per == " N"
+    assert replace(alarm, kind="drift").per == " N a day"
+    assert replace(alarm, unit="1", kind="drift").per == " a day"
+    html = page(worn, parts)
+    assert html.count(" [N]") == 8, "a panel of each vehicle"
+    assert " N</td>" in html
+
+
 def test_names_are_text() -> None:
     table, parts = fleet()
     bad = "<script>alert(1)</script>"
