@@ -102,8 +102,7 @@ def derivatives(
     root = np.sqrt(shares)
     places = [_place(aircraft, middle, offset) for offset in offsets]
     # what is left of one variable is a constant in its places: those of the others do not count as places of it
-    moved = [(*offset,) for offset in offsets]
-    alone = [[float(names == (v,)) for names in moved] for v in VARIABLES]
+    alone = [[float(offset.keys() == {v}) for offset in offsets] for v in VARIABLES]
     known = set(places[0][0])
     out: dict[str, float] = {}
     for coefficient, group in vehicle.terms.items():
