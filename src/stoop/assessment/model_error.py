@@ -27,10 +27,12 @@ from typing import Final
 import numpy as np
 from scipy.stats import chi2
 
-from stoop.assessment.extensions import GIVEN, LIMITS, Scored
+from stoop.assessment.extensions import GIVEN, Scored
 from stoop.base.arrays import FloatArray
 from stoop.base.blas import on_one_blas_thread
 
+#: of the test whether a model lacks anything: to miss that costs coverage, to be wrong about it only width
+LEVEL: Final = 0.05
 ROUNDS: Final = 300
 TOLERANCE: Final = 1e-3  #: relative change of the variances
 IDLE: Final = 1e-8  #: of the variance that noise gives an extension alone; below it is zero
@@ -63,7 +65,7 @@ def model_error(known: Scored, considered: Collection[str] = ()) -> FloatArray:
 def lacks_nothing(statistics: FloatArray, correlation: FloatArray) -> bool:
     """Whether the sum of squares of m statistics is one by chance (Satterthwaite's approximation)."""
     scale = float(np.sum(correlation**2)) / len(statistics)
-    return bool(chi2.sf(np.sum(statistics**2) / scale, len(statistics) / scale) >= LIMITS.level)
+    return bool(chi2.sf(np.sum(statistics**2) / scale, len(statistics) / scale) >= LEVEL)
 
 
 def variances(z: FloatArray, G: FloatArray, S: FloatArray) -> FloatArray:

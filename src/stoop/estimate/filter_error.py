@@ -199,11 +199,7 @@ class FilterError(Fitter[FilterEstimate]):
         noise = Noise(vehicle, first_guess(vehicle, problem.pieces), variances, self.stated)
         price = float(problem.dimension + problem.extra + noise.size + 2)
         stages = Stages(SCORING, price, options.generations, options.budget, callback, state)
-        best, costs = self._from_starts(stages, undelayed(problem), noise)
-        if options.treatment.gives_up and best.usable:
-            correlation = innovation_correlation(problem, best.likelihood.score(best.z))
-            if abs(correlation) >= LIMITS.correlation:
-                raise UnexplainedError(correlation)
+        best, costs = self._from_starts(stages, undelayed(problem), noise, options)
         for _ in range(MAX_LINEARIZATIONS):
             if not best.usable:
                 break
@@ -229,13 +225,22 @@ class FilterError(Fitter[FilterEstimate]):
             )
         return _estimate(recorded, problem, prepared, best, costs, stages)
 
-    def _from_starts(self, stages: Stages, problem: Misfit, noise: Noise) -> tuple[ScoringModel, list[float]]:
-        """Return the best of the first searches, and the costs of all, ascending; Ctrl-C ends them."""
+    def _from_starts(
+        self, stages: Stages, problem: Misfit, noise: Noise, options: Options
+    ) -> tuple[ScoringModel, list[float]]:
+        """Return the best of the first searches, and the costs of all, ascending; Ctrl-C ends them.
+
+        From known estimates there is one. A filter that may give up does so where innovations are not white after it.
+        """
         searches: list[ScoringModel] = []
-        for x in starts(problem):
+        for x in starts(problem, options.start)[1 if options.start else 0 :]:
             z = np.concatenate([x, np.zeros(problem.extra), noise.start])
             likelihood = Likelihood.of(problem, noise, self.gain, z)
             best = maximize(stages, likelihood, raised(likelihood, z), TOLERANCES.first, FIRST_STEPS)
+            if best.usable and options.treatment.gives_up:
+                correlation = innovation_correlation(problem, best.likelihood.score(best.z))
+                if abs(correlation) >= LIMITS.correlation:
+                    raise UnexplainedError(correlation)
             if best.usable:  # once more with gains that suit where that led
                 likelihood = best.likelihood.along(best.z)
                 best = maximize(stages, likelihood, best.z, TOLERANCES.first, FIRST_STEPS)

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from typing import Any, ClassVar, Final, Generic, TypeAlias, TypeVar
 
@@ -93,6 +93,9 @@ class Options:
         Name, see :func:`stoop.estimate.methods.names`; the strategy decides when empty.
     treatment : Treatment
         Decisions about data and noise that the estimator may take.
+    start : mapping of str to float
+        Estimates (SI) by name of an earlier fit, from which a search begins, or from the file's own values where these are
+        better; without any the estimates are those of a regression.
     """
 
     optimizer: str | optimize.Optimizer[Any] = "ps-gde-lm"
@@ -103,6 +106,7 @@ class Options:
     covariance: FloatArray | None = None
     method: str = ""
     treatment: Treatment = TREATMENT
+    start: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         parts = (getattr(self.optimizer, part, None) for part in ("init", "step"))
@@ -242,9 +246,12 @@ def estimation_problem(
     return problem, prepared
 
 
-def starts(problem: Misfit) -> FloatArray:
-    """Return starting points (k, D): the file's own values and the equation-error estimate."""
-    own, guess = problem.layout.start, start_value(problem.layout, problem.pieces)
+def starts(problem: Misfit, known: Mapping[str, float] | None = None) -> FloatArray:
+    """Return starting points (k, D): the file's own values, and estimates (SI) known by name or by equation error."""
+    own, layout = problem.layout.start, problem.layout
+    if known:
+        return np.array([own, layout.unit(np.array([known.get(p.name, p.value) for p in layout.parameters]))])
+    guess = start_value(layout, problem.pieces)
     return np.array([own] if guess is None else [own, guess])
 
 
@@ -281,7 +288,7 @@ class OutputError(Fitter[OutputErrorEstimate]):
 
         Without a given noise covariance local refinements from the best start determine the weights of the search.
         """
-        guesses, spent = starts(problem), 0.0
+        guesses, spent = starts(problem, options.start), 0.0
         if options.covariance is None:
             settled = settle(problem, guesses)
             problem, spent, z = settled.problem, settled.spent, settled.z

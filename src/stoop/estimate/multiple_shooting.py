@@ -483,7 +483,7 @@ class MultipleShooting(Fitter[ShootingEstimate]):
         shifted, model = aligned(problem, problem.layout.start), window_model(problem.layout.vehicle)
         if options.covariance is None:
             shifted = shifted.weighted(Weights.of(first_variance(shifted)))
-        shooting, guesses = ShootingProblem.of(shifted, self.length), starts(shifted)
+        shooting, guesses = ShootingProblem.of(shifted, self.length), starts(shifted, options.start)
         price = float(problem.dimension + problem.extra + 2)
         stages = Stages("gauss-newton", price, options.generations, options.budget, callback, state)
         padded, start = list(np.pad(guesses, [(0, 0), (0, problem.extra)])), None

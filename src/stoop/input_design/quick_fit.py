@@ -17,9 +17,10 @@ from stoop.errors import FlightError, IdentificationError
 from stoop.estimate.fit import DEFAULTS
 from stoop.flight import Flight
 from stoop.problem.windows import Window
+from stoop.strategy.assumptions import assume
 from stoop.strategy.bounds import BOUNDS
 from stoop.strategy.gusts import GUSTS
-from stoop.strategy.run import FIT_ALONE
+from stoop.strategy.run import FIT_ALONE, setup_of
 from stoop.strategy.run import fit as fit_by
 from stoop.vehicle import Vehicle
 
@@ -41,6 +42,13 @@ class QuickFit:
     failure: str = ""
 
 
+def with_assumptions(vehicle: Vehicle, flights: Mapping[str, Flight], windows: Sequence[Window]) -> Vehicle:
+    """Return the vehicle with what its file leaves out free, as identification has it: from another delay no fit converges."""
+    setup = setup_of(FIT_ALONE, vehicle, _used(flights, windows), windows)
+    found = assume(setup)
+    return vehicle if found is None else found.setup.vehicle
+
+
 def first_fit(vehicle: Vehicle, flights: Mapping[str, Flight], windows: Sequence[Window]) -> dict[str, float]:
     """Return estimates (SI) of free numbers by name, in calm air; none of what a bound holds, or where it fails."""
     try:
@@ -51,10 +59,16 @@ def first_fit(vehicle: Vehicle, flights: Mapping[str, Flight], windows: Sequence
     return {name: value for name, value in fit.estimates.items() if name not in held}
 
 
-def quick_fit(vehicle: Vehicle, flights: Mapping[str, Flight], windows: Sequence[Window]) -> QuickFit:
-    """Fit the free numbers of a vehicle to windows of flights as identification does; a fit that fails is a value."""
+def quick_fit(
+    vehicle: Vehicle, flights: Mapping[str, Flight], windows: Sequence[Window], known: Mapping[str, float]
+) -> QuickFit:
+    """Fit the free numbers of a vehicle to windows of flights as identification does, from known estimates (SI) by name.
+
+    A fit that fails is a value.
+    """
+    options = replace(QUICK, start=known)
     try:
-        fit = fit_by(FIT_ALONE, vehicle, _used(flights, windows), windows, options=QUICK).estimate
+        fit = fit_by(FIT_ALONE, vehicle, _used(flights, windows), windows, options=options).estimate
         bars = error_bars(fit)
     except (FlightError, IdentificationError) as error:
         return QuickFit(failure=str(error))

@@ -284,26 +284,24 @@ def find_windows(
     if vehicle is None:
         information = choose(found)
     else:
-        from stoop.input_design.quick_fit import first_fit, quick_fit
+        from stoop.input_design.quick_fit import first_fit, quick_fit, with_assumptions
         from stoop.input_design.sensitivity import candidate_problem
 
-        problems = [
-            (c, p) for c in found if (p := candidate_problem(vehicle, flights[c.flight], c)) is not None
-        ]
-        if not problems:
+        usable = [c for c in found if candidate_problem(vehicle, flights[c.flight], c) is not None]
+        if not usable:
             raise _nothing_found(flights, vehicle, unmeasured=True)
-        usable = [c for c, _ in problems]
-        first = _first_windows(usable, choose(usable) if excitations else None)
+        first = [c.window for c in _first_windows(usable, choose(usable) if excitations else None)]
         tell("first fit of the windows that stand out")
-        estimates = first_fit(vehicle, flights, [c.window for c in first])
-        found, information, model = _about_vehicle(vehicle, flights, problems, estimates, tell)
+        vehicle = with_assumptions(vehicle, flights, first)
+        estimates = first_fit(vehicle, flights, first)
+        found, information, model = _about_vehicle(vehicle, flights, usable, estimates, tell)
     selection = select(found, information)
     if not selection.fitted:
         raise _nothing_found(flights, vehicle, unmeasured=True)
     expected = list[Expected]()
     if vehicle is not None:
         tell("fit of the proposed windows")
-        fitted = quick_fit(vehicle, flights, [found[i].window for i in selection.fitted])
+        fitted = quick_fit(vehicle, flights, [found[i].window for i in selection.fitted], estimates)
         expected = [Expected(name, value, fitted.errors[name]) for name, value in fitted.values.items()]
         if fitted.failure:
             notices.append(notice("windows-not-fitted", reason=fitted.failure))
@@ -367,13 +365,15 @@ def _candidates(flight: Flight, vehicle: Vehicle | None, excitation: Excitation 
 def _about_vehicle(
     vehicle: Vehicle,
     flights: Mapping[str, Flight],
-    problems: Sequence[tuple[Candidate, CandidateProblem]],
+    usable: Sequence[Candidate],
     estimates: Mapping[str, float],
     tell: Callable[[str], None],
 ) -> tuple[list[Candidate], CandidateInformation, VehicleInformation]:
     """Return the candidates that can be simulated, and their information about the vehicle's free numbers."""
-    from stoop.input_design.sensitivity import BOX_INFORMATION, linearization_point
+    from stoop.input_design.sensitivity import BOX_INFORMATION, candidate_problem, linearization_point
 
+    each = ((c, candidate_problem(vehicle, flights[c.flight], c)) for c in usable)
+    problems = [(candidate, problem) for candidate, problem in each if problem is not None]
     disjoint: list[tuple[Candidate, CandidateProblem]] = []
     for one in problems:
         if not any(one[0].meets(other) for other, _ in disjoint):

@@ -19,7 +19,13 @@ from stoop.optimize.ledger import inner
 from stoop.optimize.normal_equations import TallMatrix, project
 from stoop.problem.layout import Layout, Nuisance
 from stoop.problem.starts import Starts
-from stoop.simulation.delays import actuator_rows, late_inputs, late_outputs, output_delays
+from stoop.simulation.delays import (
+    actuator_rows,
+    distinct_actuators,
+    late_inputs,
+    late_outputs,
+    output_delays,
+)
 from stoop.vehicle import Vehicle
 
 STEP = 1e-7  #: of a forward difference
@@ -423,8 +429,12 @@ class Misfit:
         return bool(output_delays(self.layout.vehicle))
 
     @cached_property
+    def _actuators(self) -> list[int]:
+        return actuator_rows(self.layout.vehicle)
+
+    @cached_property
     def _late(self) -> bool:
-        return bool(actuator_rows(self.layout.vehicle) or self.layout.vehicle.sloped)
+        return bool(self._actuators or self.layout.vehicle.sloped)
 
     def _inputs(self, piece: Piece, rows: FloatArray) -> FloatArray:
         """Return the inputs of a piece as the surfaces receive them."""
@@ -436,10 +446,19 @@ class Misfit:
     def _readings(
         self, rows: FloatArray, start: FloatArray, index: int, count: int, out: FloatArray | None = None
     ) -> FloatArray:
-        """Return the readings (B, n, n_y) of a piece for kernel parameters (n_p, B) and initial states (n_x, B)."""
+        """Return the readings (B, n, n_y) of a piece for kernel parameters (n_p, B) and initial states (n_x, B).
+
+        Few different actuators, as in a Jacobian, are simulated one after the other, each with inputs for all its candidates.
+        """
         piece = self.pieces[index]
-        inputs = self._inputs(piece, rows)
+        first, which = distinct_actuators(rows[self._actuators])
+        usual = int(np.bincount(which).argmax())
+        few = 2 * len(first) <= len(which)
+        inputs = self._inputs(piece, rows[:, first[usual], None] if few else rows)
         out = self.kernel.trajectories(rows, start, inputs, piece.dt, count, out=out)
+        for k in np.delete(np.arange(len(first)), usual) if few else ():
+            lanes, inputs = which == k, self._inputs(piece, rows[:, first[k], None])
+            out[lanes] = self.kernel.trajectories(rows[:, lanes], start[:, lanes], inputs, piece.dt, count)
         return (
             late_outputs(self.layout.vehicle, out, rows, piece.dt, piece.moved) if self._late_outputs else out
         )

@@ -220,12 +220,16 @@ def distinct_inputs(
     vehicle: Vehicle, inputs: FloatArray, rows: FloatArray, dt: float, before: FloatArray | None = None
 ) -> tuple[FloatArray, IntArray]:
     """Return inputs (k, n, n_u) as different actuators receive them, and which of them each candidate (B,) has."""
-    late = rows[actuator_rows(vehicle)]
-    at, which = np.zeros(1, dtype=np.int64), np.zeros(rows.shape[1], dtype=np.int64)
-    if len(late) and np.ptp(late, axis=1).any():
-        _, at, which = np.unique(late, axis=1, return_index=True, return_inverse=True)
-    lanes = [late_inputs(vehicle, inputs, rows[:, i : i + 1], dt, before) for i in at]
-    return np.stack(lanes), which.ravel()
+    at, which = distinct_actuators(rows[actuator_rows(vehicle)])
+    return np.stack([late_inputs(vehicle, inputs, rows[:, i : i + 1], dt, before) for i in at]), which
+
+
+def distinct_actuators(late: FloatArray) -> tuple[IntArray, IntArray]:
+    """Return the first candidate (k,) of each different actuator, and which each candidate has, for numbers of them (m, B)."""
+    if not (len(late) and np.ptp(late, axis=1).any()):
+        return np.zeros(1, dtype=np.int64), np.zeros(late.shape[1], dtype=np.int64)
+    _, at, which = np.unique(late, axis=1, return_index=True, return_inverse=True)
+    return at, which.ravel()
 
 
 def with_slopes(vehicle: Vehicle, inputs: FloatArray, dt: float) -> FloatArray:

@@ -65,9 +65,10 @@ class Setup:
         """Return the fit with more notices."""
         return replace(self, notices=(*self.notices, *notices))
 
-    def again(self, vehicle: Vehicle) -> Setup:
-        """Return the fit of another vehicle, from its own start; what is saved, and resumed, is the first search."""
-        return replace(self, vehicle=vehicle, callback=None, state=None)
+    def again(self, vehicle: Vehicle, known: Mapping[str, float]) -> Setup:
+        """Return the fit of another vehicle, from known estimates (SI); what is saved, and resumed, is the first search."""
+        options = replace(self.options, start=known)
+        return replace(self, vehicle=vehicle, options=options, callback=None, state=None)
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,7 +145,7 @@ class Fitted:
 
     def again(self, vehicle: Vehicle, fit: Fitter) -> Fitted:
         """Return the fit of another vehicle by the decisions that this one took: a method that failed is not tried again."""
-        found = fit(self.setup.again(vehicle))
+        found = fit(self.setup.again(vehicle, self.estimate.estimates))
         return replace(found, records={**self.records, **found.records})
 
     def resuming(self, first: Fitted) -> Fitted:
@@ -205,7 +206,7 @@ class Decision:
 
 
 def estimate(setup: Setup) -> Fitted:
-    """Return the estimate by the method of a fit, with no decision around it."""
+    """Return the estimate by the method of a fit, with no decision around it; where it began is of no further use."""
     fitter = methods.find(setup.options.method).fitter()
     given = (setup.vehicle, setup.flights, setup.fitted, setup.options, setup.callback, setup.state)
-    return Fitted(setup, fitter(*given))
+    return Fitted(replace(setup, options=replace(setup.options, start={})), fitter(*given))

@@ -6,7 +6,7 @@ import time
 from dataclasses import replace
 from typing import Final
 
-from stoop.base.notices import Notice, notice
+from stoop.base.notices import notice
 from stoop.errors import IdentificationError
 from stoop.estimate import methods
 from stoop.estimate.filter_likelihood import SCORING
@@ -52,8 +52,14 @@ def fit_in_gusts(setup: Setup, fit: Fitter) -> Fitted:
         from stoop.estimate.gust_bias import gust_bias
 
         return found.noting(*gust_bias(found.estimate, found.setup.flights))
+    known, calm = setup.options.start, None
+    if not known:
+        calm = fit(_in_calm_air(setup))
+        if calm.estimate.outcome.status == "interrupted":
+            return calm
+        known = calm.estimate.estimates
     began, quitting = time.perf_counter(), replace(setup.options.treatment, gives_up=True)
-    options = replace(setup.options, treatment=quitting)
+    options = replace(setup.options, treatment=quitting, start=known)
     filtered = replace(setup, vehicle=with_turbulence(setup.vehicle), options=options)
     # a state of the search in calm air, which goes on
     if setup.state is not None and setup.state.optimizer != SCORING:
@@ -71,14 +77,15 @@ def fit_in_gusts(setup: Setup, fit: Fitter) -> Fitted:
         done=f"{setup.in_calm} instead of {setup.options.method}",
         seconds=time.perf_counter() - began,
     )
-    return fit(_in_calm_air(setup, doubts)).recorded(record)
+    calm = calm or fit(_in_calm_air(setup))
+    return replace(calm, setup=calm.setup.noting(*doubts)).recorded(record)
 
 
-def _in_calm_air(setup: Setup, doubts: tuple[Notice, ...]) -> Setup:
+def _in_calm_air(setup: Setup) -> Setup:
     """Return the fit by the method of calm air; the state of a filter's search is none of its."""
     state = None if setup.state is None or setup.state.optimizer == SCORING else setup.state
     kept = tuple(one for one in setup.notices if one.code != "gusts-filtered")
-    return replace(setup, in_calm="", state=state, notices=(*kept, *doubts)).by(setup.in_calm)
+    return replace(setup, in_calm="", state=state, notices=kept).by(setup.in_calm)
 
 
 GUSTS = Decision(

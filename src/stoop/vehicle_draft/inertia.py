@@ -39,7 +39,8 @@ class Measured:
 
 #: Aerosonde and Zagi: Beard and McLain, Small Unmanned Aircraft, appendix E; X8: Gryte et al., ICUAS 2018; twin boom:
 #: twin_boom.toml; standard_vtol: PX4's simulator, its chord assumed; F-16: Stevens and Lewis, Aircraft Control and Simulation,
-#: appendix A; others: Nelson, Flight Stability and Automatic Control, appendix B
+#: appendix A; Cessna 182 to S-211: Roskam, Airplane Flight Dynamics and Automatic Flight Controls I, appendix B; others: Nelson,
+#: Flight Stability and Automatic Control, appendix B
 PUBLISHED: Final = {
     "Aerosonde": Measured("v-tail", 13.5, 2.8956, 0.18994, 0.8244, 1.135, 1.759),
     "twin boom": Measured("conventional", 189.4, 5.19, 0.55, 100.0, 120.0, 200.0),
@@ -54,18 +55,24 @@ PUBLISHED: Final = {
     "Boeing 747": Measured.in_feet(636600.0, 195.68, 27.31, 18.2e6, 33.1e6, 49.7e6),
     "A-4D": Measured.in_feet(17578.0, 27.5, 10.8, 8090.0, 25900.0, 29200.0),
     "F-16": Measured.in_feet(20500.0, 30.0, 11.32, 9496.0, 55814.0, 63100.0),
+    "Cessna 182": Measured.in_feet(2650.0, 36.0, 4.9, 948.0, 1346.0, 1967.0),
+    "Cessna 310": Measured.in_feet(4600.0, 36.9, 4.79, 8884.0, 1939.0, 11001.0),
+    "Beech 99": Measured.in_feet(11000.0, 46.0, 6.5, 15189.0, 20250.0, 34141.0),
+    "T-37": Measured.in_feet(6360.0, 33.8, 5.47, 7985.0, 3326.0, 11183.0),
+    "Learjet 24": Measured.in_feet(13000.0, 34.0, 7.0, 28000.0, 18800.0, 47000.0),
+    "S-211": Measured.in_feet(4000.0, 26.3, 5.4, 800.0, 4800.0, 5200.0),
 }
 #: template -> radii about roll over the span, about pitch over the root of span times chord
 RADII: Final[Mapping[str, tuple[float, float]]] = {
-    "conventional": (0.14, 0.51),
+    "conventional": (0.146, 0.44),
     "v-tail": (0.13, 0.39),
     "flying-wing": (0.17, 0.26),
     "glider": (0.13, 0.40),
     "quadplane": (0.15, 0.36),
 }
 FLATNESS: Final = 0.95  #: zz over xx + yy
-#: standard deviation of a moment over its value: radii of `PUBLISHED` scatter by half of that, about pitch by a little more
-SPREAD: Final = 0.4
+#: standard deviation of the logarithm of a moment, as the radii of `PUBLISHED` scatter
+SPREAD: Final = 0.5
 #: radii over the root mean square distance of the rotors from an axis
 MULTIROTORS: Final = (0.66, 0.66, 0.65)
 #: of four that are published the moments are 0.8 to 2 times that

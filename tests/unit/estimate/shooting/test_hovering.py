@@ -134,7 +134,7 @@ def test_a_hopeless_start_is_searched_for(start, flight, monkeypatch, resumed):
     from stoop.estimate import multiple_shooting as method
 
     monkeypatch.setattr(
-        method, "starts", lambda problem: problem.layout.unit(np.array([p.value for p in problem.layout.parameters]))[None]
+        method, "starts", lambda problem, _: problem.layout.unit(np.array([p.value for p in problem.layout.parameters]))[None]
     )  # fmt: skip
     held = {
         p.name: {"free": False}
