@@ -146,8 +146,9 @@ def test_in_gusts_every_trial_has_them_or_none(monkeypatch: pytest.MonkeyPatch, 
         outcome = SimpleNamespace(status="converged")
         of_filter = 0.0 if explained else 0.9
         found: Any = SimpleNamespace(
-            outcome=outcome, innovation_correlation=of_filter, inflation=1.0, first=not added(setup.vehicle)
-        )
+            outcome=outcome, innovation_correlation=of_filter, inflation=1.0, first=not added(setup.vehicle),
+            estimates={},
+        )  # fmt: skip
         return Fitted(setup, found)
 
     def added(vehicle: Vehicle) -> bool:
@@ -167,8 +168,8 @@ def test_in_gusts_every_trial_has_them_or_none(monkeypatch: pytest.MonkeyPatch, 
     assert added(found.setup.vehicle)
     assert not found.setup.vehicle.gusts
     assert (found.setup.options.method, found.setup.in_calm) == ("filter-error", "output-error")
-    calm = ("output-error", False)
-    assert fits == [("filter-error", True)] + ([("filter-error", True)] if explained else [calm, calm])
+    calm, in_gusts = ("output-error", False), ("filter-error", True)
+    assert fits == [calm, in_gusts, in_gusts if explained else calm]
 
 
 def test_an_interrupted_trial_is_not_taken_for_a_refused_one(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -254,20 +254,26 @@ def test_a_filter_whose_innovations_gusts_do_not_explain_ends_early(gusty_start,
 
 @pytest.mark.parametrize(("optimizer", "resumed"), [("ps-gde-lm", None), (SCORING, SCORING)])
 def test_a_filter_begins_with_the_state_of_a_filter_only(monkeypatch, optimizer, resumed):
-    """An interrupted search in calm air, after a filter that explained nothing, goes on where it was."""
+    """A search in calm air that was interrupted goes on where it was; the filter begins at its estimates."""
     vehicle, state = resolve_vehicle("twin-boom"), SimpleNamespace(optimizer=optimizer)
     setup = setup_of(Strategy.default(), vehicle, {}, WINDOWS, options=Options(method="output-error"))
     setup = replace(setup, in_calm="output-error", state=state, callback=print).by("filter-error")
-    asked = []
+    found, asked = (
+        SimpleNamespace(outcome=SimpleNamespace(status="converged"), estimates={"CLalpha": 5.0}),
+        [],
+    )
 
     def fitted(one):
         asked.append(one)
-        return Fitted(one, None)
+        return Fitted(one, found)
 
     doubt = notice("filter-diverges", text="", method="output-error")
     monkeypatch.setattr(decision, "unexplained", lambda *args: (doubt,))
-    decision.fit_in_gusts(setup, fitted)
-    filtered, calm = asked
+    done = decision.fit_in_gusts(setup, fitted)
+    calm, filtered = asked
+    assert filtered.options.start == found.estimates
+    assert done.setup.options.method == "output-error"
+    assert done.setup.notices == (doubt,)
     assert getattr(filtered.state, "optimizer", None) == resumed
     assert (filtered.callback is None) == (resumed is None)
     assert calm.options.method == "output-error"
