@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from contextlib import suppress
 from dataclasses import replace
 from typing import Final
 
@@ -54,10 +55,11 @@ def fit_in_gusts(setup: Setup, fit: Fitter) -> Fitted:
         return found.noting(*gust_bias(found.estimate, found.setup.flights))
     known, calm = setup.options.start, None
     if not known:
-        calm = fit(_in_calm_air(setup))
-        if calm.estimate.outcome.status == "interrupted":
-            return calm
-        known = calm.estimate.estimates
+        with suppress(IdentificationError):  # a filter may follow what no simulation does
+            calm = fit(_in_calm_air(setup))
+            known = calm.estimate.estimates
+    if calm is not None and calm.estimate.outcome.status == "interrupted":
+        return calm
     began, quitting = time.perf_counter(), replace(setup.options.treatment, gives_up=True)
     options = replace(setup.options, treatment=quitting, start=known)
     filtered = replace(setup, vehicle=with_turbulence(setup.vehicle), options=options)

@@ -45,9 +45,8 @@ def free_delays(setup: Setup, fit: Fitter) -> Fitted:
             base, found = best, fit(setup.again(longer, best.estimate.estimates))
             cut = found.estimate.outcome.status == "interrupted"
             if not cut and found.setup.options.method != best.setup.options.method:
-                base = fit(
-                    found.setup.again(vehicle, best.estimate.estimates)
-                )  # likelihoods of two methods do not compare
+                # likelihoods of two methods do not compare
+                base = fit(found.setup.again(vehicle, best.estimate.estimates))
                 cut = base.estimate.outcome.status == "interrupted"
         except KeyboardInterrupt:
             cut = True

@@ -279,3 +279,25 @@ def test_a_filter_begins_with_the_state_of_a_filter_only(monkeypatch, optimizer,
     assert calm.options.method == "output-error"
     assert getattr(calm.state, "optimizer", None) == (None if resumed else optimizer)
     assert calm.callback is print
+
+
+def test_a_filter_is_tried_where_no_simulation_succeeds(monkeypatch):
+    setup = setup_of(
+        Strategy.default(), resolve_vehicle("twin-boom"), {}, WINDOWS, options=Options(method="output-error")
+    )
+    setup = replace(setup, in_calm="output-error").by("filter-error")
+
+    def fitted(one):
+        if one.options.method == "output-error":
+            raise IdentificationError("no candidate can be simulated")
+        return Fitted(one, SimpleNamespace(outcome=SimpleNamespace(status="converged"), estimates={}))
+
+    monkeypatch.setattr(decision, "unexplained", lambda *args: ())
+    found = decision.fit_in_gusts(setup, fitted)
+    assert found.setup.options.method == "filter-error"
+    assert not found.setup.options.start
+    monkeypatch.setattr(
+        decision, "unexplained", lambda *args: (notice("filter-diverges", text="", method=""),)
+    )
+    with pytest.raises(IdentificationError, match="can be simulated"):
+        decision.fit_in_gusts(setup, fitted)
