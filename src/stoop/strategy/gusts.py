@@ -60,7 +60,8 @@ def fit_in_gusts(setup: Setup, fit: Fitter) -> Fitted:
             known = calm.estimate.estimates
     if calm is not None and calm.estimate.outcome.status == "interrupted":
         return calm
-    began, quitting = time.perf_counter(), replace(setup.options.treatment, gives_up=True)
+    # one search, from known estimates, tells early; from other starts the best of all decides
+    began, quitting = time.perf_counter(), replace(setup.options.treatment, gives_up=bool(known))
     options = replace(setup.options, treatment=quitting, start=known)
     filtered = replace(setup, vehicle=with_turbulence(setup.vehicle), options=options)
     # a state of the search in calm air, which goes on

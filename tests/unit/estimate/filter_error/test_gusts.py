@@ -272,6 +272,7 @@ def test_a_filter_begins_with_the_state_of_a_filter_only(monkeypatch, optimizer,
     done = decision.fit_in_gusts(setup, fitted)
     calm, filtered = asked
     assert filtered.options.start == found.estimates
+    assert filtered.options.treatment.gives_up
     assert done.setup.options.method == "output-error"
     assert done.setup.notices == (doubt,)
     assert getattr(filtered.state, "optimizer", None) == resumed
@@ -296,6 +297,7 @@ def test_a_filter_is_tried_where_no_simulation_succeeds(monkeypatch):
     found = decision.fit_in_gusts(setup, fitted)
     assert found.setup.options.method == "filter-error"
     assert not found.setup.options.start
+    assert not found.setup.options.treatment.gives_up
     monkeypatch.setattr(
         decision, "unexplained", lambda *args: (notice("filter-diverges", text="", method=""),)
     )
