@@ -63,6 +63,8 @@ from stoop.results.decisions import DecisionRecord
 
 #: least predicted reduction of half the cost
 TOLERANCE: Final = 1e-4
+#: likewise, while the noise is not known: it moves the optimum by more than that is short of it
+FIRST_TOLERANCE: Final = 1e-1
 MIN_DAMPING: Final = 1e-10
 DAMPING: Final = partial(TenfoldDamping, 1e-4, growth=8.0, acceleration=1.0, smallest=MIN_DAMPING)
 #: largest number of rounds of increasing weights; three are usual
@@ -76,8 +78,10 @@ POOR: Final = 0.7
 class GaussNewtonModel(StagedModel):
     """The windows of a problem about an iterate, their states eliminated; parameters stay in the unit box."""
 
-    def __init__(self, problem: ShootingProblem, at: Iterate, held: bool = False) -> None:
-        self.problem, self.at, self.cost = problem, at, at.cost
+    def __init__(
+        self, problem: ShootingProblem, at: Iterate, held: bool = False, tolerance: float = TOLERANCE
+    ) -> None:
+        self.problem, self.at, self.cost, self.tolerance = problem, at, at.cost, tolerance
         self.held = held  #: the parameters; initial states and biases are free then
 
     @property
@@ -112,7 +116,7 @@ class GaussNewtonModel(StagedModel):
         if self.current:  # an optimum was looked for when the derivatives were taken
             return False
         self.linearize()
-        return 0.5 * self._solve(MIN_DAMPING)[2] < TOLERANCE
+        return 0.5 * self._solve(MIN_DAMPING)[2] < self.tolerance
 
     def step(self, damping: float) -> tuple[FloatArray, list[Reduced]]:
         """Return the damped step of the search vector, and the eliminated states."""
@@ -189,14 +193,15 @@ def refined(
         at, schedule = joined, schedule[-1:]
     iterations, before, recorded, noise = 0, np.inf, problem.problem, None
     status: Status = "interrupted" if interrupted else "stalled"
-    noise_converged = False
+    noise_converged, given = False, options.covariance is not None
+    tolerance = TOLERANCE if given else FIRST_TOLERANCE
     problem = replace(problem, strictness=schedule[-1])
     end = at
     try:
         for _ in range(0 if interrupted else ALTERNATION.rounds):
             for strictness in schedule if np.isinf(before) else schedule[-1:]:
                 stricter = replace(problem, strictness=strictness)
-                model = GaussNewtonModel(stricter, stricter.leveled(at))
+                model = GaussNewtonModel(stricter, stricter.leveled(at), tolerance=tolerance)
                 status = stages.search(model, DAMPING())
                 steps = len(stages.stages[-1].costs) - 1
                 at, iterations = model.at, iterations + steps + (status == "stalled")
@@ -208,10 +213,12 @@ def refined(
             end = at
             recorded, held = aligned(recorded, at.z), problem.problem
             settled = all(a.moved == b.moved for a, b in zip(recorded.pieces, held.pieces, strict=True))
-            given = options.covariance is not None
             noise_converged = settled and (given or ALTERNATION.converged(before, held))
-            if noise_converged:
+            if noise_converged and tolerance == TOLERANCE:
                 break
+            if noise_converged:  # once more, to the end
+                tolerance = TOLERANCE
+                continue
             shifted = recorded
             if not given:
                 residuals = partial(_residuals, problem, at)

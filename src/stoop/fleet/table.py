@@ -172,10 +172,10 @@ def of_frames(where: str, tables: Sequence[pd.DataFrame]) -> FigureTable:
     table = pd.concat(tables, ignore_index=True)
     numbers = {name: _numbers(where, table, name) for name in ("time", *NUMBERS)}
     there = [*TEXTS, *(name for name in OPTIONAL if name in table.columns)]
-    table = table.assign(**{name: table[name].fillna("").astype(str) for name in there})
+    texts = {name: pd.factorize(table[name].fillna("").astype(str), sort=True) for name in there}
     bad = np.flatnonzero(
         ~(np.isfinite(numbers["value"]) & np.isfinite(numbers["time"]) & (numbers["std_error"] > 0.0))
-        | (table[[*TEXTS]] == "").any(axis=1)
+        | np.any([at == names.get_indexer([""]) for at, names in map(texts.__getitem__, TEXTS)], axis=0)
     )
     if bad.size:
         flight = table["flight"].iloc[int(bad[0])]
@@ -183,14 +183,14 @@ def of_frames(where: str, tables: Sequence[pd.DataFrame]) -> FigureTable:
             f"{where}: {len(bad)} rows, first that of flight {flight}, lack a value, a time, a standard error above zero, or "
             "the name of flight, vehicle or figure; leave such rows out"
         )
-    twice = table.duplicated(["flight", "vehicle", "figure"])
+    own = [texts[name][0] for name in ("figure", "flight", "vehicle")]
+    twice = pd.DataFrame(dict(enumerate(own))).duplicated()
     if twice.any():
         row = table[twice].iloc[0]
         raise StoopError(
             f"{where}: {row['figure']} of flight {row['flight']} stands there twice; keep one row"
         )
-    texts = {name: pd.factorize(table[name], sort=True) for name in there}
-    order = np.lexsort((*(texts[name][0] for name in ("figure", "flight", "vehicle")), numbers["time"]))
+    order = np.lexsort((*own, numbers["time"]))
     others = [c for c in table.columns if c not in (*NEEDED, *OPTIONAL) and table[c].dtype.kind in "fiu"]
     return FigureTable.of_columns(
         {name: _taken(names, at[order]) for name, (at, names) in texts.items()},
@@ -201,7 +201,7 @@ def of_frames(where: str, tables: Sequence[pd.DataFrame]) -> FigureTable:
 
 def _taken(names: pd.Index[str], at: IntArray) -> list[str]:
     """Return names by their places; rows share what they have in common."""
-    return list(map(names.tolist().__getitem__, at.tolist()))
+    return list(names.to_numpy(object)[at])
 
 
 def _numbers(where: str, table: pd.DataFrame, name: str) -> FloatArray:

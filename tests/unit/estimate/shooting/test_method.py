@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from stoop.assessment.error_bars import error_bars
-from stoop.estimate import methods
+from stoop.estimate import methods, multiple_shooting
 from stoop.estimate.fit import Options, estimation_problem
 from stoop.estimate.multiple_shooting import MultipleShooting
 from stoop.flight import from_columns
@@ -111,6 +111,19 @@ def test_truth_comes_back_within_three_standard_errors(start, flight):
     ]
     assert np.abs(z).max() < 3.0
     assert found.estimates["Cmalpha"] == pytest.approx(1.5, abs=0.1)
+
+
+def test_rounds_before_the_noise_is_known_may_end_early(start, flight, monkeypatch):
+    """The last one ends where it would have."""
+    args = (start, {"damped": flight}, WINDOW, Options())
+    early = MultipleShooting()(*args)
+    monkeypatch.setattr(multiple_shooting, "FIRST_TOLERANCE", multiple_shooting.TOLERANCE)
+    late = MultipleShooting()(*args)
+    assert early.outcome.status == late.outcome.status == "converged"
+    assert early.trajectories <= late.trajectories
+    bars = error_bars(late).std[: late.problem.layout.dimension]
+    difference = [early.estimates[p.name] - late.estimates[p.name] for p in late.problem.layout.parameters]
+    assert np.abs(np.array(difference) / bars).max() < 0.02
 
 
 def test_a_start_at_the_truth_stays_near_it(unstable, flight):
