@@ -175,7 +175,7 @@ def of_frames(where: str, tables: Sequence[pd.DataFrame]) -> FigureTable:
     texts = {name: pd.factorize(table[name].fillna("").astype(str), sort=True) for name in there}
     bad = np.flatnonzero(
         ~(np.isfinite(numbers["value"]) & np.isfinite(numbers["time"]) & (numbers["std_error"] > 0.0))
-        | np.any([at == names.get_indexer([""]) for at, names in map(texts.__getitem__, TEXTS)], axis=0)
+        | np.any([np.asarray(names == "")[at] for at, names in map(texts.__getitem__, TEXTS)], axis=0)
     )
     if bad.size:
         flight = table["flight"].iloc[int(bad[0])]
