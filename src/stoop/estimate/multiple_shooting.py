@@ -214,10 +214,10 @@ def refined(
             recorded, held = aligned(recorded, at.z), problem.problem
             settled = all(a.moved == b.moved for a, b in zip(recorded.pieces, held.pieces, strict=True))
             noise_converged = settled and (given or ALTERNATION.converged(before, held))
-            if noise_converged and tolerance == TOLERANCE:
-                break
-            if noise_converged:  # once more, to the end
-                tolerance = TOLERANCE
+            if noise_converged:
+                if tolerance == TOLERANCE:
+                    break
+                tolerance = TOLERANCE  # once more, to the end
                 continue
             shifted = recorded
             if not given:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from stoop.base.arrays import BoolArray, FloatArray, IntArray
+from stoop.base.arrays import BoolArray, FloatArray
 from stoop.base.files import read_bounded
 from stoop.errors import StoopError
 
@@ -173,9 +173,10 @@ def of_frames(where: str, tables: Sequence[pd.DataFrame]) -> FigureTable:
     numbers = {name: _numbers(where, table, name) for name in ("time", *NUMBERS)}
     there = [*TEXTS, *(name for name in OPTIONAL if name in table.columns)]
     texts = {name: pd.factorize(table[name].fillna("").astype(str), sort=True) for name in there}
+    own = [texts[name] for name in ("figure", "flight", "vehicle")]
     bad = np.flatnonzero(
         ~(np.isfinite(numbers["value"]) & np.isfinite(numbers["time"]) & (numbers["std_error"] > 0.0))
-        | np.any([np.asarray(names == "")[at] for at, names in map(texts.__getitem__, TEXTS)], axis=0)
+        | np.any([np.asarray(names == "")[at] for at, names in own], axis=0)
     )
     if bad.size:
         flight = table["flight"].iloc[int(bad[0])]
@@ -183,25 +184,20 @@ def of_frames(where: str, tables: Sequence[pd.DataFrame]) -> FigureTable:
             f"{where}: {len(bad)} rows, first that of flight {flight}, lack a value, a time, a standard error above zero, or "
             "the name of flight, vehicle or figure; leave such rows out"
         )
-    own = [texts[name][0] for name in ("figure", "flight", "vehicle")]
-    twice = pd.DataFrame(dict(enumerate(own))).duplicated()
+    places = [at for at, _ in own]
+    twice = pd.DataFrame(dict(enumerate(places))).duplicated()
     if twice.any():
         row = table[twice].iloc[0]
         raise StoopError(
             f"{where}: {row['figure']} of flight {row['flight']} stands there twice; keep one row"
         )
-    order = np.lexsort((*own, numbers["time"]))
+    order = np.lexsort((*places, numbers["time"]))
     others = [c for c in table.columns if c not in (*NEEDED, *OPTIONAL) and table[c].dtype.kind in "fiu"]
     return FigureTable.of_columns(
-        {name: _taken(names, at[order]) for name, (at, names) in texts.items()},
+        {name: names.to_numpy(object)[at[order]].tolist() for name, (at, names) in texts.items()},
         {name: x[order] for name, x in numbers.items()},
         {str(c): _numbers(where, table, c)[order] for c in others},
     )
-
-
-def _taken(names: pd.Index[str], at: IntArray) -> list[str]:
-    """Return names by their places; rows share what they have in common."""
-    return list(names.to_numpy(object)[at])
 
 
 def _numbers(where: str, table: pd.DataFrame, name: str) -> FloatArray:
