@@ -1,9 +1,10 @@
 """Run the checks of the project: ``python3 scripts/test.py [--environment DIR] [CHECK ...]``.
 
 The environment is made if it is not there and stoop is installed into it from this folder, so Python 3.11 is
-all it needs. Without names the checks before a commit run, with the tests of the standard tier; one that fails does not
-keep the others from running. ``quick`` runs ruff and the tests that take seconds, for while you work; ``full`` the tests
-that the standard tier leaves out: campaigns and distributions at full power.
+all it needs. Without names the checks before a commit run, the tests of the standard tier beside the others, which use
+what these leave of the processors; one that fails does not keep the others from running. ``quick`` runs ruff and the
+tests that take seconds, for while you work; ``full`` the tests that the standard tier leaves out: campaigns and
+distributions at full power.
 """
 
 from __future__ import annotations
@@ -15,7 +16,8 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -53,9 +55,22 @@ def main() -> int:
         named = {n: CHECKS[n] for n in arguments.checks or CHECKS if n in CHECKS}
         chosen = named or ALONE[arguments.checks[0]]
         commands = {name: [w.format(scratch=scratch) for w in words] for name, words in chosen.items()}
-        failed = ["install"] if not install else [n for n, c in commands.items() if not _run(n, c, folder)]
+        failed = _failed(commands, folder) if install else ["install"]
     print(f"\nfailed: {', '.join(failed)}" if failed else f"\nall passed: {', '.join(commands)}", flush=True)
     return 1 if failed else 0
+
+
+def _failed(commands: Mapping[str, Sequence[str]], folder: Path) -> list[str]:
+    """Run commands, those beside the tests at the same time, with their output at their end; return those that failed."""
+    with ThreadPoolExecutor(1) as other:
+        beside = {
+            n: other.submit(_run, n, c, folder, whole=True)
+            for n, c in commands.items()
+            if "tests" in commands and n != "tests"
+        }
+        ended = {n: _run(n, c, folder) for n, c in commands.items() if n not in beside}
+        ended |= {n: run.result() for n, run in beside.items()}
+    return [n for n in commands if not ended[n]]
 
 
 def _arguments() -> argparse.Namespace:
@@ -89,8 +104,8 @@ def _install(folder: Path) -> bool:
     )
 
 
-def _run(name: str, command: Sequence[str], folder: Path) -> bool:
-    """Run a command with the environment's programs first; return whether it succeeded."""
+def _run(name: str, command: Sequence[str], folder: Path, whole: bool = False) -> bool:
+    """Run a command with the environment's programs first, its output `whole` at its end or as it comes; return its success."""
     programs = folder / ("Scripts" if os.name == "nt" else "bin")
     path = os.pathsep.join([str(programs), os.environ.get("PATH", "")])
     own = {
@@ -100,20 +115,25 @@ def _run(name: str, command: Sequence[str], folder: Path) -> bool:
     inherited = {
         n: v for n, v in os.environ.items() if n != "PYTHONDONTWRITEBYTECODE"
     }  # each worker would rewrite all
-    print(f"\n=== {name}: {' '.join(command)}", flush=True)
+    head = f"\n=== {name}: {' '.join(command)}"
+    if not whole:
+        print(head, flush=True)
     began = time.monotonic()
     program = shutil.which(command[0], path=path) or command[0]
-    code = subprocess.run(
+    done = subprocess.run(
         [program, *command[1:]],
         cwd=ROOT,
         env={**inherited, "PATH": path, **own},
         stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE if whole else None,
+        stderr=subprocess.STDOUT if whole else None,
+        text=True,
+        errors="replace",
         check=False,
-    ).returncode
-    print(
-        f"=== {name}: {'ok' if code == 0 else f'failed ({code})'}, {time.monotonic() - began:.0f} s",
-        flush=True,
     )
+    code, seconds = done.returncode, time.monotonic() - began
+    outcome = f"=== {name}: {'ok' if code == 0 else f'failed ({code})'}, {seconds:.0f} s"
+    print(f"{head}\n{done.stdout}{outcome}" if whole else outcome, flush=True)
     return code == 0
 
 

@@ -6,6 +6,7 @@ import resource
 from pathlib import Path
 
 import pytest
+from crossed import crossed
 from studies.robustness import limited
 from studies.robustness.bombs import BOMBS
 from studies.robustness.campaign import check
@@ -43,8 +44,7 @@ LIMITS = {
 }  #: kind -> limits of a process
 
 
-@pytest.mark.parametrize("kind", LIMITS)
-@pytest.mark.parametrize("name", COMMANDS)
+@pytest.mark.parametrize(("name", "kind"), crossed(COMMANDS, LIMITS))
 def test_a_command_under_a_limit_ends_in_all_of_its_files_or_in_one_line(
     name: str, kind: str, tmp_path: Path
 ) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from crossed import crossed
 from studies.robustness import limited
 from studies.robustness.campaign import check
 from studies.robustness.limited import MEMORY, Run
@@ -25,8 +26,7 @@ def tried(words: tuple[str, ...], folder: Path, files: dict[str, bytes]) -> Run:
     return run
 
 
-@pytest.mark.parametrize("form", FORMS)
-@pytest.mark.parametrize("name", READ_BY)
+@pytest.mark.parametrize(("name", "form"), crossed(READ_BY, FORMS))
 def test_an_odd_text_is_read_or_refused_in_one_line(name: str, form: str, tmp_path: Path) -> None:
     run = tried(READ_BY[name], tmp_path / "here", {name: FORMS[form](name, sound_text(name))})
     check("odd texts", name, run.ended)
@@ -35,8 +35,7 @@ def test_an_odd_text_is_read_or_refused_in_one_line(name: str, form: str, tmp_pa
         assert "UTF-8" in run.ended.message or form not in UTF_16
 
 
-@pytest.mark.parametrize("kind", PATHS)
-@pytest.mark.parametrize("way", WAYS)
+@pytest.mark.parametrize(("way", "kind"), crossed(WAYS, PATHS))
 def test_an_odd_path_is_taken_or_refused_in_one_line(way: str, kind: str, tmp_path: Path) -> None:
     words = tuple(PATHS[kind] if word == "PATH" else word for word in WAYS[way])
     check("odd paths", way, tried(words, tmp_path / "here", {}).ended)

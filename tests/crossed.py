@@ -1,0 +1,26 @@
+"""Pairs of two lists of cases, where a whole product would say the same many times."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import pytest
+from _pytest.mark import ParameterSet
+
+SHARE = 3  #: each case meets one in so many of the other list's
+
+
+def met(first: int, second: int) -> bool:
+    """Whether the cases of two places in their lists are tried together."""
+    return (first + second) % SHARE == 0
+
+
+def crossed(first: Iterable[str], second: Iterable[str]) -> list[ParameterSet]:
+    """Return pairs of cases for `pytest.mark.parametrize`; every case of either list is in some."""
+    others = list(second)
+    return [
+        pytest.param(a, b, id=f"{a}-{b}")
+        for i, a in enumerate(first)
+        for j, b in enumerate(others)
+        if met(i, j)
+    ]
