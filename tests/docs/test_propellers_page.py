@@ -52,6 +52,12 @@ def test_what_is_said_of_them() -> None:
         assert f"from {low} to {high}" in text or f"between {low} and {high}" in text
     normal = [r for r in records("propellers.csv") if r["condition"] == "normal"]
     assert len(normal) == 8
+    assert max(float(r["chance"]) for r in flights) < min(float(r["chance"]) for r in normal), (
+        "all cut flights come before all normal ones"
+    )
+    assert (
+        f"all {len(flights)} flights with a cut propeller come before all {len(normal)} normal ones" in text
+    )
     assert all(r["verdict"].startswith("as healthy") for r in normal)
 
 

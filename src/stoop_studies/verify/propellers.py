@@ -25,6 +25,7 @@ WHOLE: Final = 47  #: mm, length of an uncut propeller
 MIN_NORMAL_FLIGHTS: Final = 2
 CHANGED: Final = "M3"  #: the rotor that was cut or loaded
 NORMAL: Final = "normal"  #: what was done to a flight: nothing
+AREA: Final = 0.95  #: under the ROC curve, at least
 DIGITS: Final = 6  #: decimals of the tables, so many that rounding them again gives what the page shows
 #: of a file
 NAME: Final = (
@@ -213,6 +214,18 @@ def _claims(normal: Sequence[Assessed], treatments: Sequence[Assessed]) -> Itera
         "No normal flight is accused, each compared with the others",
         unhealthy == 0,
         f"{counted(unhealthy, len(normal))} accused; the least chance is {min(a.found.chance for a in normal):.2f}",
+    )
+    flown = [m for a in cut for m in a.members]
+    behind = [
+        0.5 * ((m.found.chance <= a.found.chance) + (m.found.chance < a.found.chance))
+        for m in flown
+        for a in normal
+    ]
+    area = float(np.mean(behind))
+    yield holds(
+        f"Area under the ROC curve of the chance, cut flights against normal ones, of {AREA}",
+        area >= AREA,
+        f"{area:.3f}; {len(flown)} cut flights, {len(normal)} normal ones, none compared with itself",
     )
     undecided, figures = shares(
         weighted, "weights", lambda a: a.verdict.kind == "weak or mass" and a.accuses_m3
