@@ -7,12 +7,7 @@ from collections.abc import Iterable
 SHARE = 3  #: each case meets one in so many of the other list's
 
 
-def met(first: int, second: int) -> bool:
-    """Whether the cases of two places in their lists are tried together."""
-    return (first + second) % SHARE == 0
-
-
 def crossed(first: Iterable[str], second: Iterable[str]) -> list[tuple[str, str]]:
     """Return the pairs of cases that meet; every case of either list is in some, where the other has three."""
     others = list(second)
-    return [(a, b) for i, a in enumerate(first) for j, b in enumerate(others) if met(i, j)]
+    return [(a, b) for i, a in enumerate(first) for j, b in enumerate(others) if (i + j) % SHARE == 0]

@@ -5,9 +5,8 @@ from __future__ import annotations
 import csv
 import re
 
-import pytest
-
 from docs.pages import DOCS, ROOT, table
+from stoop_studies.findings import number
 from stoop_studies.verify.study import vehicle_text
 
 PAGE = DOCS / "propellers.md"
@@ -74,15 +73,6 @@ def test_the_page_of_the_command_shows_the_tables() -> None:
     shown = [row for row in rows if len(row) == 13 and row[0] != "airframe"]
     told = [*records("propellers.csv"), *records("propellers-conditions.csv")]
     for cells, row in zip(shown, told, strict=True):
-        assert [_read(cell) for cell in cells] == [
-            pytest.approx(_read(said), rel=1e-3) if isinstance(_read(said), float) else said
-            for said in row.values()
+        assert cells == [
+            number(float(said), 4) if re.search(r"\d[.e]", said) else said for said in row.values()
         ]
-
-
-def _read(cell: str) -> float | str:
-    """Return the number of a cell, or its text."""
-    try:
-        return float(cell.replace("−", "-"))
-    except ValueError:
-        return cell

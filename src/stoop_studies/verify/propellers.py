@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+from scipy.stats import mannwhitneyu
 
 from stoop.errors import StoopError
 from stoop.flight import load
@@ -216,12 +217,8 @@ def _claims(normal: Sequence[Assessed], treatments: Sequence[Assessed]) -> Itera
         f"{counted(unhealthy, len(normal))} accused; the least chance is {min(a.found.chance for a in normal):.2f}",
     )
     flown = [m for a in cut for m in a.members]
-    behind = [
-        0.5 * ((m.found.chance <= a.found.chance) + (m.found.chance < a.found.chance))
-        for m in flown
-        for a in normal
-    ]
-    area = float(np.mean(behind))
+    behind = mannwhitneyu([a.found.chance for a in normal], [a.found.chance for a in flown]).statistic
+    area = float(behind) / (len(normal) * len(flown))
     yield holds(
         f"Area under the ROC curve of the chance, cut flights against normal ones, of {AREA}",
         area >= AREA,

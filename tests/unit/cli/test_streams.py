@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import pytest
-from crossed import met
+from crossed import crossed
 
 pytestmark = pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a POSIX shell and /dev/full")
 NOWHERE = "/proc/nowhere"
@@ -90,14 +90,17 @@ def check(verb: Sequence[str], names: Mapping[str, str], folder: Path, around: S
     words = [names.get(word, word) for word in verb]
     if "MODEL" in verb:
         assert ended(["identify", names["FLIGHT"], *IDENTIFY, "-o", names["MODEL"]], folder).returncode == 0
-    for i, shell in enumerate(one for one in around if one not in ENVIRONMENTS):
-        codes = {**STREAMS, **LIMITS}[shell]
+    for i, (shell, codes) in enumerate({**STREAMS, **LIMITS}.items()):
+        if shell not in around:
+            continue
         (inside := folder / f"limits-{i}").mkdir()
         done = ended(words, inside, shell)
         assert done.returncode in ((2,) if words == ["nosuch"] else codes), (shell, done.stderr)
-    for name in (one for one in around if one in ENVIRONMENTS):
+    for name, changes in ENVIRONMENTS.items():
+        if name not in around:
+            continue
         (inside := folder / name).mkdir()
-        done = ended(words, inside, changes=ENVIRONMENTS[name])
+        done = ended(words, inside, changes=changes)
         assert done.returncode == 2 * (words == ["nosuch"]), (name, done.stderr)
         warnings = [line for line in done.stderr.splitlines() if "cache" in line]
         assert len(warnings) <= 1
@@ -112,8 +115,7 @@ def test_cheap_verbs(name: str, place: dict[str, str], tmp_path: Path) -> None:
 @pytest.mark.parametrize("name", LONG)
 def test_long_verbs(name: str, place: dict[str, str], tmp_path: Path) -> None:
     """Each in a third of the surroundings: what meets them is the same for all verbs."""
-    verb = [*LONG].index(name)
-    check(LONG[name], place, tmp_path, [one for i, one in enumerate(SURROUNDINGS) if met(verb, i)])
+    check(LONG[name], place, tmp_path, [one for verb, one in crossed(LONG, SURROUNDINGS) if verb == name])
 
 
 def test_an_error_and_an_output_that_is_full_are_one_line(tmp_path: Path) -> None:
