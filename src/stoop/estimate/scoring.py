@@ -10,6 +10,8 @@ M. R. Osborne, "Fisher's method of scoring", *International Statistical Review* 
 
 from __future__ import annotations
 
+from typing import Final
+
 import numpy as np
 
 from stoop.base.arrays import FloatArray
@@ -25,6 +27,9 @@ from stoop.optimize.levenberg_marquardt import (
 )
 from stoop.optimize.minimize import Status
 from stoop.optimize.secant import Secant, is_positive_definite
+
+#: tolerances, that may seem left to gain where no step gains anything: as exact are differences of a filter's gradient
+UNREACHED: Final = 10.0
 
 
 class ScoringModel(StagedModel):
@@ -93,7 +98,15 @@ class ScoringModel(StagedModel):
         """Whether the predicted gain is below the tolerance."""
         if not self.current:
             self.linearize()
-        return 0.5 * float(self.gradient @ self._solve(self.gradient, 0.0)) < self.tolerance
+        return self._left() < self.tolerance
+
+    def settled(self) -> Ending:
+        """Return an optimum only if little seems left to gain."""
+        return "converged" if self._left() < UNREACHED * self.tolerance else "stalled"
+
+    def _left(self) -> float:
+        """Return the predicted gain of -ln L."""
+        return 0.5 * float(self.gradient @ self._solve(self.gradient, 0.0))
 
     def step(self, damping: float) -> FloatArray:
         """Return the damped step."""

@@ -38,6 +38,7 @@ from stoop.optimize.levenberg_marquardt import (
 )
 from stoop.optimize.normal_equations import dense, solve_damped, tall
 from stoop.optimize.problem import Problem
+from stoop.optimize.secant import Secant, is_positive_definite
 
 AGREE: Final = 1e-3  #: relative difference of two costs that count as the same optimum
 
@@ -135,6 +136,7 @@ class SecantModel(LinearModel):
         self.costs = [self.cost]
         self.slow = False  # the last gain was below settings.gain
         self.flat = False  # the last two were
+        self.secant, self.corrects = Secant.none(len(self.z)), False
 
     @property
     def optimal(self) -> bool:
@@ -148,15 +150,22 @@ class SecantModel(LinearModel):
         self.updates: list[tuple[FloatArray, FloatArray]] = []
         self.normal = self.differences.gram()
         self.gradient = self.differences.project(self.r)
+        self.secant = self.secant.at(self.z, self.gradient, self.normal)
         self.current = self.exact = True
 
+    def curvature(self, free: BoolArray) -> FloatArray:
+        """Return the Gauss-Newton matrix of free variables, with what it lacks where that foretold the last cost better."""
+        rows = np.ix_(free, free)
+        corrected = (self.normal + self.secant.correction)[rows]
+        return corrected if self.corrects and is_positive_definite(corrected) else self.normal[rows]
+
     def step(self, damping: float) -> FloatArray | None:
-        """Return the damped Gauss-Newton step inside the bounds; None where every direction is held."""
+        """Return the damped step inside the bounds; None where every direction is held."""
         free = not_held(self.z, self.gradient, self.lower, self.upper)
         if not free.any():
             return None
         step = np.zeros_like(self.z)
-        step[free] = solve_damped(self.normal[np.ix_(free, free)], -self.gradient[free], damping)
+        step[free] = solve_damped(self.curvature(free), -self.gradient[free], damping)
         inside: FloatArray = np.clip(self.z + step, self.lower, self.upper) - self.z
         return inside
 
@@ -168,7 +177,7 @@ class SecantModel(LinearModel):
         free = not_held(self.z, self.gradient, self.lower, self.upper)
         g = self.gradient[free]
         # 1e-8: curvature, of a scaled problem, that differences still resolve
-        return float(g @ solve_damped(self.normal[np.ix_(free, free)], g, 1e-8))
+        return float(g @ solve_damped(self.curvature(free), g, 1e-8))
 
     def finished(self, step: FloatArray) -> Ending | Literal["renew"] | None:
         """Take a vanishing step or gain for convergence only if the Jacobian is exact; see whether the optimum is known."""
@@ -185,7 +194,10 @@ class SecantModel(LinearModel):
         z = self.z + step
         r = self.problem.residuals(z[None, :], self.rung)[0]
         predicted = -float(2.0 * (self.gradient @ step) + step @ self.normal @ step)
-        return Trial((z, r), sum_of_squares(r), predicted)
+        missing, cost = float(step @ self.secant.correction @ step), sum_of_squares(r)
+        off = self.cost - cost - predicted  # by how much Gauss and Newton promise too little
+        self.corrects = abs(off + missing) < abs(off)
+        return Trial((z, r), cost, predicted)
 
     def accept(self, trial: Trial, ratio: float) -> None:
         """Go there; keep the Jacobian by Broyden's update where it predicted the gain to a quarter and the gain was not small."""
