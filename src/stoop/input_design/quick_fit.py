@@ -20,6 +20,7 @@ from stoop.problem.windows import Window
 from stoop.strategy.assumptions import assume
 from stoop.strategy.bounds import BOUNDS
 from stoop.strategy.gusts import GUSTS
+from stoop.strategy.inertia import PLACE
 from stoop.strategy.run import FIT_ALONE, setup_of
 from stoop.strategy.run import fit as fit_by
 from stoop.vehicle import Vehicle
@@ -50,9 +51,14 @@ def with_assumptions(vehicle: Vehicle, flights: Mapping[str, Flight], windows: S
 
 
 def first_fit(vehicle: Vehicle, flights: Mapping[str, Flight], windows: Sequence[Window]) -> dict[str, float]:
-    """Return estimates (SI) of free numbers by name, in calm air; none of what a bound holds, or where it fails."""
+    """Return estimates (SI) of free numbers by name, in calm air; none of what a bound holds, or where it fails.
+
+    Moments of inertia are held: where a flight shows ratios to them only, a fit moves them far, and would be made again.
+    """
+    moments = [p.name for p in vehicle.parameters if p.name.startswith(PLACE)]
+    held_vehicle = vehicle.with_numbers({name: {"free": False} for name in moments})
     try:
-        fit = fit_by(FIRST, vehicle, _used(flights, windows), windows, options=QUICK).estimate
+        fit = fit_by(FIRST, held_vehicle, _used(flights, windows), windows, options=QUICK).estimate
     except (FlightError, IdentificationError):
         return {}
     held = {one.name for one in fit.unknowns if one.fixed == "bound"}
