@@ -53,9 +53,11 @@ def with_assumptions(vehicle: Vehicle, flights: Mapping[str, Flight], windows: S
 def first_fit(vehicle: Vehicle, flights: Mapping[str, Flight], windows: Sequence[Window]) -> dict[str, float]:
     """Return estimates (SI) of free numbers by name, in calm air; none of what a bound holds, or where it fails.
 
-    Moments of inertia are held: where a flight shows ratios to them only, a fit moves them far, and would be made again.
+    Moments of inertia for which coefficients hold are themselves held: a flight shows ratios, a fit moves them far, and would
+    be made again.
     """
-    moments = [p.name for p in vehicle.parameters if p.name.startswith(PLACE)]
+    ratios = "reference.inertia.x" in vehicle.rows
+    moments = [p.name for p in vehicle.parameters if ratios and p.name.startswith(PLACE)]
     held_vehicle = vehicle.with_numbers({name: {"free": False} for name in moments})
     try:
         fit = fit_by(FIRST, held_vehicle, _used(flights, windows), windows, options=QUICK).estimate
