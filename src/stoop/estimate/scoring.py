@@ -26,7 +26,7 @@ from stoop.optimize.levenberg_marquardt import (
     Trial,
 )
 from stoop.optimize.minimize import Status
-from stoop.optimize.secant import Secant, is_positive_definite
+from stoop.optimize.secant import Secant
 
 #: tolerances, that may seem left to gain where no step gains anything: as exact are differences of a filter's gradient
 UNREACHED: Final = 10.0
@@ -89,8 +89,7 @@ class ScoringModel(StagedModel):
         self.free = np.flatnonzero(~held)
         rows = np.ix_(self.free, self.free)
         self.gradient, self.information = g[self.free], at.information[rows]
-        corrected = (curvature + self.secant.correction)[rows]
-        self.curvature = corrected if is_positive_definite(corrected) else curvature[rows]
+        self.curvature = self.secant.corrected(curvature, self.free)
         self.current = self.exact = True
 
     @property

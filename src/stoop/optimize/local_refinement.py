@@ -1,7 +1,9 @@
 """Local refinement by Levenberg-Marquardt in the unit box: `refine` is cheap, `descend` converges to the last digit.
 
 `refine`: a Jacobian by differences costs D + E trajectories, a trial step one. So a Jacobian is kept as long as
-Broyden's update carries it, and a refinement that does not come down is given up early.
+Broyden's update carries it, and a refinement that does not come down is given up early. Where the model leaves much
+unexplained, Gauss-Newton steps crawl: the curvature that they lack is learned from gradients at Jacobians by differences,
+and counts where the cost that it foretold was nearer than theirs.
 
 `descend` is for one hard regression from a far start: a Jacobian in every iteration, QR instead of normal equations,
 geodesic acceleration along narrow curved valleys, and a scale that remembers, so that parameters do not run off to where
@@ -12,6 +14,7 @@ References
 ----------
 Nielsen (1999), Damping parameter in Marquardt's method, IMM-REP-1999-05 (the update of the damping).
 Broyden (1965), Math. Comp. 19, 577-593 (the secant update).
+Dennis, Gay and Welsch (1981), ACM Trans. Math. Softw. 7, 348-368 (what Gauss-Newton lacks, and when it counts).
 Transtrum and Sethna (2012), Improvements to the Levenberg-Marquardt algorithm for nonlinear least-squares
 minimization, arXiv:1201.5885 (geodesic acceleration, eqs. 13 to 15).
 More (1978), The Levenberg-Marquardt algorithm: implementation and theory, LNM 630, 105-116 (the scale).
@@ -38,7 +41,7 @@ from stoop.optimize.levenberg_marquardt import (
 )
 from stoop.optimize.normal_equations import dense, solve_damped, tall
 from stoop.optimize.problem import Problem
-from stoop.optimize.secant import Secant, is_positive_definite
+from stoop.optimize.secant import Secant
 
 AGREE: Final = 1e-3  #: relative difference of two costs that count as the same optimum
 
@@ -136,7 +139,8 @@ class SecantModel(LinearModel):
         self.costs = [self.cost]
         self.slow = False  # the last gain was below settings.gain
         self.flat = False  # the last two were
-        self.secant, self.corrects = Secant.none(len(self.z)), False
+        self.secant = Secant.none(len(self.z))
+        self.corrects = False  # whether the secant's correction counts
 
     @property
     def optimal(self) -> bool:
@@ -155,9 +159,9 @@ class SecantModel(LinearModel):
 
     def curvature(self, free: BoolArray) -> FloatArray:
         """Return the Gauss-Newton matrix of free variables, with what it lacks where that foretold the last cost better."""
-        rows = np.ix_(free, free)
-        corrected = (self.normal + self.secant.correction)[rows]
-        return corrected if self.corrects and is_positive_definite(corrected) else self.normal[rows]
+        if self.corrects:
+            return self.secant.corrected(self.normal, free)
+        return self.normal[np.ix_(free, free)]
 
     def step(self, damping: float) -> FloatArray | None:
         """Return the damped step inside the bounds; None where every direction is held."""
@@ -195,7 +199,7 @@ class SecantModel(LinearModel):
         r = self.problem.residuals(z[None, :], self.rung)[0]
         predicted = -float(2.0 * (self.gradient @ step) + step @ self.normal @ step)
         missing, cost = float(step @ self.secant.correction @ step), sum_of_squares(r)
-        off = self.cost - cost - predicted  # by how much Gauss and Newton promise too little
+        off = self.cost - cost - predicted  # by how much Gauss-Newton promises too little
         self.corrects = abs(off + missing) < abs(off)
         return Trial((z, r), cost, predicted)
 

@@ -8,12 +8,13 @@ Software* 7(3), 1981, pp. 348-368: section 3, the update and its sizing.
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
 
-from stoop.base.arrays import FloatArray
+from stoop.base.arrays import BoolArray, FloatArray, IntArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,10 +62,12 @@ class Secant:
         C = C + outer + outer.T - float(w @ step) / growth**2 * np.outer(change, change)
         return type(self)(point, gradient, C if np.isfinite(C).all() else self.correction)
 
-
-def is_positive_definite(matrix: FloatArray) -> bool:
-    """Tell whether a symmetric matrix (n, n) is positive definite."""
-    try:
-        return bool(np.isfinite(np.linalg.cholesky(matrix)).all())
-    except np.linalg.LinAlgError:
-        return False
+    def corrected(self, curvature: FloatArray, chosen: IntArray | BoolArray) -> FloatArray:
+        """Return the curvature of chosen variables with the correction, or without where that is not positive definite."""
+        rows = np.ix_(chosen, chosen)
+        known: FloatArray = curvature[rows]
+        whole: FloatArray = known + self.correction[rows]
+        with suppress(np.linalg.LinAlgError):
+            if np.isfinite(np.linalg.cholesky(whole)).all():
+                return whole
+        return known

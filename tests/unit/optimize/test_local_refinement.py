@@ -151,6 +151,33 @@ def test_a_dive_never_rises_and_survives_any_garbage(seed: int) -> None:
         assert ((end.z[:3] >= 0.0) & (end.z[:3] <= 1.0)).all()
 
 
+class Unexplained:
+    """Two residuals of which much remains at the minimum x = 0: a Gauss-Newton step leaves 95 % of the way (Fletcher)."""
+
+    dimension, extra, prices = 1, 0, (1.0,)
+
+    def residuals(self, Z: np.ndarray, rung: int) -> np.ndarray:
+        x = Z[:, 0] - 0.5
+        return np.column_stack([x + 1.0, 0.95 * x**2 + x - 1.0])
+
+    def costs(self, X: np.ndarray, rung: int) -> np.ndarray:
+        return (self.residuals(X, rung) ** 2).sum(axis=1)
+
+    def jacobian(self, z: np.ndarray, rung: int, r: np.ndarray) -> tuple[np.ndarray, float]:
+        return optimize.forward_jacobian(self, z, rung, r)
+
+    def reference(self, rung: int) -> float:
+        return 10.0
+
+
+def test_what_a_model_leaves_unexplained_does_not_slow_the_end() -> None:
+    """Gauss-Newton alone takes 39 steps here, and stops at 0.005."""
+    end = refine(Unexplained(), np.array([0.9]), 0, FULL)
+    assert end.converged
+    assert end.iterations <= 15
+    assert end.z[0] == pytest.approx(0.5, abs=1e-3)
+
+
 class Valley:
     """Rosenbrock's curved valley, on the box of -2 to 2, above a floor: local refinements are slow along it."""
 

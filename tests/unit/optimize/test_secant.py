@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from stoop.optimize.secant import Secant, is_positive_definite
+from stoop.optimize.secant import Secant
 
 
 @given(st.integers(0, 2**32 - 1), st.integers(2, 8))
@@ -54,7 +54,11 @@ def test_packed_holds_everything() -> None:
         assert np.array_equal(getattr(again, name), getattr(one, name))
 
 
-def test_positive_definite() -> None:
-    assert is_positive_definite(np.eye(2))
-    assert not is_positive_definite(np.diag([1.0, -1.0]))
-    assert not is_positive_definite(np.full((2, 2), np.nan))
+def test_a_correction_counts_where_the_curvature_stays_positive_definite() -> None:
+    def corrected(change: list[float], chosen: list[int]) -> np.ndarray:
+        return Secant(np.zeros(2), np.zeros(2), np.diag(change)).corrected(np.eye(2), np.array(chosen))
+
+    assert np.array_equal(corrected([1.0, 2.0], [0, 1]), np.diag([2.0, 3.0]))
+    assert np.array_equal(corrected([1.0, -2.0], [0, 1]), np.eye(2))
+    assert np.array_equal(corrected([1.0, -2.0], [0]), [[2.0]])
+    assert np.array_equal(corrected([1.0, np.nan], [0, 1]), np.eye(2))
