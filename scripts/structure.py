@@ -40,7 +40,7 @@ BUDGETS = {
     "input_design": 2385,
     "kernels": 2810,
     "logs": 5150,
-    "optimize": 2765,
+    "optimize": 2770,
     "parallel": 1250,
     "performance": 875,
     "prediction": 785,
