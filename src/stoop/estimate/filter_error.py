@@ -191,7 +191,6 @@ class FilterError(Fitter[FilterEstimate]):
     #: process noise that is not estimated, see :class:`Noise`
     stated: float | None = None
 
-    @on_one_blas_thread
     def search(
         self, problem: Misfit, prepared: Prepared, options: Options, callback: Callback, state: State
     ) -> FilterEstimate:

@@ -19,6 +19,7 @@ import numpy as np
 
 from stoop import optimize
 from stoop.base.arrays import FloatArray
+from stoop.base.blas import on_one_blas_thread
 from stoop.base.notices import notice
 from stoop.checks.excitation import MASS, with_mass_held
 from stoop.checks.vehicle import require_channels, require_data
@@ -258,6 +259,7 @@ def starts(problem: Misfit, known: Mapping[str, float] | None = None) -> FloatAr
 class Fitter(ABC, Generic[FittedT]):
     """A method that searches for the free numbers of a vehicle; :mod:`stoop.estimate.methods` names the methods."""
 
+    @on_one_blas_thread
     def __call__(
         self,
         vehicle: Vehicle,

@@ -29,7 +29,6 @@ import numpy as np
 
 from stoop import optimize
 from stoop.base.arrays import FloatArray, IntArray
-from stoop.base.blas import on_one_blas_thread
 from stoop.base.notices import notice
 from stoop.errors import IdentificationError
 from stoop.estimate import iterates
@@ -482,7 +481,6 @@ class MultipleShooting(Fitter[ShootingEstimate]):
 
     length: float = WINDOW_LENGTH
 
-    @on_one_blas_thread
     def search(
         self, problem: Misfit, prepared: Prepared, options: Options, callback: Callback, state: State
     ) -> ShootingEstimate:

@@ -200,7 +200,8 @@ class SecantModel(LinearModel):
         predicted = -float(2.0 * (self.gradient @ step) + step @ self.normal @ step)
         missing, cost = float(step @ self.secant.correction @ step), sum_of_squares(r)
         off = self.cost - cost - predicted  # by how much Gauss-Newton promises too little
-        self.corrects = abs(off + missing) < abs(off)
+        # fewer residuals than variables are a cost in disguise, of which every hollow would count as an optimum
+        self.corrects = len(r) >= len(z) and abs(off + missing) < abs(off)
         return Trial((z, r), cost, predicted)
 
     def accept(self, trial: Trial, ratio: float) -> None:
