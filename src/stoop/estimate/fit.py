@@ -68,6 +68,10 @@ class Alternation:
         """Whether the noise covariance has converged, for the log det R of the round before."""
         return abs(before - problem.noise_logdet) < self.tolerance * len(problem.weights.covariance)
 
+    def exhausted(self, before: float, problem: Misfit) -> bool:
+        """Whether log det R no longer falls; what fits worse repeats itself more and counts less, and so might drift on."""
+        return before - problem.noise_logdet < self.tolerance * len(problem.weights.covariance)
+
 
 #: before the weights are fixed for the search
 SETTLING: Final = Alternation(3, 0.05)
@@ -363,7 +367,7 @@ def refine(
     for _ in range(0 if interrupted else ALTERNATION.rounds):
         z, more, cut_short = _refined(problem, z, FULL, budget - spent)
         spent, interrupted = spent + more, cut_short == "interrupted"
-        converged = not estimate_noise or ALTERNATION.converged(before, problem)
+        converged = not estimate_noise or ALTERNATION.exhausted(before, problem)
         if converged or cut_short:
             break
         try:
