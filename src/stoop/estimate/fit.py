@@ -64,13 +64,9 @@ class Alternation:
     rounds: int
     tolerance: float
 
-    def converged(self, before: float, problem: Misfit) -> bool:
-        """Whether the noise covariance has converged, for the log det R of the round before."""
-        return abs(before - problem.noise_logdet) < self.tolerance * len(problem.weights.covariance)
-
-    def exhausted(self, before: float, problem: Misfit) -> bool:
-        """Whether log det R no longer falls; what fits worse repeats itself more and counts less, and so might drift on."""
-        return before - problem.noise_logdet < self.tolerance * len(problem.weights.covariance)
+    def fall(self, before: float, problem: Misfit) -> float:
+        """Return by how many tolerances log det R per channel fell since the round before."""
+        return (before - problem.noise_logdet) / (self.tolerance * len(problem.weights.covariance))
 
 
 #: before the weights are fixed for the search
@@ -344,7 +340,7 @@ def settle(problem: Misfit, guesses: FloatArray) -> Settled:
         except KeyboardInterrupt:
             return Settled(problem, z, spent, True)
         problem = problem.weighted(Weights.of(variance))
-        if cut_short or SETTLING.converged(before, problem):
+        if cut_short or abs(SETTLING.fall(before, problem)) < 1.0:
             return Settled(problem, z, spent, bool(cut_short))
     return Settled(problem, z, spent)
 
@@ -367,7 +363,8 @@ def refine(
     for _ in range(0 if interrupted else ALTERNATION.rounds):
         z, more, cut_short = _refined(problem, z, FULL, budget - spent)
         spent, interrupted = spent + more, cut_short == "interrupted"
-        converged = not estimate_noise or ALTERNATION.exhausted(before, problem)
+        # also where it rises: what fits worse repeats itself more and counts less, and would drift on
+        converged = not estimate_noise or ALTERNATION.fall(before, problem) < 1.0
         if converged or cut_short:
             break
         try:

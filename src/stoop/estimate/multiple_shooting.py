@@ -212,7 +212,7 @@ def refined(
             end = at
             recorded, held = aligned(recorded, at.z), problem.problem
             settled = all(a.moved == b.moved for a, b in zip(recorded.pieces, held.pieces, strict=True))
-            noise_converged = settled and (given or ALTERNATION.converged(before, held))
+            noise_converged = settled and (given or abs(ALTERNATION.fall(before, held)) < 1.0)
             if noise_converged:
                 if tolerance == TOLERANCE:
                     break

@@ -58,9 +58,9 @@ def first_fit(vehicle: Vehicle, flights: Mapping[str, Flight], windows: Sequence
     """
     ratios = "reference.inertia.x" in vehicle.rows
     moments = [p.name for p in vehicle.parameters if ratios and p.name.startswith(PLACE)]
-    held_vehicle = vehicle.with_numbers({name: {"free": False} for name in moments})
+    vehicle = vehicle.with_numbers({name: {"free": False} for name in moments})
     try:
-        fit = fit_by(FIRST, held_vehicle, _used(flights, windows), windows, options=QUICK).estimate
+        fit = fit_by(FIRST, vehicle, _used(flights, windows), windows, options=QUICK).estimate
     except (FlightError, IdentificationError):
         return {}
     held = {one.name for one in fit.unknowns if one.fixed == "bound"}

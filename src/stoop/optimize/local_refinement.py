@@ -200,7 +200,7 @@ class SecantModel(LinearModel):
         predicted = -float(2.0 * (self.gradient @ step) + step @ self.normal @ step)
         missing, cost = float(step @ self.secant.correction @ step), sum_of_squares(r)
         off = self.cost - cost - predicted  # by how much Gauss-Newton promises too little
-        # fewer residuals than variables are a cost in disguise, of which every hollow would count as an optimum
+        # fewer residuals than variables are a cost in disguise: at any of its local minima refinements would agree
         self.corrects = len(r) >= len(z) and abs(off + missing) < abs(off)
         return Trial((z, r), cost, predicted)
 

@@ -17,7 +17,6 @@ class Kinked(SimpleNamespace):
     """Twice a negative logarithm with its least at zero, whose gradient there promises a gain that no step finds."""
 
     size, known, bounds = 1, 1, (np.array([-1.0]), np.array([1.0]))
-    problem = None
 
     def cost(self, z: np.ndarray) -> float:
         return float(np.abs(z[0]))
