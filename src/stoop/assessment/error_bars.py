@@ -153,8 +153,8 @@ def error_bars(fit: Estimate) -> ErrorBars:
         windowed = windowed_covariance(pieces, [p.edges for p in pieces], gaps, prior)
         corrected = corrected if windowed is None else widened(windowed, corrected)
     if evidence.inflation != 1.0:
-        plain = inverse_information(pieces, prior, evidence.inflation)
-        cramer_rao = marked(plain.matrix, plain.determined)
+        independent = inverse_information(pieces, prior, evidence.inflation)
+        cramer_rao = marked(independent.matrix, independent.determined)
     at_bound, conditional = np.array([u.fixed == "bound" for u in unknowns]), tuple[str, ...]()
     if at_bound.any():  # what is known only as long as the parameters at a bound are right there
         every = np.flatnonzero([u.fixed != "method" for u in unknowns])
@@ -169,7 +169,10 @@ def error_bars(fit: Estimate) -> ErrorBars:
     conditional_std[free] = standard_errors(corrected)
     # what is not known, however alike maneuvers are
     each_known = identifiability(known, found.information, corrected)
-    each = contributions(fit.problem.layout.vehicle, evidence, found.information, found.noise)
+    judged, plain = fit.white_evidence, found
+    if judged is not evidence:
+        plain = estimate_uncertainty([piece.of(free) for piece in judged.pieces], prior)
+    each = contributions(fit.problem.layout.vehicle, judged, plain.information, plain.noise)
     doubtful = {n: c.variable for c in each if c.systematic > EXCITATION.refused for n in c.parameters}
     scatter = _scatter(fit, found, sum(u.kind == "parameter" for u in known))
     if scatter is not None:
@@ -177,6 +180,8 @@ def error_bars(fit: Estimate) -> ErrorBars:
         stretch[: len(scatter.stretch)] = scatter.stretch
         corrected = corrected * np.outer(stretch, stretch)
     corrected = corrected + _of_held_inertia(fit, found.coloring)
+    # of two weightings, both right where the model is
+    corrected = corrected + np.outer(fit.disagreement[free], fit.disagreement[free])
     own = {u.name: j for u, j in zip(known, each_known, strict=True) if u.kind == "parameter"}
     for name in (n for n in doubtful if own[n].identifiable):
         reason = notice("systematic-residuals", doubtful[name])

@@ -196,6 +196,21 @@ class Estimate(ABC):
         return 1.0
 
     @property
+    def correlation_time(self) -> float:
+        """Residuals that say as much as one independent one, the median of the channels."""
+        return self.inflation
+
+    @property
+    def white_evidence(self) -> Evidence:
+        """The evidence by the weights of white noise, in which what a model leaves unexplained keeps its size."""
+        return self.evidence
+
+    @property
+    def disagreement(self) -> FloatArray:
+        """By how much estimates by other weights differ, per SI unit of the unknowns (k,); zero where only these are known."""
+        return np.zeros(len(self.evidence.unknowns))
+
+    @property
     def process_noise(self) -> ProcessNoise:
         """Process noise and gain of the filter, if there is one."""
         return ProcessNoise()

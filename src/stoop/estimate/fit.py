@@ -26,7 +26,14 @@ from stoop.checks.vehicle import require_channels, require_data
 from stoop.errors import IdentificationError
 from stoop.estimate import iterates
 from stoop.estimate.estimate import Estimate, simulation_inflation
-from stoop.estimate.noise import channel_residuals, effective_variance, first_variance, noise_covariance
+from stoop.estimate.noise import (
+    channel_residuals,
+    common_time,
+    effective_variance,
+    first_variance,
+    noise_covariance,
+)
+from stoop.estimate.noise_color import color_record, colored_weights
 from stoop.estimate.noise_model import with_noise
 from stoop.estimate.refit_problem import SimulationProblem
 from stoop.estimate.regression import start_value
@@ -154,20 +161,43 @@ class OutputErrorEstimate(Estimate):
     refits: ClassVar = SimulationProblem
     #: whether the covariance of the measurement noise was given and not estimated
     noise_given: bool = False
+    #: (D + E,), where the weights of white noise lead; None where those of the fit are these
+    by_white: FloatArray | None = None
 
     def own_state(self) -> dict[str, Any]:
-        """Return whether the noise was given."""
-        return {"noise_given": np.array(self.noise_given)}
+        """Return whether the noise was given, and the estimate by the weights of white noise."""
+        white = {} if self.by_white is None else {"by_white": self.by_white}
+        return {"noise_given": np.array(self.noise_given), **white}
 
     @classmethod
     def own_fields(cls, problem: Misfit, z: FloatArray, arrays: Mapping[str, Any]) -> dict[str, Any]:
-        """Return whether the noise was given."""
-        return {"noise_given": bool(arrays["noise_given"])}
+        """Return whether the noise was given, and the estimate by the weights of white noise."""
+        return {"noise_given": bool(arrays["noise_given"]), "by_white": arrays.get("by_white")}
+
+    @property
+    def disagreement(self) -> FloatArray:
+        """By how much the weights of white noise and those of its color disagree, per SI unit of the unknowns (k,)."""
+        other = self.z if self.by_white is None else self.by_white
+        return np.asarray(self.problem.layout.scales * (self.z - other))
+
+    @property
+    def correlation_time(self) -> float:
+        """Residuals that say as much as one independent one, the median of the channels."""
+        colored = self.by_white is not None
+        return common_time(self.residuals, self.problem.pieces[0].dt) if colored else self.inflation
 
     @cached_property
     def evidence(self) -> Evidence:
         """Residuals and sensitivities of the simulation."""
         return simulation_evidence(self.problem, self.z, self.inflation)
+
+    @cached_property
+    def white_evidence(self) -> Evidence:
+        """Residuals and sensitivities by the weights of white noise."""
+        if self.by_white is None:
+            return self.evidence
+        plain = self.problem.weighted(Weights.of(effective_variance(self.problem, self.residuals)))
+        return simulation_evidence(plain, self.z, self.correlation_time)
 
     @cached_property
     def refit_problem(self) -> SimulationProblem:
@@ -359,17 +389,24 @@ def refine(
     keeps the best estimates so far.
     """
     z, before, spent, recorded, noise = outcome.z, np.inf, 0.0, problem, None
+    color, by_white = None, None
     converged = interrupted = outcome.status == "interrupted"
     for _ in range(0 if interrupted else ALTERNATION.rounds):
         z, more, cut_short = _refined(problem, z, FULL, budget - spent)
         spent, interrupted = spent + more, cut_short == "interrupted"
+        last = color is None or by_white is not None  # weights of the kind that the estimate will have
         # also where it rises: what fits worse repeats itself more and counts less, and would drift on
-        converged = not estimate_noise or ALTERNATION.fall(before, problem) < 1.0
-        if converged or cut_short:
+        converged = not estimate_noise or (ALTERNATION if last else SETTLING).fall(before, problem) < 1.0
+        if cut_short or (converged and last):
             break
         try:
             before = problem.noise_logdet
-            noise, problem = with_noise(recorded, partial(channel_residuals, z=z), noise, treatment)
+            noise, weighted = with_noise(recorded, partial(channel_residuals, z=z), noise, treatment)
+            residuals = channel_residuals(weighted, z)
+            color = colored_weights(weighted, residuals) if treatment.noise_color else None
+            if color is not None and (converged or by_white is not None):
+                weighted, by_white = weighted.weighted(color), z if by_white is None else by_white
+            problem = weighted
         except KeyboardInterrupt:
             interrupted = True
             break
@@ -383,7 +420,9 @@ def refine(
     cost = float(np.sum(problem.residuals(z[None, :], len(problem.prices) - 1) ** 2))
     spent += outcome.trajectories
     common = (problem, prepared, z, outcome, cost, spent, notices)
-    return OutputErrorEstimate(*common, not estimate_noise, decisions=taken)
+    if by_white is not None:
+        taken = (*taken, color_record(problem, channel_residuals(problem, z)))
+    return OutputErrorEstimate(*common, not estimate_noise, by_white, decisions=taken)
 
 
 def _refined(

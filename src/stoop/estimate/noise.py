@@ -66,9 +66,7 @@ def effective_variance(problem: Misfit, residuals: Sequence[FloatArray]) -> Floa
     the median over the channels, is used for all: the channels' weights among each other stay those of
     maximum likelihood, and a channel that fits badly is not given up for it. For white residuals it is 1.
     """
-    present = np.any([np.isfinite(r).any(axis=0) for r in residuals], axis=0)
-    common = float(np.median(correlation_times(residuals, problem.pieces[0].dt)[present]))
-    return noise_variance(problem, residuals) * common
+    return noise_variance(problem, residuals) * common_time(residuals, problem.pieces[0].dt)
 
 
 def first_variance(problem: Misfit) -> FloatArray:
@@ -114,6 +112,12 @@ def correlation_times(residuals: Sequence[FloatArray], dt: float) -> FloatArray:
             end = int(negative[0]) if negative.size else len(r)
             out[i] = max(1.0, 1.0 + 2.0 * float(np.sum(r[1:end])))
     return out
+
+
+def common_time(residuals: Sequence[FloatArray], dt: float) -> float:
+    """Return the median of :func:`correlation_times` over the channels that were measured."""
+    present = np.any([np.isfinite(r).any(axis=0) for r in residuals], axis=0)
+    return float(np.median(correlation_times(residuals, dt)[present]))
 
 
 def by_readings(sums: FloatArray, period: int) -> FloatArray:

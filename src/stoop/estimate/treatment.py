@@ -21,6 +21,8 @@ class Treatment:
         Residuals with outliers have the density of a mixture; a filter leaves outliers out.
     maneuver_noise : bool
         Each maneuver has a noise of its own where they differ.
+    noise_color : bool
+        Residuals that repeat themselves weigh by the prediction errors of an autoregression.
     gives_up : bool
         A filter ends after its first searches where gusts do not explain its innovations; no decision of a strategy.
     """
@@ -30,6 +32,7 @@ class Treatment:
     stuck_channels: bool = True
     noise_shape: bool = True
     maneuver_noise: bool = True
+    noise_color: bool = False
     gives_up: bool = False
 
 

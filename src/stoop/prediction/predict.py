@@ -59,7 +59,7 @@ def predictor(fit: Estimate, covariance: FloatArray, recorded_motion: bool = Tru
     return Predictor(
         fit.identified_vehicle,
         Covariance(names, covariance[: len(names), : len(names)]),
-        NoiseCovariance(outputs, fit.measurement_noise, fit.inflation),
+        NoiseCovariance(outputs, fit.measurement_noise, fit.correlation_time),
         fit.predictor,
         recorded_motion,
     )

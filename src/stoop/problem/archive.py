@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any, Final
 
+from stoop.problem.color import Color
 from stoop.problem.layout import Layout, Nuisance
 from stoop.problem.misfit import Misfit, Piece, Weights
 from stoop.vehicle import Parameter, Vehicle
@@ -45,7 +46,9 @@ def problem_arrays(problem: Misfit) -> dict[str, Any]:
         for n in OPTIONAL_ARRAYS
         if (own := getattr(p, n)) is not None
     }
-    return {**dict(series), **some, "covariance": problem.weights.covariance, "root": problem.weights.root}
+    weights = problem.weights
+    color = {} if weights.color is None else weights.color.arrays
+    return {**dict(series), **some, **color, "covariance": weights.covariance, "root": weights.root}
 
 
 def restored_problem(document: Mapping[str, Any], arrays: Mapping[str, Any]) -> Misfit:
@@ -59,5 +62,5 @@ def restored_problem(document: Mapping[str, Any], arrays: Mapping[str, Any]) -> 
         series = {name: arrays[f"{name}.{i}"] for name in PIECE_ARRAYS}
         series |= {name: arrays.get(f"{name}.{i}") for name in OPTIONAL_ARRAYS}
         pieces.append(Piece(**{**p, **series, **{name: tuple(p[name]) for name in PIECE_TUPLES}}))
-    weights = Weights(arrays["covariance"], arrays["root"])
+    weights = Weights(arrays["covariance"], arrays["root"], Color.restored(arrays))
     return Misfit(layout, tuple(pieces), weights, tuple(tuple(rung) for rung in document["ladder"]))

@@ -199,18 +199,23 @@ def observed_information(
         unit[:, free[own]] = triangle / problem.layout.scales[free[own]]
         longest = np.maximum(np.max(np.abs(unit), axis=1), np.finfo(np.float64).tiny)
         sizes = np.minimum(STEP, LONGEST / longest)
-        curvature = second_differences(problem, z, i, unit * sizes[:, None]) / np.outer(sizes, sizes)
-        total += 0.5 * along @ curvature @ along.T
+        residual, slopes = piece.filled()
+        slopes = slopes.reshape(residual.size, -1)[:, free] @ factor
+        curvature = second_differences(problem, z, i, unit * sizes[:, None], -residual.ravel()) / np.outer(
+            sizes, sizes
+        )
+        total += slopes.T @ slopes + along @ curvature @ along.T
     return np.asarray(total)
 
 
-def second_differences(problem: Misfit, z: FloatArray, index: int, steps: FloatArray) -> FloatArray:
-    """Return the second differences (r, r) of a piece's cost about z along `steps` (r, D + E)."""
+def second_differences(
+    problem: Misfit, z: FloatArray, index: int, steps: FloatArray, left: FloatArray
+) -> FloatArray:
+    """Return the second differences (r, r) of a piece's residuals (n_r,) times `left` about z along `steps` (r, D + E)."""
     a, b = np.triu_indices(len(steps), 1)
     moves = np.concatenate([steps, -steps, steps[a] + steps[b], -steps[a] - steps[b], np.zeros((1, len(z)))])
-    count = len(problem.pieces[index].time)
     parts = np.array_split(z + moves, 1 + len(moves) // CANDIDATES)
-    costs = np.concatenate([problem.piece_costs(part, index, count) for part in parts])
+    costs = np.concatenate([problem.piece_products(part, index, left) for part in parts])
     sizes = np.cumsum([len(steps), len(steps), len(a), len(a)])
     ahead, behind, ahead_both, behind_both, here = np.split(costs, sizes)
     with np.errstate(invalid="ignore"):

@@ -17,6 +17,7 @@ from stoop.base.variables import WRAPPED
 from stoop.kernels.kernel import Kernel
 from stoop.optimize.ledger import inner
 from stoop.optimize.normal_equations import TallMatrix, project
+from stoop.problem.color import Color
 from stoop.problem.layout import Layout, Nuisance
 from stoop.problem.starts import Starts
 from stoop.simulation.delays import (
@@ -43,6 +44,7 @@ class Weights:
 
     covariance: FloatArray  #: (n_y, n_y), of the measurement noise, the channels' units
     root: FloatArray  #: (n_y, n_y), upper triangular, Q = root' root: whitens a residual
+    color: Color | None = None  #: of residuals that a diagonal `root` whitens
 
     @classmethod
     def of(cls, covariance: FloatArray) -> Weights:
@@ -58,12 +60,13 @@ class Weights:
     @property
     def logdet(self) -> float:
         """Logarithm of the determinant of the noise covariance."""
-        return -2.0 * float(np.sum(np.log(np.diag(self.root))))
+        own = -2.0 * float(np.sum(np.log(np.diag(self.root))))
+        return own if self.color is None else own + self.color.logdet
 
     def scaled(self, factors: Sequence[float]) -> Weights:
         """Return the weights for a noise whose standard deviations are larger by factors (n_y,)."""
         d = np.array(factors)
-        return Weights(self.covariance * np.outer(d, d), self.root / d)
+        return Weights(self.covariance * np.outer(d, d), self.root / d, self.color)
 
     def whiten(self, residuals: FloatArray, present: BoolArray, out: FloatArray | None = None) -> FloatArray:
         """Return residuals (..., n, n_y), zero where nothing was measured, with unit covariance.
@@ -72,7 +75,8 @@ class Weights:
         and may be the residuals themselves.
         """
         if self.diagonal:
-            return np.multiply(residuals, np.diag(self.root), out=out)
+            white = np.multiply(residuals, np.diag(self.root), out=out)
+            return white if self.color is None else self.color.apply("whiten", white, present)
         white = np.zeros_like(residuals)
         for rows, root in self._roots(present):
             white[..., rows, :] = residuals[..., rows, :] @ root.T
@@ -84,7 +88,10 @@ class Weights:
         This is the transpose of :meth:`whiten`, zero where nothing was measured.
         """
         if self.diagonal:
-            return np.where(present, left * np.diag(self.root), 0.0)
+            left = np.where(present, left, 0.0)
+            if self.color is not None:
+                left = self.color.apply("whiten_back", left, present)
+            return left * np.diag(self.root)
         weights = np.zeros_like(left)
         for rows, root in self._roots(present):
             weights[rows] = left[rows] @ root
@@ -93,6 +100,8 @@ class Weights:
     def colored(self, whitened: FloatArray, present: BoolArray) -> FloatArray:
         """Return residuals (n, n_y) in the channels' units from whitened ones: the inverse of :meth:`whiten`."""
         if self.diagonal:
+            if self.color is not None:
+                whitened = self.color.apply("colored", whitened.copy(), present)
             return np.asarray(whitened / np.diag(self.root))
         residuals = np.zeros_like(whitened)
         for rows, root in self._roots(present):
@@ -250,16 +259,20 @@ class Misfit:
             first = own.stop
         return total
 
+    def piece_products(self, Z: FloatArray, index: int, left: FloatArray) -> FloatArray:
+        """Return the weighted residuals (B, n_r) of one piece for vectors (B, D + E) times `left` (n_r,)."""
+        return self._products(*self.candidates(Z, index), index, left, len(self.pieces[index].time))
+
     def _products(
         self, rows: FloatArray, start: FloatArray, index: int, left: FloatArray, count: int
     ) -> FloatArray:
         """Return the whitened residuals of a piece times `left`, (B,), for kernel parameters and initial states."""
-        if self._late or self._late_outputs:  # the kernel sums along trajectories of shared inputs
-            residuals = self._whitened(self._readings(rows, start, index, count), index)
-            return project(residuals.reshape(len(residuals), -1), left)
         piece = self.pieces[index]
         measured = piece.measured[:count]
         weights = self.piece_weights[index].whiten_back(left.reshape(measured.shape), np.isfinite(measured))
+        if self._late or self._late_outputs:  # the kernel sums along trajectories of shared inputs
+            errors = self._errors(self._readings(rows, start, index, count), index)
+            return project(errors.reshape(len(errors), -1), weights.ravel())
         return self.kernel.products(rows, start, piece.inputs, measured, weights, piece.dt)
 
     def _candidates_of_all(
@@ -298,7 +311,8 @@ class Misfit:
         ahead = lanes[1:]
         with np.errstate(invalid="ignore", over="ignore"):
             # few lanes at a time stay in the cache
-            for some in _chunks(len(ahead), max(1, CACHED // max(1, lanes[0].size))):
+            few = len(ahead) if weights.color else max(1, CACHED // max(1, lanes[0].size))
+            for some in _chunks(len(ahead), few):
                 own = ahead[some]
                 own -= lanes[0]
                 if not whole:
@@ -364,7 +378,7 @@ class Misfit:
     @cached_property
     def _by_readings(self) -> bool:
         """Whether work is left to do with the readings, so that the kernel cannot sum their squares."""
-        return not self.weights.diagonal or self._late_outputs
+        return not self.weights.diagonal or self.weights.color is not None or self._late_outputs
 
     @cached_property
     def _quality(self) -> list[FloatArray]:
@@ -377,14 +391,19 @@ class Misfit:
 
     def _whitened(self, simulated: FloatArray, index: int) -> FloatArray:
         """Return whitened simulated minus measured of a piece, zero where there is no measurement; overwrites simulated."""
+        present = np.isfinite(self.pieces[index].measured[: simulated.shape[1]])
+        with np.errstate(invalid="ignore", over="ignore"):
+            return self.piece_weights[index].whiten(self._errors(simulated, index), present, simulated)
+
+    def _errors(self, simulated: FloatArray, index: int) -> FloatArray:
+        """Return simulated minus measured of a piece, zero where there is no measurement; overwrites simulated."""
         measured = self.pieces[index].measured[: simulated.shape[1]]
         present = np.isfinite(measured)
         with np.errstate(invalid="ignore", over="ignore"):  # the last readings before a divergence are huge
             simulated -= np.where(present, measured, 0.0)
             if not present.all():
                 simulated *= present
-            left = on_circle(simulated, self.layout.vehicle.outputs)
-            return self.piece_weights[index].whiten(left, present, simulated)
+            return on_circle(simulated, self.layout.vehicle.outputs)
 
     @cached_property
     def _bias_columns(self) -> list[dict[int, FloatArray]]:

@@ -83,7 +83,7 @@ class NoiseCovariance:
     channels: tuple[str, ...]
     #: (ny, ny), in the products of the channels' units
     matrix: FloatArray
-    #: factor on the covariance in the weights, because neighboring residuals are correlated
+    #: residuals that say as much as one independent one: factor on the covariance where readings are weighed
     inflation: float = 1.0
 
     def __post_init__(self) -> None:

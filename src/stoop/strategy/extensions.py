@@ -72,7 +72,7 @@ class Trial:
     @classmethod
     def of(cls, test: ExtensionTest, candidate: Candidate, best: Candidate) -> Trial:
         """Return a candidate compared with the best model so far."""
-        color = best.fit.inflation  # one for both: so many samples say as much as one independent sample
+        color = best.fit.correlation_time  # one for both
         change = candidate.prediction - best.prediction
         ahead = float(np.sum(change)) / color
         spread = math.sqrt(float(np.sum((change - np.sum(change) / max(len(change), 1)) ** 2)) / color)
@@ -120,7 +120,7 @@ def extend(setup: Setup) -> Change | None:
         return None
     kept = [n for n, one in notices.items() if one.code != "extension-refused"]
     done = f"{', '.join(kept)} added" if kept else "nothing added"
-    ahead = float(np.sum(best.prediction - first.prediction)) / first.fit.inflation
+    ahead = float(np.sum(best.prediction - first.prediction)) / first.fit.correlation_time
     return Change(
         replace(setup, vehicle=best.vehicle).noting(*notices.values()),
         f"score tests ask for {', '.join(notices)}",

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final
 
@@ -15,7 +14,8 @@ from stoop.base.arrays import FloatArray
 from stoop.estimate.estimate import Estimate
 from stoop.estimate.filter_likelihood import SCORING
 from stoop.estimate.instability import largest_growth
-from stoop.estimate.noise import channel_residuals, correlation_times
+from stoop.estimate.noise import channel_residuals, common_time
+from stoop.estimate.noise_color import innovations
 from stoop.problem import Layout
 from stoop.problem.prepare import Prepared, nuisances
 from stoop.vehicle import Vehicle
@@ -32,7 +32,7 @@ def log_likelihood_rise(before: Estimate, after: Estimate) -> tuple[float, float
     """Return the rise of the log-likelihood and the number of independent readings; correlated residuals count less."""
     count, deviances = 0.0, []
     for fit in (before, after):
-        residuals = np.concatenate(fit.residuals)
+        residuals = np.concatenate(innovations(fit.problem, fit.residuals))
         counts = np.isfinite(residuals).sum(axis=0) / before.inflation
         count = float(counts.sum())
         filtered = fit.outcome.optimizer == SCORING  # a cost is twice minus the log-likelihood
@@ -60,7 +60,8 @@ def simulated_residuals(fit: Estimate, vehicle: Vehicle, prepared: Prepared) -> 
     """Return the residuals (n, n_y) of each piece by a vehicle simulated open loop, its nuisances estimated anew."""
     layout = Layout(vehicle, (), nuisances(vehicle, prepared))
     whole = tuple(len(piece.time) for piece in prepared.pieces)
-    problem = replace(fit.problem, layout=layout, pieces=prepared.pieces, ladder=(whole,))
+    weights = replace(fit.problem.weights, color=None)
+    problem = replace(fit.problem, layout=layout, pieces=prepared.pieces, weights=weights, ladder=(whole,))
     return channel_residuals(problem, optimize.refine(problem, np.zeros(problem.extra), 0).z)
 
 
@@ -78,16 +79,9 @@ def rise_from_start(fit: Estimate, prepared: Prepared | None = None) -> float:
         return math.inf
     if not np.isfinite(np.concatenate(end))[measured].all():
         return -math.inf
-    times = [_common_time(fit, residuals) for residuals in (start, end)]
-    counts = measured.sum(axis=0) / max(times)
+    counts = measured.sum(axis=0) / max(common_time(one, fit.problem.pieces[0].dt) for one in (start, end))
     before, after = (deviance(np.concatenate(residuals), counts) for residuals in (start, end))
     return 0.5 * (before - after)
-
-
-def _common_time(fit: Estimate, residuals: Sequence[FloatArray]) -> float:
-    """Return the median correlation time of the measured channels in samples."""
-    measured = np.any([np.isfinite(r).any(axis=0) for r in residuals], axis=0)
-    return float(np.median(correlation_times(residuals, fit.problem.pieces[0].dt)[measured]))
 
 
 def against_start(fit: Estimate, ahead: Prepared | None = None) -> Estimate:

@@ -48,7 +48,7 @@ def fitted_model(decided: Fitted) -> FittedModel:
     """Return the model of a finished search: error bars, predictions, modes and notices."""
     fit, bars, origin = decided.estimate, decided.tested.bars, decided.provenance
     flights, options, predicted = decided.flights, decided.options, decided.setup.held_back
-    vehicle, color = fit.problem.layout.vehicle, fit.inflation
+    vehicle, color = fit.problem.layout.vehicle, fit.correlation_time
     if too_few(fit.problem):
         bars = bars.rejected(notice("error-bars-of-few-samples"))
     parameters, model = (

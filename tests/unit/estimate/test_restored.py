@@ -118,6 +118,7 @@ def compared(found: Estimate) -> list[Any]:
         found.residuals,
         found.measurement_noise,
         found.inflation,
+        found.disagreement,
         found.deviations(bars.covariance) or (),
         () if bars.uncertainty.coloring.observed is None else bars.uncertainty.coloring.observed,
         list(found.responses().pieces),

@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 from naive import march
 
+from stoop.estimate.noise_color import colored_weights
 from stoop.problem import Layout, Misfit, Nuisance, Piece, Weights
+from stoop.problem.color import ChannelColor, Color
 from stoop.problem.evidence import invert, observed_information, simulation_evidence
 from stoop.problem.misfit import horizon_ladder
 from stoop.simulation.fly import fly
@@ -339,6 +341,25 @@ def test_layout_turns_units(problem: Misfit) -> None:
     J = layout.prior_jacobian(Z[0])
     difference = layout.prior_residuals(Z)[1] - layout.prior_residuals(Z)[0]
     assert J @ (Z[1] - Z[0]) == pytest.approx(difference, rel=1e-9)
+
+
+def test_by_color_gradient_and_cost_belong_together(problem: Misfit) -> None:
+    """With holes in the measurements, and channels that were not measured."""
+    count = len(problem.layout.vehicle.outputs)
+    colors = Color((ChannelColor(np.array([1.0, 0.9, 0.7])),) * count, (1,) * count)
+    colored = problem.weighted(replace(problem.weights, color=colors))
+    rung, z = len(problem.ladder) - 1, np.append(problem.layout.start, np.zeros(problem.extra))
+    r = colored.residuals(z[None, :], rung)[0]
+    jacobian = colored.jacobian(z, rung, r)[0].dense()
+    gradient = colored.gradient(z, rung, r, r)
+    np.testing.assert_allclose(gradient, jacobian.T @ r, rtol=1e-4, atol=1e-4 * np.abs(gradient).max())
+    assert colored.costs(z[None, : problem.dimension], rung)[0] == pytest.approx(r @ r)
+    assert colored.weights.logdet < problem.weights.logdet
+
+
+def test_white_residuals_have_no_color(problem: Misfit) -> None:
+    rng = np.random.default_rng(3)
+    assert colored_weights(problem, [rng.standard_normal(p.measured.shape) for p in problem.pieces]) is None
 
 
 @pytest.mark.parametrize("right", [True, False])

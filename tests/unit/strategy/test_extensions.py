@@ -81,7 +81,7 @@ def test_after_a_refusal_the_next_is_tried_and_what_was_refused_once_more(
     )
 
     def fitted(setup: object, vehicle: set[str]) -> SimpleNamespace:
-        fit = SimpleNamespace(names=vehicle, inflation=1.0)
+        fit = SimpleNamespace(names=vehicle, correlation_time=1.0)
         return SimpleNamespace(
             vehicle=vehicle, fit=fit, bars=None, prediction=np.full(4, float(len(vehicle)))
         )
@@ -116,7 +116,7 @@ def test_what_the_method_refuses_is_passed_over(monkeypatch: pytest.MonkeyPatch)
     def fitted(setup: object, vehicle: set[str]) -> SimpleNamespace:
         if "one" in vehicle:
             raise IdentificationError("delays of sensors must be known")
-        fit = SimpleNamespace(names=vehicle, inflation=1.0)
+        fit = SimpleNamespace(names=vehicle, correlation_time=1.0)
         ahead = np.full(4, float(len(vehicle)))
         return SimpleNamespace(vehicle=vehicle, fit=fit, bars=None, prediction=ahead)
 
@@ -146,7 +146,7 @@ def test_in_gusts_every_trial_has_them_or_none(monkeypatch: pytest.MonkeyPatch, 
         outcome = SimpleNamespace(status="converged")
         of_filter = 0.0 if explained else 0.9
         found: Any = SimpleNamespace(
-            outcome=outcome, innovation_correlation=of_filter, inflation=1.0, first=not added(setup.vehicle),
+            outcome=outcome, innovation_correlation=of_filter, correlation_time=1.0, first=not added(setup.vehicle),
             estimates={},
         )  # fmt: skip
         return Fitted(setup, found)

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from stoop.app.fit_view import switches
 from stoop.base.notices import notice
@@ -44,7 +45,8 @@ WINDOWS = (Window("a", 0.0, 5.0), Window("b", 0.0, 5.0))
 FREE = ("Cmalpha", "Cmq", "Cmelevator")
 PLAIN = Treatment(
     **dict.fromkeys(
-        ("recorded_motion", "held_numbers", "stuck_channels", "noise_shape", "maneuver_noise"), False
+        ("recorded_motion", "held_numbers", "stuck_channels", "noise_shape", "maneuver_noise", "noise_color"),
+        False,
     )
 )
 
@@ -91,6 +93,15 @@ def spiked_everywhere() -> dict[str, Flight]:
     return {name: changed(name, "q", spiked)[name] for name in flights()}
 
 
+def drifting(y: np.ndarray) -> np.ndarray:
+    steps = np.random.default_rng(4).standard_normal(len(y))
+    return y + 0.003 * lfilter([1.0], [1.0, -0.95], steps)
+
+
+def drifting_everywhere() -> dict[str, Flight]:
+    return {name: changed(name, "theta", drifting)[name] for name in flights()}
+
+
 def stuck() -> dict[str, Flight]:
     return {name: changed(name, "theta", lambda y: np.full_like(y, 0.05))[name] for name in flights()}
 
@@ -100,6 +111,7 @@ CALLED_FOR: dict[str, Callable[[], dict[str, Flight]]] = {
     "stuck-channels": stuck,
     "noise-shape": spiked_everywhere,
     "maneuver-noise": lambda: changed("b", "q", noisy),
+    "noise-color": drifting_everywhere,
 }
 
 

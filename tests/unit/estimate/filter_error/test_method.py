@@ -12,6 +12,7 @@ from stoop.errors import IdentificationError
 from stoop.estimate import methods
 from stoop.estimate.filter_error import raised
 from stoop.estimate.fit import Options
+from stoop.estimate.treatment import Treatment
 from stoop.problem.windows import Window
 from stoop.simulation.fly import simulate_flight
 from stoop.simulation.maneuver import parse_maneuver
@@ -20,9 +21,9 @@ from stoop.workflow import identify
 from .conftest import MANEUVER
 
 
-def errors(vehicle, flight, method):
+def errors(vehicle, flight, method, colored=False):
     """The fit, errors of what was free, and their standard errors."""
-    options = Options(method=method)
+    options = Options(method=method, treatment=Treatment(noise_color=colored))
     found = methods.find(method).fitter()(
         vehicle, {"sim": flight}, [Window("sim", 0.0, 15.0)], options, None, None
     )
@@ -92,19 +93,28 @@ def test_a_gain_that_follows_the_flight_finds_the_same(gusty_start, gusty_flight
         assert varying.estimates[name] == pytest.approx(steady.estimates[name], rel=0.05)
 
 
-def test_output_error_is_too_sure_where_filter_error_is_not(gusty, gusty_start):
+def test_output_error_is_less_sure_by_the_color_of_its_residuals_and_worse_than_filter_error(
+    gusty, gusty_start
+):
+    """By weights of white noise it is too sure in gusts."""
     fixed = gusty_start.with_numbers({f"turbulence.{a}.intensity": {"free": False} for a in "uw"})
-    off, held = {"filter-error": [], "output-error": []}, {"filter-error": [], "output-error": []}
+    cases = {
+        "filter": (gusty_start, "filter-error", False),
+        "colored": (fixed, "output-error", True),
+        "plain": (fixed, "output-error", False),
+    }
+    off, held = {case: [] for case in cases}, {case: [] for case in cases}
     for seed in range(8):
         flight = simulate_flight(gusty, parse_maneuver(MANEUVER, "test"), seed=seed, name="sim")
-        for method, vehicle in (("filter-error", gusty_start), ("output-error", fixed)):
-            _, error, std = errors(vehicle, flight, method)
-            off[method].append(error[:10])
-            held[method].append(np.abs(error[:10]) <= 1.96 * std[:10])
-    size = {method: np.sqrt(np.mean(np.square(e), axis=0)) for method, e in off.items()}
-    assert np.median(size["output-error"] / size["filter-error"]) > 3.0
-    assert np.mean(held["filter-error"]) > 0.85
-    assert np.mean(held["output-error"]) < 0.8
+        for case, (vehicle, method, colored) in cases.items():
+            _, error, std = errors(vehicle, flight, method, colored)
+            off[case].append(error[:10])
+            held[case].append(np.abs(error[:10]) <= 1.96 * std[:10])
+    size = {case: np.sqrt(np.mean(np.square(e), axis=0)) for case, e in off.items()}
+    assert np.median(size["colored"] / size["filter"]) > 3.0
+    assert np.median(size["plain"] / size["filter"]) > 3.0
+    assert np.mean(held["filter"]) > 0.85
+    assert np.mean(held["plain"]) < 0.8 < np.mean(held["colored"])
 
 
 def test_without_gusts_in_the_file_white_accelerations_stand_for_them(gusty_flight, gusty_start):

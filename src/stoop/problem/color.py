@@ -1,0 +1,136 @@
+r"""Residuals that repeat themselves from reading to reading, made white by an autoregression of each channel.
+
+Output error leaves gusts, and what the model lacks, in its residuals, most of it slow. Counted as independent, slow residuals
+outweigh what the first moments of an input say; where a controller answers gusts, they then bias what is found of its
+surfaces. A channel whose readings have the autocorrelation r weighs by the prediction errors of its autoregression instead
+(generalized least squares, or prewhitening); the first readings after a gap by those of lower order, so that the likelihood is
+that of the stationary process.
+
+References
+----------
+G. C. Goodwin and R. L. Payne, *Dynamic System Identification*, Academic Press, 1977, sections 3.5 and 5.4.
+L. Ljung, *System Identification*, 2nd ed., Prentice Hall, 1999, sections 7.4 and 13.4 (data of a closed loop).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from scipy.linalg import solve_toeplitz, solve_triangular, toeplitz
+
+from stoop.base.arrays import BoolArray, FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class ChannelColor:
+    """Autocorrelation (p + 1,) of a channel at multiples of the time between its readings; the first is 1.
+
+    Readings are taken in blocks of p: the autoregression leads from one block to the next.
+    """
+
+    autocorrelation: FloatArray
+
+    @property
+    def order(self) -> int:
+        """Number p of readings from which the next one is predicted."""
+        return len(self.autocorrelation) - 1
+
+    @cached_property
+    def innovation(self) -> float:
+        """Variance of the prediction error over that of the channel."""
+        return float(self._predictor @ self.autocorrelation)
+
+    @cached_property
+    def _predictor(self) -> FloatArray:
+        r = self.autocorrelation
+        return np.append(1.0, -solve_toeplitz(r[:-1], r[1:]) if self.order else [])
+
+    @cached_property
+    def _blocks(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """What whitens (p, p) the first block, each other block, and what it takes of the block before."""
+        a = self._predictor / np.sqrt(self.innovation)
+        first = np.linalg.inv(np.linalg.cholesky(toeplitz(self.autocorrelation[:-1])))
+        return first, np.tril(toeplitz(a[:-1])), np.triu(toeplitz(a[:0:-1]))
+
+    def whiten(self, y: FloatArray) -> FloatArray:
+        """Return white readings (n, m) of unit variance for readings (n, m) of unit variance without a gap."""
+        (first, own, before), blocks = self._blocks, self._divided(y)
+        out = np.concatenate([first @ blocks[:1], own @ blocks[1:] + before @ blocks[:-1]])
+        return out.reshape(-1, y.shape[1])[: len(y)]
+
+    def whiten_back(self, left: FloatArray) -> FloatArray:
+        """Return the transpose of :meth:`whiten` times `left` (n, m)."""
+        (first, own, before), blocks = self._blocks, self._divided(left)
+        out = np.concatenate([first.T @ blocks[:1], own.T @ blocks[1:]])
+        out[:-1] += before.T @ blocks[1:]
+        return out.reshape(-1, left.shape[1])[: len(left)]
+
+    def colored(self, white: FloatArray) -> FloatArray:
+        """Return the inverse of :meth:`whiten`, (n, m)."""
+        (first, own, before), blocks = self._blocks, self._divided(white)
+        blocks[0] = solve_triangular(first, blocks[0], lower=True)
+        for earlier, block in pairwise(blocks):
+            block[:] = solve_triangular(own, block - before @ earlier, lower=True)
+        return blocks.reshape(-1, white.shape[1])[: len(white)]
+
+    def _divided(self, y: FloatArray) -> FloatArray:
+        """Return readings (n, m) in blocks (b, p, m), with zeros behind the last; a copy."""
+        out = np.zeros((-(-len(y) // self.order), self.order, y.shape[1]))
+        out.reshape(-1, y.shape[1])[: len(y)] = y
+        return out
+
+
+@dataclass(frozen=True, eq=False)
+class Color:
+    """The color of every channel, by its readings, which are so many samples apart."""
+
+    channels: tuple[ChannelColor, ...]
+    periods: tuple[int, ...]
+
+    @property
+    def logdet(self) -> float:
+        """Logarithm of the variances of the innovations over those of the channels, the sum."""
+        return float(np.sum(np.log([one.innovation for one in self.channels])))
+
+    @property
+    def arrays(self) -> dict[str, Any]:
+        """Arrays from which :meth:`restored` builds the same."""
+        own = {f"color.{i}": one.autocorrelation for i, one in enumerate(self.channels)}
+        return {**own, "color.periods": np.array(self.periods)}
+
+    @classmethod
+    def restored(cls, arrays: Mapping[str, Any]) -> Color | None:
+        """Return the color in arrays; None without any."""
+        if "color.periods" not in arrays:
+            return None
+        periods = tuple(map(int, arrays["color.periods"]))
+        return cls(tuple(ChannelColor(arrays[f"color.{i}"]) for i in range(len(periods))), periods)
+
+    def apply(self, method: str, values: FloatArray, present: BoolArray) -> FloatArray:
+        """Return what a method of :class:`ChannelColor` makes of values (..., n, n_y), zero where not `present` (n, n_y)."""
+        out = values.reshape(-1, *values.shape[-2:])
+        for i, one in enumerate(self.channels):
+            for rows in self._stretches(present[:, i], i) if one.order and out[..., i].any() else ():
+                out[:, rows, i] = getattr(one, method)(out[:, rows, i].T).T
+        return out.reshape(values.shape)
+
+    def whitened(self, residuals: FloatArray) -> FloatArray:
+        """Return residuals (n, n_y), NaN where there is none, white and with their variances."""
+        present = np.isfinite(residuals)
+        return np.where(present, self.apply("whiten", np.where(present, residuals, 0.0), present), np.nan)
+
+    def innovations(self, residuals: FloatArray) -> FloatArray:
+        """Return what readings before do not foretell of residuals (n, n_y), NaN where there is none, in their units."""
+        return self.whitened(residuals) * np.sqrt([one.innovation for one in self.channels])
+
+    def _stretches(self, present: BoolArray, channel: int) -> Iterator[slice]:
+        rows = np.flatnonzero(present)
+        gaps = np.flatnonzero(np.diff(rows) != self.periods[channel]) + 1
+        for own in np.split(rows, gaps):
+            if own.size:
+                yield slice(int(own[0]), int(own[-1]) + 1, self.periods[channel])
