@@ -6,8 +6,9 @@ the windows, of a regression the equation errors. ``stoop.assessment`` computes 
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Final, Literal
 
 import numpy as np
@@ -199,23 +200,26 @@ def observed_information(
         unit[:, free[own]] = triangle / problem.layout.scales[free[own]]
         longest = np.maximum(np.max(np.abs(unit), axis=1), np.finfo(np.float64).tiny)
         sizes = np.minimum(STEP, LONGEST / longest)
-        residual, slopes = piece.filled()
-        slopes = slopes.reshape(residual.size, -1)[:, free] @ factor
-        curvature = second_differences(problem, z, i, unit * sizes[:, None], -residual.ravel()) / np.outer(
-            sizes, sizes
-        )
-        total += slopes.T @ slopes + along @ curvature @ along.T
+        change = partial(problem.piece_costs, index=i, count=len(problem.pieces[i].time))
+        half = 0.5  # of the cost, which the kernel sums along trajectories; by color it would take the readings of all
+        if problem.weights.color is not None:
+            residual, slopes = piece.filled()
+            change, half = partial(problem.piece_products, index=i, left=-residual.ravel()), 1.0
+            slopes = slopes.reshape(residual.size, -1)[:, free] @ factor
+            total += slopes.T @ slopes
+        curvature = second_differences(change, z, unit * sizes[:, None]) / np.outer(sizes, sizes)
+        total += half * along @ curvature @ along.T
     return np.asarray(total)
 
 
 def second_differences(
-    problem: Misfit, z: FloatArray, index: int, steps: FloatArray, left: FloatArray
+    change: Callable[[FloatArray], FloatArray], z: FloatArray, steps: FloatArray
 ) -> FloatArray:
-    """Return the second differences (r, r) of a piece's residuals (n_r,) times `left` about z along `steps` (r, D + E)."""
+    """Return the second differences (r, r) about z of a function of vectors (B, D + E) along `steps` (r, D + E)."""
     a, b = np.triu_indices(len(steps), 1)
     moves = np.concatenate([steps, -steps, steps[a] + steps[b], -steps[a] - steps[b], np.zeros((1, len(z)))])
     parts = np.array_split(z + moves, 1 + len(moves) // CANDIDATES)
-    costs = np.concatenate([problem.piece_products(part, index, left) for part in parts])
+    costs = np.concatenate([change(part) for part in parts])
     sizes = np.cumsum([len(steps), len(steps), len(a), len(a)])
     ahead, behind, ahead_both, behind_both, here = np.split(costs, sizes)
     with np.errstate(invalid="ignore"):
