@@ -402,8 +402,9 @@ def refine(
         try:
             before = problem.noise_logdet
             noise, weighted = with_noise(recorded, partial(channel_residuals, z=z), noise, treatment)
-            residuals = channel_residuals(weighted, z)
-            color = colored_weights(weighted, residuals) if treatment.noise_color else None
+            color = None
+            if treatment.noise_color:
+                color = colored_weights(weighted, channel_residuals(weighted, z))
             if color is not None and (converged or by_white is not None):
                 weighted, by_white = weighted.weighted(color), z if by_white is None else by_white
             problem = weighted

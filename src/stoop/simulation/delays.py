@@ -20,7 +20,7 @@ from stoop.vehicle.vehicle import slope_input
 OFFSETS = (1, 0, -1, -2)  #: samples of the interpolation, relative to the one before the point
 
 
-def lagrange(f: float) -> tuple[float, float, float, float]:
+def lagrange(f: float | FloatArray) -> tuple[float | FloatArray, ...]:
     """Return the weights of the samples at `OFFSETS` for the point at -f, 0 <= f < 1."""
     return (
         -f * (1.0 - f) * (2.0 - f) / 6.0,
@@ -30,20 +30,20 @@ def lagrange(f: float) -> tuple[float, float, float, float]:
     )
 
 
-def delayed(signal: FloatArray, samples: float, every: int = 1) -> FloatArray:
+def delayed(signal: FloatArray, samples: float | FloatArray, every: int = 1) -> FloatArray:
     """Return a signal as it was `samples` earlier; before the record it holds its first value.
 
     Parameters
     ----------
     signal : (n, ...) array
-    samples : float
-        Delay in samples; negative looks ahead.
+    samples : float, or (...) array
+        Delay in samples; negative looks ahead. Those of an array differ by a fraction of a sample.
     every : int
         Interval of the samples that are returned.
     """
-    if samples == 0.0:
+    if not np.any(samples):
         return signal[::every]
-    count, whole = len(signal), int(np.floor(samples))
+    count, whole = len(signal), int(np.floor(np.min(samples)))
     # what all four offsets read, once
     around = signal[np.clip(np.arange(min(OFFSETS), count + max(OFFSETS)) - whole, 0, count - 1)]
     out = np.zeros((-(-count // every), *signal.shape[1:]))
@@ -254,14 +254,16 @@ def at_samples(vehicle: Vehicle, inputs: FloatArray) -> FloatArray:
     return out
 
 
-def late(readings: FloatArray, samples: float, wrapped: bool = False) -> FloatArray:
+def late(readings: FloatArray, samples: float | FloatArray, wrapped: bool = False) -> FloatArray:
     """Return readings (n, ...) as they were `samples` earlier; before and after the record they are straight lines.
+
+    Samples (...) of an array differ by a fraction of a sample.
 
     An angle that is `wrapped` jumps from pi to -pi and has no value between them: it is returned without jumps.
     """
     with np.errstate(over="ignore", invalid="ignore"):  # about to diverge: large numbers overflow
         whole = np.unwrap(readings, axis=0) if wrapped else readings
-        pad = int(np.ceil(abs(samples))) + 2
+        pad = int(np.ceil(np.max(np.abs(samples)))) + 2
         steps = np.arange(1.0, pad + 1.0).reshape(-1, *[1] * (readings.ndim - 1))
         before = whole[0] + steps[::-1] * (whole[0] - whole[1])
         after = whole[-1] + steps * (whole[-1] - whole[-2])
@@ -279,8 +281,9 @@ def late_outputs(
     for channel, row in output_delays(vehicle):
         behind = rows[row] / dt - (moved[channel] if moved else 0)
         finite = np.isfinite(outputs[:, :, channel]).all(axis=1) & np.isfinite(behind)
-        for samples in np.unique(behind[finite & (behind != 0.0)]).tolist():
-            lanes = finite & (behind == samples)
-            readings = outputs[lanes, :, channel].T
-            outputs[lanes, :, channel] = late(readings, samples, vehicle.outputs[channel] in WRAPPED).T
+        lanes = np.flatnonzero(finite & (behind != 0.0))
+        for whole in np.unique(np.floor(behind[lanes])).tolist():
+            some = lanes[np.floor(behind[lanes]) == whole]
+            readings = outputs[some, :, channel].T
+            outputs[some, :, channel] = late(readings, behind[some], vehicle.outputs[channel] in WRAPPED).T
     return outputs
