@@ -24,7 +24,7 @@ FLAG = re.compile(
 )  #: tests whether a vehicle has rotors
 #: room -> lines at most; "stoop" is the whole package, for which the design asks 68,000, and 9,000 for its studies
 BUDGETS = {
-    "stoop": 91490,
+    "stoop": 91560,
     "stoop_studies": 14700,
     "api": 200,
     "app": 3765,
@@ -33,7 +33,7 @@ BUDGETS = {
     "checks": 3010,
     "cli": 3425,
     "control_laws": 1555,
-    "estimate": 7775,
+    "estimate": 7785,
     "exporters": 8900,
     "fleet": 2710,
     "flight": 6535,
@@ -44,12 +44,12 @@ BUDGETS = {
     "parallel": 1250,
     "performance": 875,
     "prediction": 785,
-    "problem": 1950,
+    "problem": 2010,
     "propagation": 1150,
     "reconstruction": 850,
     "report": 4430,
     "results": 1305,
-    "simulation": 3490,
+    "simulation": 3495,
     "strategy": 1460,
     "tuning": 2390,
     "vehicle": 3700,

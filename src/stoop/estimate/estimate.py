@@ -84,6 +84,16 @@ class Estimate(ABC):
         return self.problem.layout.values(self.z)
 
     @property
+    def white(self) -> FloatArray:
+        """Unknowns (D + E,) by the weights of white noise, which are those of a search."""
+        return self.z
+
+    @property
+    def start(self) -> dict[str, float]:
+        """Values of the free parameters, SI, from which another search begins."""
+        return self.problem.layout.values(self.white)
+
+    @property
     def identified_vehicle(self) -> Vehicle:
         """The vehicle with its free numbers at their estimates; priors keep their means."""
         layout = self.problem.layout

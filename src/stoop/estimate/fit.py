@@ -175,10 +175,14 @@ class OutputErrorEstimate(Estimate):
         return {"noise_given": bool(arrays["noise_given"]), "by_white": arrays.get("by_white")}
 
     @property
+    def white(self) -> FloatArray:
+        """Unknowns (D + E,) by the weights of white noise, which are those of a search."""
+        return self.z if self.by_white is None else self.by_white
+
+    @property
     def disagreement(self) -> FloatArray:
         """By how much the weights of white noise and those of its color disagree, per SI unit of the unknowns (k,)."""
-        other = self.z if self.by_white is None else self.by_white
-        return np.asarray(self.problem.layout.scales * (self.z - other))
+        return np.asarray(self.problem.layout.scales * (self.z - self.white))
 
     @property
     def correlation_time(self) -> float:

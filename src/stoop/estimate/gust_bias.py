@@ -51,10 +51,10 @@ def gust_biases(fit: Estimate, flights: Mapping[str, Flight]) -> dict[str, tuple
         shifted = undelayed(problem)
     except IdentificationError:  # a free delay of a sensor
         return {}
-    layout = problem.layout
-    found = {p.name: float(x) for p, x in zip(own.parameters, fit.z, strict=False)}
-    begun = {_key(n): float(x) for n, x in zip(own.nuisances, fit.z[own.dimension :], strict=True)}
-    start = [found.get(p.name, float(x)) for p, x in zip(layout.parameters, layout.start, strict=True)]
+    layout, names = problem.layout, [p.name for p in own.parameters]
+    # slow motion is nearer the truth by the weights of white noise
+    begun = dict(zip([*names, *map(_key, own.nuisances)], fit.white.tolist(), strict=True))
+    start = [begun.get(p.name, float(x)) for p, x in zip(layout.parameters, layout.start, strict=True)]
     noise = Noise(vehicle, first_guess(vehicle, problem.pieces))
     z = np.array([*start, *(begun.get(_key(n), 0.0) for n in layout.nuisances), *noise.start])
     model = ScoringModel(Likelihood.of(shifted, noise, Steady(), z), z, 0.0)
@@ -64,9 +64,10 @@ def gust_biases(fit: Estimate, flights: Mapping[str, Flight]) -> dict[str, tuple
     model.linearize()
     errors = np.full(len(z), np.nan)
     errors[model.free] = np.sqrt(np.diag(invert(model.information).matrix))
+    found = dict(zip(names, fit.z.tolist(), strict=False))
     rows = [(p.name, i) for i, p in enumerate(layout.parameters) if p.name in found]
-    away = z - model.z
-    return {n: (float(away[i] * layout.scales[i]), float(away[i] / errors[i])) for n, i in rows}
+    away = {name: (found[name] - float(model.z[i]), i) for name, i in rows}
+    return {n: (float(x * layout.scales[i]), float(x / errors[i])) for n, (x, i) in away.items()}
 
 
 def _key(n: Nuisance) -> tuple[str, int, int | None]:

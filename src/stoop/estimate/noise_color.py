@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -11,7 +10,7 @@ import numpy as np
 from stoop.base.arrays import FloatArray
 from stoop.estimate.noise import common_time, correlation_times, lagged_products, noise_variance
 from stoop.problem import Misfit, Weights
-from stoop.problem.color import ChannelColor, Color
+from stoop.problem.color import ChannelColor, Color, ColoredWeights
 from stoop.results.decisions import DecisionRecord
 
 #: s; of 17 flights of JSBSim's aircraft, 0.1 s left errors of estimates a tenth larger in the median
@@ -22,7 +21,7 @@ READINGS_PER_LAG: Final = 50  #: short records get a lower order, or the autoreg
 WHITE_SHARE: Final = 0.01
 
 
-def colored_weights(problem: Misfit, residuals: Sequence[FloatArray]) -> Weights | None:
+def colored_weights(problem: Misfit, residuals: Sequence[FloatArray]) -> ColoredWeights | None:
     """Return the weights by noise and color of residuals (n, n_y) of each piece; None where all channels are white.
 
     What the autoregressions leave of the color counts as in :func:`~stoop.estimate.noise.effective_variance`.
@@ -35,7 +34,8 @@ def colored_weights(problem: Misfit, residuals: Sequence[FloatArray]) -> Weights
     channels = [_channel([r[:, [i]] for r in own], dt, time > 1.0) for i, time in enumerate(times)]
     color = Color(tuple(one for one, _ in channels), tuple(period for _, period in channels))
     left = common_time([color.whitened(r) for r in own], dt)
-    return replace(Weights.of(noise_variance(problem, residuals) * left), color=color)
+    plain = Weights.of(noise_variance(problem, residuals) * left)
+    return ColoredWeights(plain.covariance, plain.root, color)
 
 
 def color_record(problem: Misfit, residuals: Sequence[FloatArray]) -> DecisionRecord:
@@ -55,9 +55,3 @@ def _channel(columns: Sequence[FloatArray], dt: float, colored: bool) -> tuple[C
     own = [column[one][:, None] for column, one in zip(columns, there, strict=True) if one.any()]
     sums, _ = lagged_products(own, [np.ones_like(column) for column in own], order)
     return ChannelColor(np.append(1.0, sums[0, 1:] / sums[0, 0] / (1.0 + WHITE_SHARE))), period
-
-
-def innovations(problem: Misfit, residuals: Sequence[FloatArray]) -> list[FloatArray]:
-    """Return by how much residuals (n, n_y) of each piece miss what those before foretell, in the channels' units."""
-    color = problem.weights.color
-    return list(residuals) if color is None else [color.innovations(r) for r in residuals]

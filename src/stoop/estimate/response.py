@@ -19,8 +19,8 @@ import numpy as np
 
 from stoop.base.arrays import BoolArray, FloatArray, IntArray
 from stoop.base.variables import WRAPPED
-from stoop.problem.misfit import Misfit, Piece, Weights
-from stoop.simulation.delays import delayed, late, late_outputs, output_delays
+from stoop.problem import Misfit, Piece, Weights
+from stoop.simulation.delays import delayed, first_order_lag, late, late_outputs, output_delays
 from stoop.vehicle import Vehicle
 from stoop.vehicle.arrays import Equations, Evaluation, array_equations
 from stoop.vehicle.extensions import Extension, extended
@@ -197,7 +197,10 @@ class ExtendedModel:
         inputs = at.inputs.copy()
         for name in (name for c in one.inputs for name in (c, slope_input(c)) if name in vehicle.inputs):
             column = vehicle.inputs.index(name)
-            inputs[column] = delayed(at.record[column], one.step / at.dt)[at.samples]
+            signal = at.record[column]
+            slow = one.kind == "lag"
+            after = first_order_lag(signal, one.step, at.dt) if slow else delayed(signal, one.step / at.dt)
+            inputs[column] = after[at.samples]
         return rows, inputs
 
     def _lateness(self, one: Extension, at: Trajectory, column: int, reading: FloatArray) -> FloatArray:

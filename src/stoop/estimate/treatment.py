@@ -32,7 +32,7 @@ class Treatment:
     stuck_channels: bool = True
     noise_shape: bool = True
     maneuver_noise: bool = True
-    noise_color: bool = False
+    noise_color: bool = True
     gives_up: bool = False
 
 

@@ -64,7 +64,7 @@ def first_fit(vehicle: Vehicle, flights: Mapping[str, Flight], windows: Sequence
     except (FlightError, IdentificationError):
         return {}
     held = {one.name for one in fit.unknowns if one.fixed == "bound"}
-    return {name: value for name, value in fit.estimates.items() if name not in held}
+    return {name: value for name, value in fit.start.items() if name not in held}
 
 
 def quick_fit(

@@ -6,9 +6,10 @@ from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any, Final
 
-from stoop.problem.color import Color
+from stoop.problem.color import Color, ColoredWeights
 from stoop.problem.layout import Layout, Nuisance
-from stoop.problem.misfit import Misfit, Piece, Weights
+from stoop.problem.misfit import Misfit, Piece
+from stoop.problem.weights import Weights
 from stoop.vehicle import Parameter, Vehicle
 from stoop.vehicle.schema import VehicleFile
 
@@ -47,7 +48,7 @@ def problem_arrays(problem: Misfit) -> dict[str, Any]:
         if (own := getattr(p, n)) is not None
     }
     weights = problem.weights
-    color = {} if weights.color is None else weights.color.arrays
+    color = weights.color.arrays if isinstance(weights, ColoredWeights) else {}
     return {**dict(series), **some, **color, "covariance": weights.covariance, "root": weights.root}
 
 
@@ -62,5 +63,6 @@ def restored_problem(document: Mapping[str, Any], arrays: Mapping[str, Any]) -> 
         series = {name: arrays[f"{name}.{i}"] for name in PIECE_ARRAYS}
         series |= {name: arrays.get(f"{name}.{i}") for name in OPTIONAL_ARRAYS}
         pieces.append(Piece(**{**p, **series, **{name: tuple(p[name]) for name in PIECE_TUPLES}}))
-    weights = Weights(arrays["covariance"], arrays["root"], Color.restored(arrays))
+    weights, color = Weights(arrays["covariance"], arrays["root"]), Color.restored(arrays)
+    weights = weights if color is None else ColoredWeights(weights.covariance, weights.root, color)
     return Misfit(layout, tuple(pieces), weights, tuple(tuple(rung) for rung in document["ladder"]))

@@ -14,16 +14,17 @@ L. Ljung, *System Identification*, 2nd ed., Prentice Hall, 1999, sections 7.4 an
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from scipy.linalg import solve_toeplitz, solve_triangular, toeplitz
 
 from stoop.base.arrays import BoolArray, FloatArray
+from stoop.problem.weights import Weights
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,6 +86,10 @@ class ChannelColor:
         return out
 
 
+#: of a color: from readings (n, m) without a gap to as many
+Method: TypeAlias = Callable[[ChannelColor, FloatArray], FloatArray]
+
+
 @dataclass(frozen=True, eq=False)
 class Color:
     """The color of every channel, by its readings, which are so many samples apart."""
@@ -111,22 +116,20 @@ class Color:
         periods = tuple(map(int, arrays["color.periods"]))
         return cls(tuple(ChannelColor(arrays[f"color.{i}"]) for i in range(len(periods))), periods)
 
-    def apply(self, method: str, values: FloatArray, present: BoolArray) -> FloatArray:
-        """Return what a method of :class:`ChannelColor` makes of values (..., n, n_y), zero where not `present` (n, n_y)."""
+    def apply(self, method: Method, values: FloatArray, present: BoolArray) -> FloatArray:
+        """Return what `method` makes of values (..., n, n_y), zero where not `present` (n, n_y); overwrites them."""
         out = values.reshape(-1, *values.shape[-2:])
         for i, one in enumerate(self.channels):
             for rows in self._stretches(present[:, i], i) if one.order and out[..., i].any() else ():
-                out[:, rows, i] = getattr(one, method)(out[:, rows, i].T).T
+                out[:, rows, i] = method(one, out[:, rows, i].T).T
         return out.reshape(values.shape)
 
     def whitened(self, residuals: FloatArray) -> FloatArray:
         """Return residuals (n, n_y), NaN where there is none, white and with their variances."""
         present = np.isfinite(residuals)
-        return np.where(present, self.apply("whiten", np.where(present, residuals, 0.0), present), np.nan)
-
-    def innovations(self, residuals: FloatArray) -> FloatArray:
-        """Return what readings before do not foretell of residuals (n, n_y), NaN where there is none, in their units."""
-        return self.whitened(residuals) * np.sqrt([one.innovation for one in self.channels])
+        return np.where(
+            present, self.apply(ChannelColor.whiten, np.where(present, residuals, 0.0), present), np.nan
+        )
 
     def _stretches(self, present: BoolArray, channel: int) -> Iterator[slice]:
         rows = np.flatnonzero(present)
@@ -134,3 +137,42 @@ class Color:
         for own in np.split(rows, gaps):
             if own.size:
                 yield slice(int(own[0]), int(own[-1]) + 1, self.periods[channel])
+
+
+@dataclass(frozen=True, eq=False)
+class ColoredWeights(Weights):
+    """Weights of residuals that have a color; their `root` is diagonal."""
+
+    color: Color
+
+    @property
+    def separable(self) -> bool:
+        """Readings are weighted by those before."""
+        return False
+
+    @property
+    def logdet(self) -> float:
+        """Logarithm of the determinant of the covariance of the innovations."""
+        return super().logdet + self.color.logdet
+
+    def scaled(self, factors: Sequence[float]) -> Weights:
+        """Return the weights for a noise whose standard deviations are larger by factors (n_y,)."""
+        larger = super().scaled(factors)
+        return ColoredWeights(larger.covariance, larger.root, self.color)
+
+    def whiten(self, residuals: FloatArray, present: BoolArray, out: FloatArray | None = None) -> FloatArray:
+        """Return residuals (..., n, n_y), zero where nothing was measured, uncorrelated and of unit variance."""
+        return self.color.apply(ChannelColor.whiten, super().whiten(residuals, present, out), present)
+
+    def whiten_back(self, left: FloatArray, present: BoolArray) -> FloatArray:
+        """Return the transpose of :meth:`whiten` times `left` (n, n_y)."""
+        back = self.color.apply(ChannelColor.whiten_back, np.where(present, left, 0.0), present)
+        return super().whiten_back(back, present)
+
+    def colored(self, whitened: FloatArray, present: BoolArray) -> FloatArray:
+        """Return residuals (n, n_y) in the channels' units from whitened ones: the inverse of :meth:`whiten`."""
+        return super().colored(self.color.apply(ChannelColor.colored, whitened.copy(), present), present)
+
+    def innovations(self, residuals: FloatArray) -> FloatArray:
+        """Return by how much residuals (n, n_y), NaN where there is none, miss what those before foretell, in their units."""
+        return self.color.whitened(residuals) * np.sqrt([one.innovation for one in self.color.channels])

@@ -202,7 +202,7 @@ def observed_information(
         sizes = np.minimum(STEP, LONGEST / longest)
         change = partial(problem.piece_costs, index=i, count=len(problem.pieces[i].time))
         half = 0.5  # of the cost, which the kernel sums along trajectories; by color it would take the readings of all
-        if problem.weights.color is not None:
+        if not problem.weights.separable:
             residual, slopes = piece.filled()
             change, half = partial(problem.piece_products, index=i, left=-residual.ravel()), 1.0
             slopes = slopes.reshape(residual.size, -1)[:, free] @ factor

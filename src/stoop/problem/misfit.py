@@ -12,14 +12,14 @@ from typing import TypeVar
 
 import numpy as np
 
-from stoop.base.arrays import BoolArray, FloatArray, IntArray, within_range
+from stoop.base.arrays import FloatArray, IntArray, within_range
 from stoop.base.variables import WRAPPED
 from stoop.kernels.kernel import Kernel
 from stoop.optimize.ledger import inner
 from stoop.optimize.normal_equations import TallMatrix, project
-from stoop.problem.color import Color
 from stoop.problem.layout import Layout, Nuisance
 from stoop.problem.starts import Starts
+from stoop.problem.weights import Weights
 from stoop.simulation.delays import (
     actuator_rows,
     distinct_actuators,
@@ -36,88 +36,6 @@ Array = TypeVar("Array", FloatArray, IntArray)
 ENERGY = 1.0 / 16.0  #: share of the inputs' on the shortest record; any from 1/32 to 1/8 serves
 
 HISTORY = 1.0  #: s of commands before a piece: what is late arrives from there
-
-
-@dataclass(frozen=True, eq=False)
-class Weights:
-    """The weighting matrix Q of eq. (3), the inverse of the measurement noise covariance."""
-
-    covariance: FloatArray  #: (n_y, n_y), of the measurement noise, the channels' units
-    root: FloatArray  #: (n_y, n_y), upper triangular, Q = root' root: whitens a residual
-    color: Color | None = None  #: of residuals that a diagonal `root` whitens
-
-    @classmethod
-    def of(cls, covariance: FloatArray) -> Weights:
-        """Return the weights of a noise covariance (n_y, n_y), or of variances (n_y,)."""
-        matrix = np.diag(covariance) if covariance.ndim == 1 else covariance
-        return cls(matrix, np.linalg.cholesky(np.linalg.inv(matrix)).T)
-
-    @cached_property
-    def diagonal(self) -> bool:
-        """Whether channels are weighted one by one."""
-        return not np.any(self.root - np.diag(np.diag(self.root)))
-
-    @property
-    def logdet(self) -> float:
-        """Logarithm of the determinant of the noise covariance."""
-        own = -2.0 * float(np.sum(np.log(np.diag(self.root))))
-        return own if self.color is None else own + self.color.logdet
-
-    def scaled(self, factors: Sequence[float]) -> Weights:
-        """Return the weights for a noise whose standard deviations are larger by factors (n_y,)."""
-        d = np.array(factors)
-        return Weights(self.covariance * np.outer(d, d), self.root / d, self.color)
-
-    def whiten(self, residuals: FloatArray, present: BoolArray, out: FloatArray | None = None) -> FloatArray:
-        """Return residuals (..., n, n_y), zero where nothing was measured, with unit covariance.
-
-        A sample that lacks channels has the covariance of those that are `present` (n, n_y). `out` may take the result
-        and may be the residuals themselves.
-        """
-        if self.diagonal:
-            white = np.multiply(residuals, np.diag(self.root), out=out)
-            return white if self.color is None else self.color.apply("whiten", white, present)
-        white = np.zeros_like(residuals)
-        for rows, root in self._roots(present):
-            white[..., rows, :] = residuals[..., rows, :] @ root.T
-        return white
-
-    def whiten_back(self, left: FloatArray, present: BoolArray) -> FloatArray:
-        """Return weights (n, n_y) of residuals whose sum of products is that of `left` (n, n_y) with the whitened ones.
-
-        This is the transpose of :meth:`whiten`, zero where nothing was measured.
-        """
-        if self.diagonal:
-            left = np.where(present, left, 0.0)
-            if self.color is not None:
-                left = self.color.apply("whiten_back", left, present)
-            return left * np.diag(self.root)
-        weights = np.zeros_like(left)
-        for rows, root in self._roots(present):
-            weights[rows] = left[rows] @ root
-        return weights
-
-    def colored(self, whitened: FloatArray, present: BoolArray) -> FloatArray:
-        """Return residuals (n, n_y) in the channels' units from whitened ones: the inverse of :meth:`whiten`."""
-        if self.diagonal:
-            if self.color is not None:
-                whitened = self.color.apply("colored", whitened.copy(), present)
-            return np.asarray(whitened / np.diag(self.root))
-        residuals = np.zeros_like(whitened)
-        for rows, root in self._roots(present):
-            residuals[rows] = whitened[rows] @ np.linalg.pinv(root).T
-        return residuals
-
-    def _roots(self, present: BoolArray) -> Iterator[tuple[BoolArray, FloatArray]]:
-        """Yield samples (n,) that have the same channels, with the root of their inverse covariance, zero elsewhere."""
-        patterns, which = np.unique(present, axis=0, return_inverse=True)
-        for i, pattern in enumerate(patterns):
-            index = np.flatnonzero(pattern)
-            root = np.zeros_like(self.root)
-            if index.size:
-                part = self.covariance[np.ix_(index, index)]
-                root[np.ix_(index, index)] = np.linalg.cholesky(np.linalg.inv(part)).T
-            yield which.ravel() == i, root
 
 
 @dataclass(frozen=True, eq=False)
@@ -311,7 +229,7 @@ class Misfit:
         ahead = lanes[1:]
         with np.errstate(invalid="ignore", over="ignore"):
             # few lanes at a time stay in the cache
-            few = len(ahead) if weights.color else max(1, CACHED // max(1, lanes[0].size))
+            few = max(1, CACHED // max(1, lanes[0].size)) if weights.separable else len(ahead)
             for some in _chunks(len(ahead), few):
                 own = ahead[some]
                 own -= lanes[0]
@@ -378,7 +296,7 @@ class Misfit:
     @cached_property
     def _by_readings(self) -> bool:
         """Whether work is left to do with the readings, so that the kernel cannot sum their squares."""
-        return not self.weights.diagonal or self.weights.color is not None or self._late_outputs
+        return not self.weights.separable or self._late_outputs
 
     @cached_property
     def _quality(self) -> list[FloatArray]:

@@ -145,7 +145,7 @@ class Fitted:
 
     def again(self, vehicle: Vehicle, fit: Fitter) -> Fitted:
         """Return the fit of another vehicle by the decisions that this one took: a method that failed is not tried again."""
-        found = fit(self.setup.again(vehicle, self.estimate.estimates))
+        found = fit(self.setup.again(vehicle, self.estimate.start))
         return replace(found, records={**self.records, **found.records})
 
     def resuming(self, first: Fitted) -> Fitted:

@@ -57,7 +57,7 @@ def fit_in_gusts(setup: Setup, fit: Fitter) -> Fitted:
     if not known:
         with suppress(IdentificationError):  # a filter may follow what no simulation does
             calm = fit(_in_calm_air(setup))
-            known = calm.estimate.estimates
+            known = calm.estimate.start
     if calm is not None and calm.estimate.outcome.status == "interrupted":
         return calm
     # one search, from known estimates, tells early; from other starts the best of all decides

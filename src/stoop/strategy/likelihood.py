@@ -15,8 +15,7 @@ from stoop.estimate.estimate import Estimate
 from stoop.estimate.filter_likelihood import SCORING
 from stoop.estimate.instability import largest_growth
 from stoop.estimate.noise import channel_residuals, common_time
-from stoop.estimate.noise_color import innovations
-from stoop.problem import Layout
+from stoop.problem import Layout, Weights
 from stoop.problem.prepare import Prepared, nuisances
 from stoop.vehicle import Vehicle
 
@@ -32,7 +31,7 @@ def log_likelihood_rise(before: Estimate, after: Estimate) -> tuple[float, float
     """Return the rise of the log-likelihood and the number of independent readings; correlated residuals count less."""
     count, deviances = 0.0, []
     for fit in (before, after):
-        residuals = np.concatenate(innovations(fit.problem, fit.residuals))
+        residuals = np.concatenate([fit.problem.weights.innovations(r) for r in fit.residuals])
         counts = np.isfinite(residuals).sum(axis=0) / before.inflation
         count = float(counts.sum())
         filtered = fit.outcome.optimizer == SCORING  # a cost is twice minus the log-likelihood
@@ -60,7 +59,7 @@ def simulated_residuals(fit: Estimate, vehicle: Vehicle, prepared: Prepared) -> 
     """Return the residuals (n, n_y) of each piece by a vehicle simulated open loop, its nuisances estimated anew."""
     layout = Layout(vehicle, (), nuisances(vehicle, prepared))
     whole = tuple(len(piece.time) for piece in prepared.pieces)
-    weights = replace(fit.problem.weights, color=None)
+    weights = Weights(fit.problem.weights.covariance, fit.problem.weights.root)
     problem = replace(fit.problem, layout=layout, pieces=prepared.pieces, weights=weights, ladder=(whole,))
     return channel_residuals(problem, optimize.refine(problem, np.zeros(problem.extra), 0).z)
 

@@ -38,7 +38,7 @@ def widen(setup: Setup, fit: Fitter) -> Fitted:
         vehicle = setup.vehicle.with_numbers({n: {"prior": c.consistent} for n, c in more.items()})
         setup.watch(f"wider prior: {', '.join(wider)}")
         try:  # with all decisions before this one, which it may change
-            found, cut = _with_tests(fit(setup.again(vehicle, found.estimate.estimates)))
+            found, cut = _with_tests(fit(setup.again(vehicle, found.estimate.start)))
         except KeyboardInterrupt:
             cut = True
             break

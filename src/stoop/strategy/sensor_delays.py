@@ -42,11 +42,11 @@ def free_delays(setup: Setup, fit: Fitter) -> Fitted:
         longer = with_entries(vehicle, entries)
         setup.watch(f"delay: {extension.name}")
         try:
-            base, found = best, fit(setup.again(longer, best.estimate.estimates))
+            base, found = best, fit(setup.again(longer, best.estimate.start))
             cut = found.estimate.outcome.status == "interrupted"
             if not cut and found.setup.options.method != best.setup.options.method:
                 # likelihoods of two methods do not compare
-                base = fit(found.setup.again(vehicle, best.estimate.estimates))
+                base = fit(found.setup.again(vehicle, best.estimate.start))
                 cut = base.estimate.outcome.status == "interrupted"
         except KeyboardInterrupt:
             cut = True

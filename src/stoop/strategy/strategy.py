@@ -45,7 +45,7 @@ DECISIONS: Final[tuple[Decision, ...]] = (
     ),
     Decision("noise-shape", "Do residuals have outliers?", treatment="noise_shape"),
     Decision("maneuver-noise", "Does the noise differ between maneuvers?", treatment="maneuver_noise"),
-    Decision("noise-color", "Do residuals repeat themselves?", treatment="noise_color", default=False),
+    Decision("noise-color", "Do residuals repeat themselves?", treatment="noise_color"),
     EXTENSIONS,
     SENSOR_DELAYS,
     PRIORS,

@@ -1,8 +1,7 @@
 """What the equations of a vehicle may lack: a catalogue of extensions, each with the lines that write it into the file.
 
 An extension changes nothing at its null value. Those that are numbers of the file stand, all at their null values, in one
-extended vehicle; delays, and lags, which are delays to first order, shift the signals that go into the equations or come
-out of them.
+extended vehicle; delays and lags change the signals that go into the equations or come out of them.
 """
 
 from __future__ import annotations

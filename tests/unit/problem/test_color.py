@@ -7,13 +7,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.linalg import toeplitz
+from scipy.signal import lfilter
 
 from stoop.assessment.error_bars import error_bars
 from stoop.estimate.fit import Options, fit
 from stoop.estimate.treatment import Treatment
 from stoop.flight import Flight
-from stoop.problem import Weights
-from stoop.problem.color import ChannelColor, Color
+from stoop.problem.color import ChannelColor, Color, ColoredWeights
 from stoop.problem.windows import Window
 from stoop.vehicle import Vehicle
 
@@ -50,7 +50,8 @@ def test_readings_that_are_missing_or_slow_are_no_neighbors() -> None:
     present[:8, 0] = present[11:, 0] = present[::3, 1] = present[:, 2] = True
     rng = np.random.default_rng(1)
     residuals = rng.standard_normal((4, 20, 3)) * present
-    weights = Weights(np.eye(3), np.eye(3), Color((color, color, ChannelColor(np.ones(1))), (1, 3, 1)))
+    colors = Color((color, color, ChannelColor(np.ones(1))), (1, 3, 1))
+    weights = ColoredWeights(np.eye(3), np.eye(3), colors)
     white = weights.whiten(residuals, present)
     for lane, own in zip(white, residuals, strict=True):
         np.testing.assert_allclose(lane[:8, 0], color.whiten(own[:8, :1])[:, 0])
@@ -70,18 +71,17 @@ def test_slow_errors_of_the_sensors_are_weighed_by_their_color(
     """Estimates are nearer the truth, and error bars hold both weightings."""
     rng, data = np.random.default_rng(5), flight.data
     for channel in ("p", "q", "r", "alpha", "beta", "phi", "theta"):
-        drift = np.zeros(len(flight.time))
-        for k, step in enumerate(rng.standard_normal(len(drift) - 1)):
-            drift[k + 1] = 0.98 * drift[k] + np.radians(0.05) * step
+        steps = np.append(0.0, np.radians(0.05) * rng.standard_normal(len(flight.time) - 1))
+        drift = lfilter([1.0], [1.0, -0.98], steps)
         if channel in flight.names:
             read = ("time", flight.column(channel) + drift, flight.data[channel].attrs)
             data = data.assign({channel: read})
     disturbed = dataclasses.replace(flight, data=data)
     window = [Window("sim", 0.0, 30.0)]
-    found = fit(wrong, {"sim": disturbed}, window, Options(treatment=Treatment(noise_color=True)))
-    plain = fit(wrong, {"sim": disturbed}, window, Options())
+    found = fit(wrong, {"sim": disturbed}, window, Options())
+    plain = fit(wrong, {"sim": disturbed}, window, Options(treatment=Treatment(noise_color=False)))
     assert [one.name for one in found.decisions if one.name == "noise-color"]
-    assert plain.problem.weights.color is None
+    assert not isinstance(plain.problem.weights, ColoredWeights)
     np.testing.assert_array_equal(plain.disagreement, 0.0)
     true = np.array([aircraft.value(n) for n in plain.estimates])
     size = error_bars(plain).std[: len(true)]
