@@ -4,10 +4,10 @@ Sampled are the parameters alone. Initial states and biases enter the readings a
 closed form (Laplace): at each point they stand where a linear model puts them, one projection takes off what is left, and
 `Target.error` measures what this neglects.
 
-The fit weighs colored residuals as so many times fewer independent ones, one factor for all. That makes the likelihood
-about right in size but not in shape, so it is stretched about its maximum (curvature adjustment) until its curvature is the
-inverse of the covariance corrected for color. A linear model then has exactly the corrected covariance as its posterior;
-whitening the residuals instead would move the maximum away from the estimate, and onto the high frequencies.
+What the weights leave of the color of residuals, the fit takes for so many times fewer independent ones, one factor for all.
+That makes the likelihood about right in size but not in shape, so it is stretched about its maximum (curvature adjustment)
+until its curvature is the inverse of the covariance corrected for color. A linear model then has exactly the corrected
+covariance as its posterior.
 
 References
 ----------
