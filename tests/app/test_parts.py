@@ -273,7 +273,7 @@ def test_a_fit_stopped_while_bounds_are_widened_keeps_what_it_has() -> None:
         unknowns: tuple[Any, ...] = field(
             default=(SimpleNamespace(name=name, estimate=upper, fixed="bound"),)
         )
-        estimates: dict[str, float] = field(default_factory=lambda: {name: upper})
+        start: dict[str, float] = field(default_factory=lambda: {name: upper})
 
     calls = []
 

@@ -47,14 +47,14 @@ def test_from_the_log_to_the_report(app, tab, shared_data: Path, capsys: pytest.
     page.page.get_by_text("What to do next").first.click()
     page.click("Clp")
     page.wait("Clp is fixed in vehicle.toml")
-    page.click("Cmalpharudder")
-    page.wait("Cmalpharudder is free in vehicle.toml")
+    page.click("CLaileron2")
+    page.wait("CLaileron2 is free in vehicle.toml")
     page.click("3 Vehicle")
     page.wait("V-tail 8.5 kg")
     page.page.locator("math").first.wait_for()
     page.picture("2_vehicle")
     text = (running.folder / "vehicle.toml").read_text("utf-8")
-    assert 'Cmalpharudder = {term = "alpha*rudder"' in text
+    assert 'CLaileron2 = {term = "aileron^2"' in text
     assert "free = false" in text
     assert "# 8.5 kg V-tail aeroplane" in text, "comments stay"
     # What was done can be done again without the app.

@@ -147,7 +147,7 @@ def test_in_gusts_every_trial_has_them_or_none(monkeypatch: pytest.MonkeyPatch, 
         of_filter = 0.0 if explained else 0.9
         found: Any = SimpleNamespace(
             outcome=outcome, innovation_correlation=of_filter, correlation_time=1.0, first=not added(setup.vehicle),
-            estimates={},
+            start={},
         )  # fmt: skip
         return Fitted(setup, found)
 

@@ -259,7 +259,7 @@ def test_a_filter_begins_with_the_state_of_a_filter_only(monkeypatch, optimizer,
     setup = setup_of(Strategy.default(), vehicle, {}, WINDOWS, options=Options(method="output-error"))
     setup = replace(setup, in_calm="output-error", state=state, callback=print).by("filter-error")
     found, asked = (
-        SimpleNamespace(outcome=SimpleNamespace(status="converged"), estimates={"CLalpha": 5.0}),
+        SimpleNamespace(outcome=SimpleNamespace(status="converged"), start={"CLalpha": 5.0}),
         [],
     )
 
@@ -271,7 +271,7 @@ def test_a_filter_begins_with_the_state_of_a_filter_only(monkeypatch, optimizer,
     monkeypatch.setattr(decision, "unexplained", lambda *args: (doubt,))
     done = decision.fit_in_gusts(setup, fitted)
     calm, filtered = asked
-    assert filtered.options.start == found.estimates
+    assert filtered.options.start == found.start
     assert filtered.options.treatment.gives_up
     assert done.setup.options.method == "output-error"
     assert done.setup.notices == (doubt,)
@@ -291,7 +291,7 @@ def test_a_filter_is_tried_where_no_simulation_succeeds(monkeypatch):
     def fitted(one):
         if one.options.method == "output-error":
             raise IdentificationError("no candidate can be simulated")
-        return Fitted(one, SimpleNamespace(outcome=SimpleNamespace(status="converged"), estimates={}))
+        return Fitted(one, SimpleNamespace(outcome=SimpleNamespace(status="converged"), start={}))
 
     monkeypatch.setattr(decision, "unexplained", lambda *args: ())
     found = decision.fit_in_gusts(setup, fitted)
