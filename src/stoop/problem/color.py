@@ -14,9 +14,9 @@ L. Ljung, *System Identification*, 2nd ed., Prentice Hall, 1999, sections 7.4 an
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from itertools import pairwise
 from typing import Any, TypeAlias
 
@@ -120,8 +120,9 @@ class Color:
         """Return what `method` makes of values (..., n, n_y), zero where not `present` (n, n_y); overwrites them."""
         out = values.reshape(-1, *values.shape[-2:])
         for i, one in enumerate(self.channels):
-            for rows in self._stretches(present[:, i], i) if one.order and out[..., i].any() else ():
-                out[:, rows, i] = method(one, out[:, rows, i].T).T
+            if one.order and out[..., i].any():
+                for rows in _stretches(present[:, i].tobytes(), self.periods[i]):
+                    out[:, rows, i] = method(one, out[:, rows, i].T).T
         return out.reshape(values.shape)
 
     def whitened(self, residuals: FloatArray) -> FloatArray:
@@ -131,12 +132,13 @@ class Color:
             present, self.apply(ChannelColor.whiten, np.where(present, residuals, 0.0), present), np.nan
         )
 
-    def _stretches(self, present: BoolArray, channel: int) -> Iterator[slice]:
-        rows = np.flatnonzero(present)
-        gaps = np.flatnonzero(np.diff(rows) != self.periods[channel]) + 1
-        for own in np.split(rows, gaps):
-            if own.size:
-                yield slice(int(own[0]), int(own[-1]) + 1, self.periods[channel])
+
+@lru_cache(maxsize=256)
+def _stretches(present: bytes, period: int) -> tuple[slice, ...]:
+    """Return the readings without a gap of a channel, of which the samples with one are given: the same in every evaluation."""
+    rows = np.flatnonzero(np.frombuffer(present, dtype=np.bool_))
+    own = np.split(rows, np.flatnonzero(np.diff(rows) != period) + 1)
+    return tuple(slice(int(some[0]), int(some[-1]) + 1, period) for some in own if some.size)
 
 
 @dataclass(frozen=True, eq=False)
