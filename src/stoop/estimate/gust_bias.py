@@ -66,8 +66,8 @@ def gust_biases(fit: Estimate, flights: Mapping[str, Flight]) -> dict[str, tuple
     errors[model.free] = np.sqrt(np.diag(invert(model.information).matrix))
     found = dict(zip(names, fit.z.tolist(), strict=False))
     rows = [(p.name, i) for i, p in enumerate(layout.parameters) if p.name in found]
-    away = {name: (found[name] - float(model.z[i]), i) for name, i in rows}
-    return {n: (float(x * layout.scales[i]), float(x / errors[i])) for n, (x, i) in away.items()}
+    away = [(n, i, found[n] - model.z[i]) for n, i in rows]
+    return {n: (float(x * layout.scales[i]), float(x / errors[i])) for n, i, x in away}
 
 
 def _key(n: Nuisance) -> tuple[str, int, int | None]:
