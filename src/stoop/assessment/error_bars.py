@@ -100,9 +100,11 @@ def estimate_uncertainty(
 class ErrorBars:
     """Uncertainty of the parameters and nuisances of a fit, in SI; k = parameters, then nuisances."""
 
-    #: (k, k), corrected for color and for the scatter of maneuvers; zero for what is at a bound or not estimated
+    #: (k, k), corrected for color, weighting and the scatter of maneuvers; zero for what is at a bound or not estimated
     covariance: FloatArray
-    std: FloatArray  #: (k,), standard errors of that covariance, and of what the model lacks where that was looked for
+    #: (k,), standard errors of that covariance, what weightings disagree about no more than the priors allow, and of what the
+    #: model lacks where that was looked for
+    std: FloatArray
     conditional_std: FloatArray  #: (k,), corrected for color alone: right as far as the model is
     #: (k,), as if residuals were white; NaN where a method does not use their color
     cramer_rao_std: FloatArray
@@ -111,21 +113,20 @@ class ErrorBars:
     conditional: tuple[str, ...]  #: more than twice as uncertain if the parameters at a bound were free
     uncertainty: Uncertainty  #: of the `free` unknowns
     free: IntArray  #: (f,); the unknowns that are estimated and not at a bound; noise intensities come last
-    priors: FloatArray  #: (f,), standard deviations of their priors about the estimates; infinite without one
+    priors: FloatArray  #: (f,), root-mean-square errors of their estimates by their priors alone; infinite without one
     contributions: tuple[Contribution, ...] = ()  #: of controls and motions
     #: of maneuvers or flights, whichever is larger; None where there is one maneuver
     scatter: Scatter | None = None
 
     def with_model_error(self, variance: FloatArray) -> ErrorBars:
-        """Return error bars with a further variance (f,) of the `free` unknowns; none becomes wider than its prior.
+        """Return error bars with a further variance (f,) of the `free` unknowns; none becomes wider than its prior allows.
 
         The covariance stays that of the model as it is, which behaves as the flight did: what it lacks moves the numbers, and the
         two together hardly move what they describe.
         """
         own = self.free < len(self.std)
         std, free = self.std.copy(), self.free[own]
-        wide = np.sqrt(std[free] ** 2 + variance[own])
-        std[free] = np.maximum(std[free], np.minimum(wide, self.priors[own]))
+        std[free] = _as_known(std[free], variance[own], self.priors[own])
         return replace(self, std=std)
 
     def rejected(self, reason: Notice) -> ErrorBars:
@@ -135,6 +136,11 @@ class ErrorBars:
             for name, one in self.identifiability.items()
         }
         return replace(self, identifiability=doubted)
+
+
+def _as_known(std: FloatArray, variance: FloatArray, priors: FloatArray) -> FloatArray:
+    """Return standard errors (k,) with a further variance (k,), none by that wider than its prior allows."""
+    return np.maximum(std, np.minimum(np.sqrt(std**2 + variance), priors))
 
 
 @on_one_blas_thread
@@ -181,7 +187,10 @@ def error_bars(fit: Estimate) -> ErrorBars:
         corrected = corrected * np.outer(stretch, stretch)
     corrected = corrected + _of_held_inertia(fit, found.coloring)
     # of two weightings, both right where the model is
-    corrected = corrected + np.outer(fit.disagreement[free], fit.disagreement[free])
+    apart, priors = fit.disagreement[free], np.array([u.prior_error for u in known])
+    std = np.zeros(len(unknowns))
+    std[free] = _as_known(standard_errors(corrected), apart**2, priors)
+    corrected = corrected + np.outer(apart, apart)
     own = {u.name: j for u, j in zip(known, each_known, strict=True) if u.kind == "parameter"}
     for name in (n for n in doubtful if own[n].identifiable):
         reason = notice("systematic-residuals", doubtful[name])
@@ -194,7 +203,7 @@ def error_bars(fit: Estimate) -> ErrorBars:
     white[free] = np.nan if evidence.white else standard_errors(cramer_rao)
     return ErrorBars(
         covariance=covariance[:k, :k],
-        std=standard_errors(covariance)[:k],
+        std=std[:k],
         conditional_std=conditional_std[:k],
         cramer_rao_std=white[:k],
         at_bound=at_bound[:k],
@@ -202,7 +211,7 @@ def error_bars(fit: Estimate) -> ErrorBars:
         conditional=conditional,
         uncertainty=found,
         free=free,
-        priors=np.array([u.prior for u in known]),
+        priors=priors,
         contributions=each,
         scatter=scatter,
     )

@@ -159,11 +159,10 @@ def _try_starts(state: PsGdeLmState, ledger: Ledger) -> Step:
         state, event = _refine(state, ledger, z, FROM_START)
     else:
         state, event = _follow_up(state, ledger, z, FROM_START)
-    trusted = state.optima.converged.any() and explains(ledger, ledger.cost, ledger.full)
     scouts = state.scouts.copy()
-    if not trusted:
+    if not state.trusted:
         scouts[: len(others)] = others[: len(scouts)]
-    return replace(state, scouts=scouts, trusted=bool(trusted)), event
+    return replace(state, scouts=scouts), event
 
 
 def _follow_up_next(state: PsGdeLmState, ledger: Ledger) -> Step:
@@ -209,9 +208,11 @@ def _refine(state: PsGdeLmState, ledger: Ledger, z: FloatArray, lineage: int, sc
     end = refine_fully(ledger, z, state.optima.least_converged(), score)
     optima = state.optima.add(end, lineage)
     confirmed = optima.confirmed(ledger.cost, ledger.reference(ledger.full))
+    own = lineage == FROM_START and end.converged and end.cost <= ledger.cost
+    trusted = state.trusted or bool(own and explains(ledger, end.cost, ledger.full))
     text = f"{end.ending} after {end.iterations} steps" + (", confirmed" if confirmed else "")
     event = Event("refinement", end.cost, ledger.full, text)
-    return replace(state, optima=optima, converged=state.converged or confirmed), event
+    return replace(state, optima=optima, trusted=trusted, converged=state.converged or confirmed), event
 
 
 def _evolve(state: PsGdeLmState, ledger: Ledger) -> Step:

@@ -6,6 +6,7 @@ the windows, of a regression the equation errors. ``stoop.assessment`` computes 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -51,6 +52,8 @@ class Unknown:
     prior: float = np.inf
     #: why it has no error bar: at a bound, or not estimated by the method
     fixed: Literal["", "bound", "method"] = ""
+    #: SI, root-mean-square error of the estimate by the prior alone; infinite without one
+    prior_error: float = np.inf
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,10 +158,11 @@ def unknowns_of(
         at_bound = estimated is None and not AT_BOUND <= z[i] <= 1.0 - AT_BOUND
         size, width = max(abs(p.value), abs(value)), p.upper - p.lower
         why = "bound" if at_bound else fixed[i]
-        out.append(Unknown(p.name, "parameter", value, size, width, p.prior_about(value)[1], why))
+        mean, std = p.prior_about(value)
+        out.append(Unknown(p.name, "parameter", value, size, width, std, why, math.hypot(std, value - mean)))
     for i, n in enumerate(layout.nuisances, layout.dimension):
-        value = n.center + n.scale * float(z[i])
-        out.append(Unknown(n.name, "nuisance", value, n.scale, prior=n.scale, fixed=fixed[i]))
+        value, error = n.center + n.scale * float(z[i]), n.scale * math.hypot(1.0, z[i])
+        out.append(Unknown(n.name, "nuisance", value, n.scale, np.inf, n.scale, fixed[i], error))
     return tuple(out)
 
 

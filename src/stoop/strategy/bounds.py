@@ -21,10 +21,17 @@ DOING: Final = "default bounds that an estimate reached were widened"
 
 
 def widen(setup: Setup, fit: Fitter) -> Fitted:
-    """Return the fit with wider bounds where its estimates reach default ones."""
-    first = found = fit(setup)
-    began, remarks, vehicle = time.perf_counter(), dict[str, Notice](), setup.vehicle
+    """Return the fit with wider bounds where its estimates, or those of an earlier fit, reach default ones."""
+    began, vehicle, known = time.perf_counter(), setup.vehicle, setup.options.start
     unbounded = {name for name, q in leaves(vehicle.file) if q.bounds is None}
+    beyond = {
+        p.name: min(max(known[p.name], p.lower), p.upper)
+        for p in vehicle.parameters
+        if p.name in unbounded and not p.lower <= known.get(p.name, p.value) <= p.upper
+    }
+    boxes = wider_boxes(vehicle, beyond)
+    remarks, vehicle = _remarks(boxes, beyond), _with_bounds(vehicle, boxes)
+    first = found = fit(replace(setup, vehicle=vehicle))
     for _ in range(MAX_WIDENINGS):
         held = {
             u.name: u.estimate for u in found.estimate.unknowns if u.fixed == "bound" and u.name in unbounded
@@ -33,7 +40,7 @@ def widen(setup: Setup, fit: Fitter) -> Fitted:
         # a search that ends for want of trajectories finds no better optimum in a wider box
         if not boxes or found.estimate.outcome.status in ("interrupted", "budget"):
             break
-        vehicle = vehicle.with_numbers({name: {"bounds": box} for name, box in boxes.items()})
+        vehicle = _with_bounds(vehicle, boxes)
         try:
             wider = found.again(vehicle, fit)
         except KeyboardInterrupt:  # what was found within the narrower bounds stands
@@ -47,8 +54,7 @@ def widen(setup: Setup, fit: Fitter) -> Fitted:
         found = replace(kept, estimate=replace(kept.estimate, trajectories=more))
         if worse:
             break
-        for name, (low, high) in boxes.items():
-            remarks[name] = notice("bounds-widened", name, bound=held[name], low=low, high=high)
+        remarks |= _remarks(boxes, held)
     if not remarks:
         return found
     found = found.resuming(first)
@@ -64,6 +70,15 @@ def wider_boxes(vehicle: Vehicle, held: Mapping[str, float]) -> dict[str, tuple[
     at = [p for p in vehicle.parameters if p.name in held]
     boxes = {p.name: wider_bounds(p.name, p.value, (p.lower, p.upper), held[p.name]) for p in at}
     return {p.name: boxes[p.name] for p in at if boxes[p.name] != (p.lower, p.upper)}
+
+
+def _with_bounds(vehicle: Vehicle, boxes: Mapping[str, tuple[float, float]]) -> Vehicle:
+    return vehicle.with_numbers({name: {"bounds": box} for name, box in boxes.items()})
+
+
+def _remarks(boxes: Mapping[str, tuple[float, float]], held: Mapping[str, float]) -> dict[str, Notice]:
+    """Return a notice of each box that was widened, with the bound that held its estimate."""
+    return {n: notice("bounds-widened", n, bound=held[n], low=a, high=b) for n, (a, b) in boxes.items()}
 
 
 BOUNDS = Decision(NAME, "Do estimates reach bounds that the file does not give?", around=widen)

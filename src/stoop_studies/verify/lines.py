@@ -311,7 +311,10 @@ def drafted(path: Path, columns: Columns, lines: Sequence[str]) -> dict[str, lis
 def misread(
     path: Path, text: str, columns: Columns, lines: Iterable[str], tolerance: float = 1e-3
 ) -> list[str]:
-    """Return the variables that a mapping does not read from a log as they were measured, within a share of their range."""
+    """Return the variables that a mapping does not read from a log as they were measured.
+
+    Within a share of their range, and half a step of what the log holds.
+    """
     entries = tomllib.loads(text).get("variables", {})
     if path.suffix == ".mat":
         table = dict(next(iter(logs.read(path).streams.values())).columns)
@@ -322,13 +325,14 @@ def misread(
     wrong = []
     for name in (one for one in lines if one in entries):
         entry = entries[name]
-        read = table[entry["column"]] * FACTORS[entry["unit"]] * entry.get("scale", 1.0) + entry.get(
-            "offset", 0.0
-        )
+        unit = FACTORS[entry["unit"]] * entry.get("scale", 1.0)
+        read = table[entry["column"]] * unit + entry.get("offset", 0.0)
+        step = abs(unit) * float(np.min(np.diff(np.unique(table[entry["column"]])), initial=np.inf))
         apart = read - columns[name]
         if name == "psi":
             apart = np.angle(np.exp(1j * apart))
-        if np.max(np.abs(apart)) > tolerance * float(np.max(np.abs(columns[name]))):
+        near = tolerance * float(np.max(np.abs(columns[name]))) + (0.5 * step if np.isfinite(step) else 0.0)
+        if np.max(np.abs(apart)) > near:
             wrong.append(name)
     return wrong
 

@@ -136,8 +136,9 @@ def write(
     table, mangled = {clock: (start + time) / FACTORS[unit]}, mangle(shown)
     for name, (column, of, factor, offset) in rows.items():
         value = (mangled[name] - offset) / (factor * FACTORS[of])
-        if name == "psi":
-            value = np.mod(value, 2.0 * np.pi / FACTORS[of])
+        if name == "psi":  # up to a full turn, in whatever it is written
+            turn = np.max(np.abs(mangle({**shown, name: shown[name] + 2.0 * np.pi})[name] - mangled[name]))
+            value = np.mod(value, (turn if turn > 1e-6 else 2.0 * np.pi) / FACTORS[of])
         step = TABLES["steps"].get(of, 0.0)
         table[column] = np.round(value / step) * step if recorder.rounded and step else value
     kept = np.ones(len(time), dtype=bool)

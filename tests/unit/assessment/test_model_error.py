@@ -13,6 +13,7 @@ from stoop.assessment.covariance import NORMAL_95
 from stoop.assessment.error_bars import error_bars
 from stoop.assessment.extensions import scored
 from stoop.assessment.model_error import LEVEL, lacks_nothing, model_error, variances
+from stoop.estimate.fit import OutputErrorEstimate
 from stoop.strategy import decision
 
 
@@ -103,3 +104,24 @@ def test_no_number_becomes_less_known_than_its_prior_says() -> None:
     wide = replace(bars, priors=bound * std).with_model_error(2.0 * std**2)
     expected = np.clip(bound, 1.0, np.sqrt(3.0))[own]
     assert wide.std[bars.free[own]] / std[own] == pytest.approx(expected)
+
+
+def test_another_weighting_makes_no_number_less_known_than_its_prior_says() -> None:
+    """The prior alone says by how much an estimate is off: its variance and the square of the distance from its mean."""
+    done = fitted(0.0)
+    assert isinstance(done, OutputErrorEstimate)
+    apart = np.random.default_rng(3).normal(0.0, 2.0, len(done.z))
+    alone, both = (error_bars(replace(done, by_white=done.z + move)) for move in (0.0 * apart, apart))
+    free = both.free[both.free < len(both.std)]
+    added = (done.problem.layout.scales * apart)[free]
+    assert both.covariance[np.ix_(free, free)] == pytest.approx(
+        alone.covariance[np.ix_(free, free)] + np.outer(added, added)
+    )
+    means = [0.0] * done.problem.layout.dimension + [n.center for n in done.problem.layout.nuisances]
+    limits = np.array([np.hypot(u.prior, u.estimate - m) for u, m in zip(done.unknowns, means, strict=True)])[
+        free
+    ]
+    assert np.isfinite(limits).any()
+    whole = np.hypot(alone.std[free], added)
+    assert np.any(whole > limits)
+    assert both.std[free] == pytest.approx(np.maximum(alone.std[free], np.minimum(whole, limits)))

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import pickle
 from collections.abc import Callable
-from dataclasses import fields, is_dataclass
+from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +19,7 @@ from hypothesis import strategies as st
 
 from stoop import optimize
 from stoop.errors import IdentificationError
-from stoop.optimize import Stop
+from stoop.optimize import Stop, local_refinement
 from stoop.optimize.libraries import Library
 
 NAMES = optimize.names()
@@ -334,6 +334,36 @@ def test_the_best_of_several_starts_is_dived_from_first(
     )
     assert events[0].kind == "refinement"
     assert events[0].text.startswith("converged")
+
+
+def test_a_start_whose_refinement_took_two_rounds_is_as_good_as_one_that_took_one(
+    oscillation: Callable[..., Any], near: Callable[[float], np.ndarray], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """All other candidates end in a worse optimum of their own, as refinements of a wrong model may."""
+    there = near(1.0)[:4]
+
+    class Apart(type(oscillation())):  # type: ignore[misc]
+        """Readings of the truth close to it, of another vehicle and with more noise elsewhere."""
+
+        def residuals(self, Z: np.ndarray, rung: int) -> np.ndarray:
+            inside = np.abs(Z[:, :4] - there).max(axis=1) < 0.05
+            other = oscillation(seed=2, noise=0.05)
+            moved = np.concatenate([Z[:, :2], Z[:, 2:3] + 0.25, Z[:, 3:]], axis=1)
+            return np.where(inside[:, None], super().residuals(Z, rung), other.residuals(moved, rung))
+
+    def end(start: np.ndarray, steps: int) -> optimize.Outcome:
+        full = replace(local_refinement.FULL, iterations=steps)
+        monkeypatch.setattr("stoop.optimize.ladder.FULL", full)
+        problem = Apart(oscillation(seed=1).measured)
+        return optimize.minimize(
+            optimize.create(), problem, seed=1, starts=start[None, :], stop=Stop(budget=5000)
+        )
+
+    start = near(1.02)[:4]
+    whole, halves = end(start, 80), end(start, 3)
+    assert {whole.status, halves.status} == {"converged"}
+    assert halves.cost == pytest.approx(whole.cost, rel=1e-6)
+    assert whole.trajectories < halves.trajectories < 500.0
 
 
 def test_a_start_brings_its_nuisances(

@@ -89,5 +89,5 @@ def test_slow_errors_of_the_sensors_are_weighed_by_their_color(
         (np.array([*one.estimates.values()]) - true)[size > 0.0] / size[size > 0.0] for one in (found, plain)
     ]
     assert np.sqrt(np.mean(off[0] ** 2)) < 0.8 * np.sqrt(np.mean(off[1] ** 2))
-    free = found.evidence.free
-    assert np.all(error_bars(found).std[free] >= np.abs(found.disagreement[free]))
+    free, bars = found.evidence.free, error_bars(found)
+    assert np.all(bars.std[free] >= np.minimum(np.abs(found.disagreement[free]), bars.priors))

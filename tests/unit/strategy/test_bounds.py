@@ -84,6 +84,28 @@ def test_what_was_found_stands_where_wider_bounds_end_worse() -> None:
     assert not [n for n in kept.estimate.notices if n.code == "bounds-widened"]
 
 
+def test_estimates_of_an_earlier_fit_beyond_the_box_widen_it_before_the_search() -> None:
+    truth = known().value(INERTIA)
+    vehicle = known().with_numbers({INERTIA: {"value": 0.6 * truth}})
+    setup = setup_of(Strategy.textbook(), vehicle, {"flight": flight()}, [Window("flight", 0.0, 5.0)])
+    calls: list[Fitted] = []
+
+    def fitter(setup: Setup) -> Fitted:
+        calls.append(estimate(setup))
+        return calls[-1]
+
+    narrow = widen(setup, fitter)
+    assert len(calls) == 2
+    wide = widen(setup.again(vehicle, narrow.estimate.start), fitter)
+    assert len(calls) == 3
+    assert wide.estimate.estimates[INERTIA] == pytest.approx(truth, rel=0.03)
+    said = [[n for n in one.estimate.notices if n.code == "bounds-widened"] for one in (narrow, wide)]
+    assert said[0] == said[1]
+    # what lies within widens nothing
+    widen(setup.again(vehicle, {INERTIA: 0.7 * truth}), fitter)
+    assert len(calls) == 5
+
+
 def test_bounds_of_the_file_stay() -> None:
     truth = known().value(INERTIA)
     fit = found(0.5, bounds=(0.3 * truth, 0.7 * truth))
