@@ -251,7 +251,7 @@ def _estimate(pieces: Pieces) -> Estimate:
                 "look for wild samples with stoop info"
             )
         J, _ = problem.jacobian(end.z, 0, problem.residuals(end.z[None, :], 0)[0])
-        error = np.sqrt(np.diag(np.linalg.inv(J.T @ J)))[: problem.shared]
+        error = np.sqrt(np.diag(np.linalg.inv(J.gram())))[: problem.shared]
         del J  # as large as all else together
         change = np.abs(end.z - z)[: problem.shared] / error
         z = end.z
@@ -307,12 +307,14 @@ def _sensitivities(problem: Problem, z: FloatArray) -> list[PieceEvidence]:
     J, _ = problem.jacobian(z, 0, r)
     used = np.flatnonzero(np.any([np.isfinite(p.measured).any(axis=0) for p in problem.pieces], axis=0))
     out, first = [], 0
-    for piece in problem.pieces:
+    for piece, own, part in zip(problem.pieces, J.present, J.parts, strict=False):  # the last are priors
         block = slice(first, first + piece.measured.size)
         shape = (len(piece.measured), len(OUTPUTS))
         seen = np.isfinite(piece.measured[:, used])
         residual = np.where(seen, -r[block].reshape(shape)[:, used], np.nan)
-        out.append(PieceEvidence(residual, J[block].reshape(*shape, -1)[:, used]))
+        slopes = np.zeros((*residual.shape, problem.extra))
+        slopes[:, :, own] = part.T.reshape(*shape, -1)[:, used]
+        out.append(PieceEvidence(residual, slopes))
         first = block.stop
     return out
 

@@ -15,7 +15,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from stoop.base.arrays import FloatArray, run_slices
+from stoop.base.arrays import FloatArray, IntArray, run_slices
 from stoop.base.notices import Notice, distinct, notice
 from stoop.base.rotations import matrices_of, quaternions_of
 from stoop.base.variables import EULER, POSITION, RATES, SPECIFIC_FORCE, VELOCITY, WRAPPED
@@ -25,6 +25,7 @@ from stoop.flight.air_data import RECONSTRUCTED
 from stoop.flight.airborne import flying
 from stoop.flight.instrument_errors import AIR, DELAYED, GROUND, RATES_DELAY, InstrumentError
 from stoop.optimize import forward_jacobian
+from stoop.optimize.normal_equations import TallMatrix
 from stoop.problem import on_circle
 from stoop.reconstruction.kinematics import INPUTS, OUTPUTS, PARAMETERS, SCALED, kernel
 from stoop.simulation.delays import delayed
@@ -234,19 +235,18 @@ class Problem:
         blocks = [self._block(Z, i) for i in range(len(self.pieces))]
         return np.concatenate([*blocks, Z], axis=1)
 
-    def jacobian(self, z: FloatArray, rung: int, r: FloatArray) -> tuple[FloatArray, float]:
-        """Differentiate by forward steps; a piece depends on the unknowns and its own initial state only."""
-        out = np.zeros((self.extra, len(r)))
-        first = 0
+    def jacobian(self, z: FloatArray, rung: int, r: FloatArray) -> tuple[TallMatrix, float]:
+        """Differentiate by forward steps, a stretch a piece, which depends on the unknowns and its own initial state only."""
+        parts, first = list[tuple[IntArray, FloatArray]](), 0
         for i, piece in enumerate(self.pieces):
             block = slice(first, first + piece.measured.size)
             entries = np.array([*range(self.shared), *self._own(i)], dtype=np.intp)
             part = _Part(self, z, i, entries)
             # a step of a millionth of a prior's standard deviation
-            out[entries, block] = forward_jacobian(part, z[entries], 0, r[block], 1e-6)[0].T
+            parts.append((entries, forward_jacobian(part, z[entries], 0, r[block], 1e-6)[0].T))
             first = block.stop
-        out[:, first:] = np.eye(self.extra)
-        return out.T, float(self.shared + len(START))
+        parts.append((np.arange(self.extra), np.eye(self.extra)))
+        return TallMatrix.stacked(parts, self.extra), float(self.shared + len(START))
 
     def reference(self, rung: int) -> float:
         """Return the cost of channels that stay at their first value."""
