@@ -24,7 +24,7 @@ FLAG = re.compile(
 )  #: tests whether a vehicle has rotors
 #: room -> lines at most; "stoop" is the whole package, for which the design asks 68,000, and 9,000 for its studies
 BUDGETS = {
-    "stoop": 91590,
+    "stoop": 91610,
     "stoop_studies": 14700,
     "api": 200,
     "app": 3765,
@@ -33,7 +33,7 @@ BUDGETS = {
     "checks": 3010,
     "cli": 3425,
     "control_laws": 1555,
-    "estimate": 7785,
+    "estimate": 7805,
     "exporters": 8900,
     "fleet": 2710,
     "flight": 6535,

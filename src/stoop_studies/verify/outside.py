@@ -213,13 +213,15 @@ def flown(
     # of what is not linear, the slopes and curvatures over what was flown there
     fitted = np.any([(instants >= w.start) & (instants <= w.stop) for w in job.windows()], axis=0)
     truth = flight.truth(job.vehicle, {n: x[fitted] for n, x in true.items()}, sticks)
-    late = {"velocity": recorder.latency["gps"], "commands": early(job, instants, true)}
+    ahead = early(job, instants, true)
+    # a surface follows its stick in the next step
+    late = {"velocity": recorder.latency["gps"], "commands": ahead + sticks / flight.rate}
     if "rotors.delay" in truth.rows:
         of = next(iter(truth.file.rotor.values())).channel.split("_")[0]
         steps = flight.late.get(of, 0.0) - 0.5 / flight.rate  # instead of the hold that `early` takes
-        truth = truth.with_numbers({"rotors.delay": {"value": late["commands"] + steps}})
+        truth = truth.with_numbers({"rotors.delay": {"value": ahead + steps}})
     for surface in set(truth.controls) & set(true):
-        moved = np.interp(clock + late["commands"], clock, true[surface])
+        moved = np.interp(clock + ahead, clock, true[surface])
         true[surface] = moved + truth.value(f"controls.{surface}.offset", 0.0)
     made = MadeUp(seed, flight.asked["template"], "csv", truth, {}, flight.tape)
     airspeed = float(np.mean(true["V"])) if "V" in true else 0.0

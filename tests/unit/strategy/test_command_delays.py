@@ -65,6 +65,22 @@ def test_the_scan_finds_the_sample(seconds: float) -> None:
     assert scan.delays[np.argmax(scan.log_likelihood)] == pytest.approx(seconds, abs=0.5 / flown()[0].rate)
 
 
+def test_a_delay_by_which_controls_turn_the_wrong_way_is_none() -> None:
+    """Commands that answer a motion explain it at the delay of the answer, with the other sign."""
+    vehicle = scenes.aircraft()
+    flights = {}
+    for one in flown():
+        early = commanded_early(one, 0.3)
+        back = {c: ("time", -early.column(c)) for c in CONTROLS}
+        flights[one.name] = replace(early, data=early.data.assign(back))
+    pieces = prepare(vehicle, flights, windows()).pieces
+    scan = scan_delays(vehicle, pieces, [vehicle.inputs.index(c) for c in CONTROLS])
+    assert scan is not None
+    there = int(np.argmin(np.abs(scan.delays - 0.3)))
+    # no better than no control at all, which any delay may be
+    assert scan.log_likelihood[there] == pytest.approx(scan.log_likelihood.min(), abs=1.0)
+
+
 def test_a_delay_beyond_the_usual_is_found_and_none_is_made_up() -> None:
     assert found(scenes.aircraft(), 0.0) == {}
     assert found(scenes.aircraft(), 0.06) == {}  # the usual prior covers it

@@ -2,7 +2,9 @@
 
 A search that begins far from the delay ends in a wrong optimum: the phase of the command goes into damping and control
 derivatives, and the cost is not convex in the delay. For each delay the regression is linear and needs no model, so that all
-delays are compared by their likelihoods (concentrated in the coefficients and in the variance of each acceleration).
+delays are compared by their likelihoods (concentrated in the coefficients and in the variance of each acceleration). A control
+turns the vehicle about its own axis the right way, or not at all: where an autopilot answers gusts, commands of some delays
+explain the accelerations before them, with the other sign.
 
 References
 ----------
@@ -21,6 +23,7 @@ from scipy.stats import chi2
 
 from stoop.base.arrays import FloatArray, run_slices
 from stoop.base.variables import RATES
+from stoop.checks.controls import EFFECTS
 from stoop.estimate.noise import correlation_times
 from stoop.estimate.regression.least_squares import TimeDomain
 from stoop.problem import Piece
@@ -66,7 +69,10 @@ def scan_delays(vehicle: Vehicle, pieces: Sequence[Piece], columns: Sequence[int
     parts = [part for piece in pieces for part in _regressions(vehicle, piece, columns, delays, states)]
     if not parts or not any(part[2].size for part in parts):
         return None
-    errors = [_errors([(y, np.column_stack([X, own[m]])) for y, X, own in parts]) for m in range(len(delays))]
+    signs = _signs([vehicle.recorded[i] for i in columns], [c for c in RATES if c in states])
+    errors = [
+        _errors([(y, np.column_stack([X, own[m]])) for y, X, own in parts], signs) for m in range(len(delays))
+    ]
     count = sum(len(one) for one in errors[0])
     squares = np.array([np.sum([np.sum(e**2, axis=0) for e in one], axis=0) for one in errors])
     best = int(np.argmin(np.sum(np.log(np.maximum(squares, np.finfo(float).tiny)), axis=1)))
@@ -120,10 +126,23 @@ def lagged_inputs(vehicle: Vehicle, piece: Piece, columns: Sequence[int]) -> Flo
     return np.column_stack(list(own))
 
 
-def _errors(parts: Sequence[tuple[FloatArray, FloatArray]]) -> list[FloatArray]:
-    """Return the residuals (n, r) of each part after a regression of all parts together."""
+def _signs(columns: Sequence[str], rates: Sequence[str]) -> FloatArray:
+    """Return the sign (c, r) of the effect of columns on angular accelerations about their own axes; zero about others."""
+    known = {(name, rate): sign for rate, controls in EFFECTS.values() for name, sign in controls}
+    return np.array([[known.get((name, rate), 0.0) for rate in rates] for name in columns])
+
+
+def _errors(parts: Sequence[tuple[FloatArray, FloatArray]], signs: FloatArray) -> list[FloatArray]:
+    """Return the residuals (n, r) of each part after a regression of all parts together.
+
+    The last regressors have the `signs` (c, r), or no effect.
+    """
     y, X = (np.concatenate(each) for each in zip(*parts, strict=True))
     scale = np.linalg.norm(X, axis=0)
     X = X / np.where(scale > 0.0, scale, 1.0)
-    left = y - X @ np.linalg.lstsq(X, y, rcond=1e-10)[0]
+    found = np.linalg.lstsq(X, y, rcond=1e-10)[0]
+    left, wrong = y - X @ found, found[-len(signs) :] * signs < 0.0
+    for j in np.flatnonzero(wrong.any(axis=0)):
+        some = np.delete(X, X.shape[1] - len(signs) + np.flatnonzero(wrong[:, j]), axis=1)
+        left[:, j] = y[:, j] - some @ np.linalg.lstsq(some, y[:, j], rcond=1e-10)[0]
     return np.split(left, np.cumsum([len(part[0]) for part in parts])[:-1])
