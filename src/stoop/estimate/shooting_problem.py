@@ -48,6 +48,7 @@ WIND_COMPONENTS: Final = ((-3, -2), (-1,))  #: of the scales: level, vertical
 MIN_GAPS: Final = 3  #: below which the size of wind steps is unknown
 BODY_VELOCITY: Final = ("u", "v", "w")  #: states
 ROUNDING: Final = 1e-12  #: of the greatest eigenvalue
+LEAST_DAMPING: Final = 1e-13  #: of states: information of windows that diverge may round to none
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,7 +134,7 @@ def reduced(windows: Sequence[Weighted], damping: float) -> Reduced:
     right -= closing[:, :, None] * np.concatenate([gaps, by_state], axis=2)
     nodes: list[Node] = []
     for k in reversed(range(len(A))):
-        A[k] += damping * np.diag(np.diag(A[k]))
+        A[k] += max(damping, LEAST_DAMPING) * np.diag(np.diag(A[k]))
         solved = np.linalg.solve(A[k], right[k])
         whole -= right[k, :, : 1 + j].T @ solved[:, : 1 + j]
         if k:

@@ -64,3 +64,17 @@ def test_the_step_is_that_of_the_whole_system(seed: int, count: int) -> None:
     assert np.allclose(left.moves(step)[1:].ravel(), solution[4:], rtol=1e-8, atol=1e-10)
     gained = np.sum(right**2) - np.sum((rows @ solution + right) ** 2)
     assert np.isclose(left.gain - left.gradient @ step, gained, rtol=1e-8)
+
+
+def test_a_window_that_diverges_leaves_no_singular_system() -> None:
+    """Its readings are huge and all alike, beside which its gap is lost in rounding."""
+    (first, closing), (last, nothing) = windows(3, 2)
+    alike = 2.0**40 * np.ones_like(last.by_state)
+    diverged = Shot(last.residual, last.by_unknown, alike, last.gap, last.gap_by_unknown, last.gap_by_state)
+    weighted = [
+        Weighted(one.products, one.by_state, one.gap, one.gap_by_unknown, one.gap_by_state, weight)
+        for one, weight in ((first, closing), (diverged, nothing))
+    ]
+    left = reduced(weighted, damping=0.0)
+    assert np.isfinite(left.normal).all()
+    assert np.isfinite(left.moves(np.zeros(4))).all()
