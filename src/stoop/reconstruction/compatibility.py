@@ -250,9 +250,8 @@ def _estimate(pieces: Pieces) -> Estimate:
                 f"{pieces.flight.name}: the recorded rates and accelerations cannot be integrated; "
                 "look for wild samples with stoop info"
             )
-        J, _ = problem.jacobian(end.z, 0, problem.residuals(end.z[None, :], 0)[0])
-        error = np.sqrt(np.diag(np.linalg.inv(J.gram())))[: problem.shared]
-        del J  # as large as all else together
+        normal = problem.jacobian(end.z, 0, problem.residuals(end.z[None, :], 0)[0])[0].gram()
+        error = np.sqrt(np.diag(np.linalg.inv(normal)))[: problem.shared]
         change = np.abs(end.z - z)[: problem.shared] / error
         z = end.z
         # new weights may still change an estimate by so many standard errors

@@ -27,7 +27,7 @@ def widen(setup: Setup, fit: Fitter) -> Fitted:
     beyond = {
         p.name: min(max(known[p.name], p.lower), p.upper)
         for p in vehicle.parameters
-        if p.name in unbounded and not p.lower <= known.get(p.name, p.value) <= p.upper
+        if p.name in unbounded & known.keys() and not p.lower <= known[p.name] <= p.upper
     }
     boxes = wider_boxes(vehicle, beyond)
     remarks, vehicle = _remarks(boxes, beyond), _with_bounds(vehicle, boxes)
