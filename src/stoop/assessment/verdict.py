@@ -45,6 +45,9 @@ class Limits:
     not_predicted: float = 0.5  #: share of curves matched no better than trivially that a result may have
     #: share of readings within the 95 % band of a prediction that a trusted model has at least
     inside: float = 0.75
+    #: of a channel's motion over its noise from which it judges a model. Slow errors and gusts of one maneuver, of one or two
+    #: degrees of freedom, are up to three times (99.7 %) what they are in all
+    motion: float = 3.0
     size: float = 1e3  #: rms error over the noise of the fit, beyond which a simulation has diverged
     #: probability below which scatter of maneuvers, or color of innovations, is no chance
     chance: float = 0.01
@@ -346,13 +349,13 @@ def _beaten(one: GoodnessOfFit) -> bool:
 
 
 def _moving(maneuvers: Iterable[ManeuverResult]) -> dict[str, list[GoodnessOfFit]]:
-    """Return the figures by channel that can judge a model: those of channels whose motion exceeds their noise.
+    """Return the figures by channel that can judge a model: those of channels whose motion far exceeds their noise.
 
     Innovations judge a model in any motion.
     """
     found: dict[str, list[GoodnessOfFit]] = {}
     for c, one in (item for m in maneuvers for item in m.channels.items()):
-        if one.innovations.known or not one.below_noise:
+        if one.innovations.known or not one.signal_to_noise < LIMITS.motion:
             found.setdefault(c, []).append(one)
     return found
 

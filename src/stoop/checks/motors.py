@@ -1,7 +1,8 @@
 """The rotors of a vehicle file against a flight: exchanged channels, a wrong spin, an arm on the other side, a lost sign.
 
-The motors' commands, through delay and lag, go into the file's moments per inertia, and these predict the measured angular
-accelerations, band-passed alike. One positive gain for each axis is free, for thrust and inertia are not known yet.
+The motors' commands, through lag and delay, go into the file's moments per inertia, and these predict the measured angular
+accelerations, band-passed alike. One positive gain for each axis is free, for thrust and inertia are not known yet. So is the
+delay: that at which commands explain most whatever moments they have.
 
 Axes: k = sample, m = channel, a = axis (roll, pitch, yaw).
 """
@@ -34,6 +35,8 @@ BANDS: Final = ((0.3, 5.0), (0.3, 5.0), (0.15, 2.0))
 ORDER: Final = 2  #: of the Butterworth filter, which runs forward and backward
 RATE: Final = 25.0  #: Hz that the bands need
 MIN_STRETCH: Final = 2.0  #: s without a hole
+LATEST: Final = 0.5  #: s; the longest delay that is tried
+DELAY_STEP: Final = 0.01  #: s
 #: times the noise's power: an axis that moves; motors answer to noise as well, the wrong way round
 MOTION: Final = 4.0
 MOST_ORDERED: Final = 8  #: commands of which every order is tried
@@ -64,6 +67,17 @@ class Motions:
                 samples = self.rate / (2.0 * (high - low))
                 out["moment", axis] = Residual(y - gain * predicted, y, samples, noise)
         return out
+
+    @property
+    def likelihood(self) -> float:
+        """Logarithm of the likelihood of the accelerations by commands of any moments."""
+        out = 0.0
+        for x, y, noise, (low, high) in zip(
+            self.commands, self.accelerations, self.noise, BANDS, strict=True
+        ):
+            left = y - x @ np.linalg.lstsq(x, y, rcond=None)[0]
+            out -= (high - low) / self.rate * y.size * np.log(np.mean(left**2) + noise)
+        return float(out)
 
     def explained(self, moments: Moments, axis: str) -> float:
         """Return the share of an axis' acceleration that the commands explain."""
@@ -217,15 +231,16 @@ def _motions(vehicle: Vehicle, flight: Flight, windows: Sequence[Window], area: 
     filters = [butter(ORDER, band, "bandpass", fs=flight.rate, output="sos") for band in BANDS]
     step = max(1, int(flight.rate / RATE))
     stated = [getattr(vehicle.file.sensors, name).sigma for name in RATES]
-    parts, variance, count = [], np.zeros(len(AXES)), 0
+    parts: list[tuple[list[FloatArray], list[FloatArray]]] = []
+    variance, count = np.zeros(len(AXES)), 0
     for start, stop in runs(good):
         if stop - start < MIN_STRETCH * flight.rate:
             continue
-        turned = delayed(columns[start:stop, : -len(RATES)], delay * flight.rate)
+        turned = columns[start:stop, : -len(RATES)]
         if lag > 0.0:
             turned = np.column_stack([first_order_lag(c, lag, 1.0 / flight.rate) for c in turned.T])
         rates = columns[start:stop, -len(RATES) :]
-        commands = [sosfiltfilt(sos, turned, axis=0)[::step] for sos in filters]
+        commands = [sosfiltfilt(sos, turned, axis=0) for sos in filters]
         # slopes of what is filtered: slopes first would let noise in at the ends
         slow = [sosfiltfilt(sos, own) for sos, own in zip(filters, rates.T, strict=True)]
         parts.append((commands, [np.gradient(own, 1.0 / flight.rate)[::step] for own in slow]))
@@ -237,7 +252,12 @@ def _motions(vehicle: Vehicle, flight: Flight, windows: Sequence[Window], area: 
         count += stop - start
     if not parts:
         return None
-    commands, accelerations = (
-        [np.concatenate([part[kind][a] for part in parts]) for a in range(len(AXES))] for kind in (0, 1)
-    )
-    return Motions(commands, accelerations, variance / count, flight.rate / step)
+    accelerations = [np.concatenate(own) for own in zip(*(slopes for _, slopes in parts), strict=True)]
+
+    def after(late: float) -> Motions:
+        shifted = ([delayed(x, late * flight.rate, step) for x in commands] for commands, _ in parts)
+        several = [np.concatenate(own) for own in zip(*shifted, strict=True)]
+        return Motions(several, accelerations, variance / count, flight.rate / step)
+
+    delays = np.arange(-lag, LATEST, DELAY_STEP).tolist()
+    return max(map(after, [delay, *delays]), key=lambda motions: motions.likelihood)

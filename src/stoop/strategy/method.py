@@ -7,7 +7,7 @@ from typing import Final
 from stoop.base.notices import notice
 from stoop.base.variables import EULER, RATES, SPECIFIC_FORCE, VARIABLES
 from stoop.estimate import methods
-from stoop.flight.gridding import GIVEN, SAME_RATE
+from stoop.flight.gridding import GIVEN, GRID_RATES, SAME_RATE
 from stoop.strategy.decision import Change, Decision, Setup
 from stoop.vehicle.schema import WIND
 from stoop.vehicle.vehicle import AIR_FRAME, GROUND_FRAME
@@ -15,10 +15,12 @@ from stoop.vehicle.vehicle import AIR_FRAME, GROUND_FRAME
 #: by kind of vehicle: open loop one on rotors falls before a record ends
 USUAL: Final = {AIR_FRAME: methods.DEFAULT, GROUND_FRAME: "multiple-shooting"}
 SLOW_MOTORS: Final = "equation-error"  #: with rotors whose motors were logged at less than `MIN_MOTOR_RATE`
-MIN_MOTOR_RATE: Final = 100.0
-"""Hz. What moves the motors faster than half the rate of their log looks slow in it, and the vehicle seems to answer less. Of a
-simulated flight with shaken motors (tests/recovery/test_slow_motors.py) multiple shooting makes the inertia 0.39 too large at 50
-Hz, 0.13 at 100 Hz and 0.05 at 125 Hz; equation error 0.24, 0.06 and 0.03. Above, only multiple shooting knows its error bars."""
+MIN_MOTOR_RATE: Final = GRID_RATES[0]
+"""Hz, so that every step of an integration has a command of its own. What moves the motors faster than half the rate of their log
+looks slow in it, and the vehicle seems to answer less: of a simulated flight with shaken motors
+(tests/recovery/test_slow_motors.py), lag and delay held, multiple shooting makes the inertia 2.4 too large at 25 Hz, 0.39 at 50
+Hz and 0.13 at 100 Hz; equation error 0.34, 0.24 and 0.06. With a lag to estimate the error bars of multiple shooting hold at 50 Hz
+(1.29 ± 0.41), those of equation error do not (1.19 ± 0.024)."""
 #: with rotors where neither velocity nor attitude was recorded: rates are then all that regressors hold of the motion, their
 #: noise hardly biases, and a simulation would have to estimate the states of every window from nothing
 STATELESS: Final = "equation-error"

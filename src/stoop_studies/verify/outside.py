@@ -8,6 +8,7 @@ goes through the verbs as a new user would use them. A third of vehicles and rec
 from __future__ import annotations
 
 import json
+import re
 import tempfile
 import time
 import tomllib
@@ -23,10 +24,14 @@ from scipy.signal import lfilter
 import stoop
 from stoop.base.arrays import FloatArray
 from stoop.base.extras import install
+from stoop.base.notices import Notice
 from stoop.base.units import FACTORS
+from stoop.checks.vehicle import check_vehicle
 from stoop.errors import StoopError
+from stoop.flight import Flight
 from stoop.flight.mapping_corrections import contradictions, corrected_mapping
 from stoop.flight.mapping_draft import draft
+from stoop.vehicle import Vehicle
 from stoop.vehicle.checks import is_body
 from stoop.workflow.fitted_model import FittedModel
 from stoop_studies.findings import Claim, Findings, Setting, counted, holds
@@ -156,11 +161,39 @@ def planted(case: str, seed: int, flight: OutsideFlight, folder: Path) -> dict[s
     told = contradictions(log.path, log.mapping, mapping)
     after = corrected_mapping(log.path, mapping)
     left = lines.misread(log.path, after.text, mangled.shown(log.shown), log.lines, lines.CALIBRATED)
+    named = lines.accusations(log.path, mapping)
+    if kind == "order":  # a mapping says nothing of places
+        known = stoop.load_flight(log.path, mapping)
+        vehicle = stoop.new_vehicle(known, **flight.tape, **flight.asked).vehicle
+        against = moments(vehicle, known)
+        told, named, left = [*told, *against], *exchanged(vehicle, against, mangled.lines)
     return {
-        "kind": kind, "words": mangled.words, "said": lines.verdict(lines.accusations(log.path, mapping), mangled.lines),
+        "kind": kind, "words": mangled.words, "said": lines.verdict(named, mangled.lines),
         "applied": len(after.applied), "left": " ".join(left),
         "codes": [[one.code, bool(set(lines.accused(one)) & set(mangled.lines))] for one in told],
     }  # fmt: skip
+
+
+def moments(vehicle: Vehicle, flight: Flight) -> list[Notice]:
+    """Return what the motion of a flight says against the rotors of a vehicle."""
+    found = check_vehicle(vehicle, {flight.name: flight})
+    return [one for one in found if one.code == "moments-contradicted"]
+
+
+def exchanged(
+    vehicle: Vehicle, told: Sequence[Notice], pair: Sequence[str]
+) -> tuple[list[list[list[str]]], list[str]]:
+    """Return the channels that each finding on the rotors accuses, and those that the first advice, followed, leaves wrong.
+
+    `pair` are the two channels that were exchanged.
+    """
+    of = {f"rotor.{name}": rotor.channel for name, rotor in vehicle.file.rotor.items()}
+    advice = [[str(text) for text in one.values["alternatives"]] for one in told]
+    named = [[[of[r] for r in re.findall(r"\[(rotor\.\w+)\]", text)] for text in own] for own in advice]
+    written = re.findall(r'"(\w+)" in \[(rotor\.\w+)\]', advice[0][0] if advice else "")
+    followed = of | {rotor: channel for channel, rotor in written}
+    right = dict(zip(pair, reversed(pair), strict=True))
+    return named, [c for rotor, c in of.items() if followed[rotor] != right.get(c, c)]
 
 
 def record(case: str, seed: int, folder: Path) -> dict[str, Any]:
@@ -182,6 +215,7 @@ def record(case: str, seed: int, folder: Path) -> dict[str, Any]:
         answers: dict[str, Any] = {**flight.tape, **flight.asked}
         vehicle = stoop.new_vehicle(known, **answers).vehicle
         (folder / "vehicle.toml").write_text(vehicle.text, encoding="utf-8")
+        out["accused"] += [one.code for one in moments(vehicle, known)]
         job = defaults.identified(known, vehicle, folder / "result")
     except Exception as error:  # a traceback is a finding
         out["stopped"] = str(error) if isinstance(error, StoopError) else f"traceback: {error!r}"

@@ -74,6 +74,22 @@ def test_exchanged_channels_are_named_with_the_lines_to_write(hexa: Flight) -> N
     assert one.values["before"] < 0.3
 
 
+@pytest.mark.parametrize(("delay", "lag"), [(0.15, 0.01), (0.0, 0.12)])
+def test_the_delay_of_a_file_need_not_be_right(delay: float, lag: float, hexa: Flight) -> None:
+    """Commands band-passed below 5 Hz that come a tenth of a second late explain nothing, or all the wrong way round."""
+    right = resolve_vehicle("hexa-x")
+    late = {"rotors.delay": {"value": delay}, "rotors.lag": {"value": lag}}
+    text = right.text.replace("[rotors]", "[rotors]\ndelay = 0.0")
+    guess = parse_vehicle(text, "my.toml").with_numbers(late)
+    assert check_motors(guess, hexa, whole({"sim": hexa})) == []
+    other = guess.text.replace("motor_1", "motor_x").replace("motor_2", "motor_1").replace("motor_x", "motor_2")
+    (one,) = check_motors(parse_vehicle(other, "my.toml"), hexa, whole({"sim": hexa}))
+    assert one.values["alternatives"] == (
+        'write channel = "motor_1" in [rotor.m1] and "motor_2" in [rotor.m2]',
+    )
+    assert one.values["after"] > 0.85
+
+
 def test_a_hovering_vehicle_that_answers_to_noise_only_says_nothing() -> None:
     """In a loop the motors follow the gyroscopes' noise, against its slope."""
     right = resolve_vehicle("hexa-x")
