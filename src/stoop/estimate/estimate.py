@@ -84,6 +84,11 @@ class Estimate(ABC):
         return self.problem.layout.values(self.z)
 
     @property
+    def weighted(self) -> Misfit:
+        """The problem with its final weights and the noise of each maneuver."""
+        return self.problem
+
+    @property
     def white(self) -> FloatArray:
         """Unknowns (D + E,) by the weights of white noise, which are those of a search."""
         return self.z

@@ -448,6 +448,11 @@ class ShootingEstimate(Estimate):
             "optimum": Iterate(z, tuple(arrays[f"nodes.{i}"] for i in each), cost, gap),
         }
 
+    @property
+    def weighted(self) -> Misfit:
+        """The problem of the windows."""
+        return self.shooting.problem
+
     @cached_property
     def evidence(self) -> Evidence:
         """Residuals and sensitivities of the windows, their initial states unknown."""

@@ -28,14 +28,22 @@ WORSE: Final = (
 
 
 def log_likelihood_rise(before: Estimate, after: Estimate) -> tuple[float, float]:
-    """Return the rise of the log-likelihood and the number of independent readings; correlated residuals count less."""
+    """Return the rise of the log-likelihood and the number of independent readings; correlated residuals count less.
+
+    Where noise differs between maneuvers, each has variances of its own.
+    """
     count, deviances = 0.0, []
+    alike = not any(piece.relative_noise for fit in (before, after) for piece in fit.weighted.pieces)
     for fit in (before, after):
-        residuals = np.concatenate([fit.problem.weights.innovations(r) for r in fit.residuals])
-        counts = np.isfinite(residuals).sum(axis=0) / before.inflation
-        count = float(counts.sum())
+        several: dict[int, list[FloatArray]] = {}
+        for piece, residuals in zip(fit.weighted.pieces, fit.residuals, strict=True):
+            own = several.setdefault(0 if alike else piece.maneuver, [])
+            own.append(fit.weighted.weights.innovations(residuals))
+        joined = [np.concatenate(own) for own in several.values()]
+        counts = [np.isfinite(own).sum(axis=0) / before.inflation for own in joined]
+        count = float(np.sum(counts))
         filtered = fit.outcome.optimizer == SCORING  # a cost is twice minus the log-likelihood
-        deviances.append(fit.cost if filtered else deviance(residuals, counts))
+        deviances.append(fit.cost if filtered else sum(map(deviance, joined, counts)))
     return 0.5 * (deviances[0] - deviances[1]), count
 
 

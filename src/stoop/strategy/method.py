@@ -19,8 +19,8 @@ MIN_MOTOR_RATE: Final = GRID_RATES[0]
 """Hz, so that every step of an integration has a command of its own. What moves the motors faster than half the rate of their log
 looks slow in it, and the vehicle seems to answer less: of a simulated flight with shaken motors
 (tests/recovery/test_slow_motors.py), lag and delay held, multiple shooting makes the inertia 2.4 too large at 25 Hz, 0.39 at 50
-Hz and 0.13 at 100 Hz; equation error 0.34, 0.24 and 0.06. With a lag to estimate the error bars of multiple shooting hold at 50 Hz
-(1.29 ± 0.41), those of equation error do not (1.19 ± 0.024)."""
+Hz, 0.13 at 100 Hz; equation error 0.34, 0.24 and 0.06. With a lag to estimate, the error bars of multiple shooting hold at 50 Hz
+(1.29 ± 0.41), those of equation error do not (1.19 ± 0.02)."""
 #: with rotors where neither velocity nor attitude was recorded: rates are then all that regressors hold of the motion, their
 #: noise hardly biases, and a simulation would have to estimate the states of every window from nothing
 STATELESS: Final = "equation-error"

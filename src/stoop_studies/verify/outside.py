@@ -14,7 +14,7 @@ import time
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, cast
 from zlib import crc32
 
 import numpy as np
@@ -164,7 +164,8 @@ def planted(case: str, seed: int, flight: OutsideFlight, folder: Path) -> dict[s
     named = lines.accusations(log.path, mapping)
     if kind == "order":  # a mapping says nothing of places
         known = stoop.load_flight(log.path, mapping)
-        vehicle = stoop.new_vehicle(known, **flight.tape, **flight.asked).vehicle
+        answers: dict[str, Any] = {**flight.tape, **flight.asked}
+        vehicle = stoop.new_vehicle(known, **answers).vehicle
         against = moments(vehicle, known)
         told, named, left = [*told, *against], *exchanged(vehicle, against, mangled.lines)
     return {
@@ -188,7 +189,7 @@ def exchanged(
     `pair` are the two channels that were exchanged.
     """
     of = {f"rotor.{name}": rotor.channel for name, rotor in vehicle.file.rotor.items()}
-    advice = [[str(text) for text in one.values["alternatives"]] for one in told]
+    advice = [cast("tuple[str, ...]", one.values["alternatives"]) for one in told]
     named = [[[of[r] for r in re.findall(r"\[(rotor\.\w+)\]", text)] for text in own] for own in advice]
     written = re.findall(r'"(\w+)" in \[(rotor\.\w+)\]', advice[0][0] if advice else "")
     followed = of | {rotor: channel for channel, rotor in written}

@@ -82,7 +82,9 @@ def test_the_delay_of_a_file_need_not_be_right(delay: float, lag: float, hexa: F
     text = right.text.replace("[rotors]", "[rotors]\ndelay = 0.0")
     guess = parse_vehicle(text, "my.toml").with_numbers(late)
     assert check_motors(guess, hexa, whole({"sim": hexa})) == []
-    other = guess.text.replace("motor_1", "motor_x").replace("motor_2", "motor_1").replace("motor_x", "motor_2")
+    other = (
+        guess.text.replace("motor_1", "motor_x").replace("motor_2", "motor_1").replace("motor_x", "motor_2")
+    )
     (one,) = check_motors(parse_vehicle(other, "my.toml"), hexa, whole({"sim": hexa}))
     assert one.values["alternatives"] == (
         'write channel = "motor_1" in [rotor.m1] and "motor_2" in [rotor.m2]',

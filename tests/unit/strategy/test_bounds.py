@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from functools import cache
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,12 +14,14 @@ import pytest
 from stoop.estimate.estimate import Estimate
 from stoop.estimate.fit import Options
 from stoop.flight import Flight
+from stoop.problem.weights import Weights
 from stoop.problem.windows import Window
 from stoop.simulation.fly import simulate_flight
 from stoop.simulation.maneuver import Maneuver
 from stoop.strategy import Strategy
 from stoop.strategy.bounds import widen
 from stoop.strategy.decision import Fitted, Setup, estimate
+from stoop.strategy.likelihood import log_likelihood_rise
 from stoop.strategy.run import FIT_ALONE, fit, setup_of
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import builtin_vehicle
@@ -119,3 +124,20 @@ def test_boxes_double_beyond_the_bound_as_far_as_physics_allows() -> None:
     assert wider_bounds(INERTIA, 1.0, (0.5, 1.5), 0.5) == (0.1, 1.5)
     assert wider_bounds("CD0", 0.05, (0.0, 0.5), 0.0) == (0.0, 0.5)
     assert wider_bounds("controls.elevator.lag", 0.05, (0.0, 0.2), 0.0) == (0.0, 0.2)
+
+
+def test_each_maneuver_of_unlike_noise_has_variances_of_its_own() -> None:
+    """A quiet maneuver that is explained twice as well outweighs a noisy one, explained 2 % worse."""
+    rng = np.random.default_rng(5)
+    quiet, noisy = 0.01 * rng.standard_normal((500, 1)), rng.standard_normal((500, 1))
+
+    def fit(residuals: list[np.ndarray], relative: tuple[float, ...]) -> Any:
+        pieces = [SimpleNamespace(maneuver=i, relative_noise=relative) for i in range(2)]
+        problem = SimpleNamespace(pieces=pieces, weights=Weights.of(np.ones(1)))
+        outcome = SimpleNamespace(optimizer="gauss-newton")
+        return SimpleNamespace(weighted=problem, residuals=residuals, inflation=1.0, outcome=outcome)
+
+    before, after = [quiet, noisy], [0.5 * quiet, 1.02 * noisy]
+    assert log_likelihood_rise(fit(before, ()), fit(after, ()))[0] < 0.0, "one variance for both"
+    rise, count = log_likelihood_rise(fit(before, (1.0,)), fit(after, (1.0,)))
+    assert (rise, count) == (pytest.approx(500.0 * math.log(2.0 / 1.02)), 1000.0)
