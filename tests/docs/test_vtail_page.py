@@ -191,7 +191,9 @@ def test_by_defaults(result: Result, workplace: Path) -> None:
     assert "inertia-held" not in {code for code, _ in said_of}, "as the page says"
     assert ("prior-conflict", "CD0") not in said_of
     assert by_defaults.parameters["propulsion.CT2"].estimate == pytest.approx(-0.13, abs=0.01)
-    assert [r.verdict.grade for r in (by_hand, by_defaults) if r.verdict] == ["usable", "do not use"]
+    assert [r.verdict.grade for r in (by_hand, by_defaults) if r.verdict] == ["usable", "usable"]
+    assert by_defaults.verdict is not None
+    assert by_defaults.verdict.justified == ("simulation",)
     common = [n for n in by_defaults.parameters if n in result.parameters and n.startswith("C")]
     hand = {name: in_the_units_of(drafted, vehicle, result, name) for name in common}
     own = {name: estimate(by_defaults, name) for name in common}
