@@ -84,7 +84,7 @@ class Estimate(ABC):
         return self.problem.layout.values(self.z)
 
     @property
-    def weighted(self) -> Misfit:
+    def weighted_problem(self) -> Misfit:
         """The problem with its final weights and the noise of each maneuver."""
         return self.problem
 

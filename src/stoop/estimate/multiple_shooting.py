@@ -449,7 +449,7 @@ class ShootingEstimate(Estimate):
         }
 
     @property
-    def weighted(self) -> Misfit:
+    def weighted_problem(self) -> Misfit:
         """The problem of the windows."""
         return self.shooting.problem
 

@@ -33,12 +33,12 @@ def log_likelihood_rise(before: Estimate, after: Estimate) -> tuple[float, float
     Where noise differs between maneuvers, each has variances of its own.
     """
     count, deviances = 0.0, []
-    alike = not any(piece.relative_noise for fit in (before, after) for piece in fit.weighted.pieces)
+    alike = not any(piece.relative_noise for fit in (before, after) for piece in fit.weighted_problem.pieces)
     for fit in (before, after):
         several: dict[int, list[FloatArray]] = {}
-        for piece, residuals in zip(fit.weighted.pieces, fit.residuals, strict=True):
+        for piece, residuals in zip(fit.weighted_problem.pieces, fit.residuals, strict=True):
             own = several.setdefault(0 if alike else piece.maneuver, [])
-            own.append(fit.weighted.weights.innovations(residuals))
+            own.append(fit.weighted_problem.weights.innovations(residuals))
         joined = [np.concatenate(own) for own in several.values()]
         counts = [np.isfinite(own).sum(axis=0) / before.inflation for own in joined]
         count = float(np.sum(counts))

@@ -161,17 +161,18 @@ def planted(case: str, seed: int, flight: OutsideFlight, folder: Path) -> dict[s
     told = contradictions(log.path, log.mapping, mapping)
     after = corrected_mapping(log.path, mapping)
     left = lines.misread(log.path, after.text, mangled.shown(log.shown), log.lines, lines.CALIBRATED)
-    named = lines.accusations(log.path, mapping)
+    named, codes = lines.accusations(log.path, mapping), [(one.code, lines.accused(one)) for one in told]
     if kind == "order":  # a mapping says nothing of places
         known = stoop.load_flight(log.path, mapping)
         answers: dict[str, Any] = {**flight.tape, **flight.asked}
         vehicle = stoop.new_vehicle(known, **answers).vehicle
         against = moments(vehicle, known)
-        told, named, left = [*told, *against], *exchanged(vehicle, against, mangled.lines)
+        named, left = exchanged(vehicle, against, mangled.lines)
+        codes += [(one.code, own[0]) for one, own in zip(against, named, strict=True)]
     return {
         "kind": kind, "words": mangled.words, "said": lines.verdict(named, mangled.lines),
         "applied": len(after.applied), "left": " ".join(left),
-        "codes": [[one.code, bool(set(lines.accused(one)) & set(mangled.lines))] for one in told],
+        "codes": [[code, bool(set(own) & set(mangled.lines))] for code, own in codes],
     }  # fmt: skip
 
 

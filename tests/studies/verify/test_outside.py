@@ -11,9 +11,12 @@ import pytest
 from stoop.base.arrays import FloatArray
 from stoop.base.units import FACTORS
 from stoop.errors import StoopError
-from stoop.flight import load
+from stoop.flight import from_columns, load
 from stoop.results.result import Covariance
+from stoop.simulation.fly import simulate_flight
+from stoop.simulation.maneuver import parse_maneuver
 from stoop.vehicle import Vehicle
+from stoop.vehicle.builtin import builtin_vehicle
 from stoop.vehicle.checks import is_body
 from stoop.vehicle_draft.draft import draft
 from stoop.vehicle_draft.request import Request
@@ -303,6 +306,25 @@ def test_a_wrong_line_is_judged_beside_the_flight(cub: OutsideFlight, tmp_path: 
     text = mapping.read_text()
     assert (text == log.mapping) == any(edits.values())
     assert not lines.misread(log.path, text, log.shown, log.lines, lines.CALIBRATED)
+
+
+def test_exchanged_motors_are_asked_of_the_vehicle_file() -> None:
+    """A mapping says nothing of places; what is named, and followed literally, is the exchange."""
+    inputs = "".join(
+        f'[[input]]\ncontrol = "{axis}"\nshape = "3-2-1-1"\nstart = {start}\nstep = 0.15\namplitude = {size}\n'
+        for axis, start, size in (("roll", 1, 8), ("pitch", 4, 8), ("yaw", 7, 3))
+    )
+    vehicle, pair = builtin_vehicle("quad-x"), ("motor_2", "motor_4")
+    flown = simulate_flight(
+        vehicle, parse_maneuver("duration = 10.0\nrate = 100.0\n" + inputs, "m"), seed=1, name="sim"
+    )
+    columns = {str(n): flown.column(str(n)) for n in flown.data.data_vars}
+    wrong = from_columns("sim", flown.time, lines.swap(*pair).apply(columns), ())
+    told = outside.moments(vehicle, replace(wrong, sources=flown.sources))
+    named, left = outside.exchanged(vehicle, told, pair)
+    assert (lines.verdict(named, pair), left) == ("named", [])
+    assert outside.moments(vehicle, flown) == []
+    assert outside.exchanged(vehicle, [], pair) == ([], [*pair])
 
 
 def test_one_flight_goes_from_log_to_record(tmp_path: Path) -> None:

@@ -135,7 +135,7 @@ def test_each_maneuver_of_unlike_noise_has_variances_of_its_own() -> None:
         pieces = [SimpleNamespace(maneuver=i, relative_noise=relative) for i in range(2)]
         problem = SimpleNamespace(pieces=pieces, weights=Weights.of(np.ones(1)))
         outcome = SimpleNamespace(optimizer="gauss-newton")
-        return SimpleNamespace(weighted=problem, residuals=residuals, inflation=1.0, outcome=outcome)
+        return SimpleNamespace(weighted_problem=problem, residuals=residuals, inflation=1.0, outcome=outcome)
 
     before, after = [quiet, noisy], [0.5 * quiet, 1.02 * noisy]
     assert log_likelihood_rise(fit(before, ()), fit(after, ()))[0] < 0.0, "one variance for both"
