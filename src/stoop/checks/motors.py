@@ -57,26 +57,30 @@ class Motions:
     def __call__(self, moments: Moments, changed: Collection[str] | None) -> Residuals:
         """Return what commands leave of the acceleration about each axis that moves."""
         out: dict[Key, Evidence] = {}
-        for axis, x, y, noise, row, (low, high) in zip(
-            AXES, self.commands, self.accelerations, self.noise, moments, BANDS, strict=True
+        for axis, x, y, noise, row, samples in zip(
+            AXES, self.commands, self.accelerations, self.noise, moments, self.samples, strict=True
         ):
             if np.mean(y**2) > MOTION * noise:
                 predicted = x @ row
                 power = float(predicted @ predicted)
                 gain = max(float(predicted @ y), 0.0) / power if power > 0.0 else 0.0
-                samples = self.rate / (2.0 * (high - low))
                 out["moment", axis] = Residual(y - gain * predicted, y, samples, noise)
         return out
+
+    @property
+    def samples(self) -> tuple[float, ...]:
+        """Samples of each axis that are as good as one independent sample."""
+        return tuple(self.rate / (2.0 * (high - low)) for low, high in BANDS)
 
     @property
     def likelihood(self) -> float:
         """Logarithm of the likelihood of the accelerations by commands of any moments."""
         out = 0.0
-        for x, y, noise, (low, high) in zip(
-            self.commands, self.accelerations, self.noise, BANDS, strict=True
+        for x, y, noise, samples in zip(
+            self.commands, self.accelerations, self.noise, self.samples, strict=True
         ):
             left = y - x @ np.linalg.lstsq(x, y, rcond=None)[0]
-            out -= (high - low) / self.rate * y.size * np.log(np.mean(left**2) + noise)
+            out -= 0.5 * y.size / samples * np.log(np.mean(left**2) + noise)
         return float(out)
 
     def explained(self, moments: Moments, axis: str) -> float:
@@ -96,15 +100,14 @@ class Motions:
             return tuple(range(count))
         orders = np.array(list(permutations(range(count))))
         left = np.zeros(len(orders))
-        for x, y, noise, row, (low, high) in zip(
-            self.commands, self.accelerations, self.noise, moments, BANDS, strict=True
+        for x, y, noise, row, samples in zip(
+            self.commands, self.accelerations, self.noise, moments, self.samples, strict=True
         ):
             if np.mean(y**2) <= MOTION * noise:
                 continue
             rows, power = row[orders], float(y @ y)
             along = np.maximum(rows @ (x.T @ y), 0.0)
             explained = along**2 / np.maximum(np.sum((rows @ (x.T @ x)) * rows, axis=1), 1e-300)
-            samples = self.rate / (2.0 * (high - low))
             left += (
                 0.5 * y.size / samples * np.log(np.maximum(1.0 - explained / power, noise * y.size / power))
             )

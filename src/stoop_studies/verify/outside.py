@@ -164,16 +164,22 @@ def planted(case: str, seed: int, flight: OutsideFlight, folder: Path) -> dict[s
     named, codes = lines.accusations(log.path, mapping), [(one.code, lines.accused(one)) for one in told]
     if kind == "order":  # a mapping says nothing of places
         known = stoop.load_flight(log.path, mapping)
-        answers: dict[str, Any] = {**flight.tape, **flight.asked}
-        vehicle = stoop.new_vehicle(known, **answers).vehicle
+        vehicle = drafted(flight, known)
         against = moments(vehicle, known)
-        named, left = exchanged(vehicle, against, mangled.lines)
-        codes += [(one.code, own[0]) for one, own in zip(against, named, strict=True)]
+        also, left = exchanged(vehicle, against, mangled.lines)
+        named += also
+        codes += [(one.code, own[0]) for one, own in zip(against, also, strict=True)]
     return {
         "kind": kind, "words": mangled.words, "said": lines.verdict(named, mangled.lines),
         "applied": len(after.applied), "left": " ".join(left),
         "codes": [[code, bool(set(own) & set(mangled.lines))] for code, own in codes],
     }  # fmt: skip
+
+
+def drafted(flight: OutsideFlight, known: Flight) -> Vehicle:
+    """Return the vehicle file that a user drafts from a log and a tape."""
+    answers: dict[str, Any] = {**flight.tape, **flight.asked}
+    return stoop.new_vehicle(known, **answers).vehicle
 
 
 def moments(vehicle: Vehicle, flight: Flight) -> list[Notice]:
@@ -214,15 +220,14 @@ def record(case: str, seed: int, folder: Path) -> dict[str, Any]:
     mapping, out["edits"] = mapped(log, folder)
     try:
         known = stoop.load_flight(log.path, mapping)
-        answers: dict[str, Any] = {**flight.tape, **flight.asked}
-        vehicle = stoop.new_vehicle(known, **answers).vehicle
+        vehicle = drafted(flight, known)
         (folder / "vehicle.toml").write_text(vehicle.text, encoding="utf-8")
-        out["accused"] += [one.code for one in moments(vehicle, known)]
         job = defaults.identified(known, vehicle, folder / "result")
     except Exception as error:  # a traceback is a finding
         out["stopped"] = str(error) if isinstance(error, StoopError) else f"traceback: {error!r}"
     out |= {"seconds": time.perf_counter() - began, "processor": time.process_time() - worked}
     if not out["stopped"]:
+        out["accused"] += [one.code for one in moments(vehicle, known)]
         out["refused_by"] = refusals(folder / "result" / "vehicle.toml")
         true = flown(case, seed, flight, log, job)
         out |= defaults.compared(true, job)
