@@ -24,8 +24,8 @@ FLAG = re.compile(
 )  #: tests whether a vehicle has rotors
 #: room -> lines at most; "stoop" is the whole package, for which the design asks 68,000, and 9,000 for its studies
 BUDGETS = {
-    "stoop": 91660,
-    "stoop_studies": 14740,
+    "stoop": 91785,
+    "stoop_studies": 14745,
     "api": 200,
     "app": 3765,
     "assessment": 6680,
@@ -33,10 +33,10 @@ BUDGETS = {
     "checks": 3025,
     "cli": 3425,
     "control_laws": 1555,
-    "estimate": 7815,
+    "estimate": 7895,
     "exporters": 8900,
     "fleet": 2710,
-    "flight": 6535,
+    "flight": 6550,
     "input_design": 2385,
     "kernels": 2810,
     "logs": 5150,
@@ -50,7 +50,7 @@ BUDGETS = {
     "report": 4430,
     "results": 1305,
     "simulation": 3495,
-    "strategy": 1475,
+    "strategy": 1500,
     "tuning": 2390,
     "vehicle": 3700,
     "vehicle_draft": 3380,

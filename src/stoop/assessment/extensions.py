@@ -51,6 +51,9 @@ class Limits:
     level: float = 0.01  #: of all tests of a fit together (Bonferroni)
     #: share of its response that is orthogonal to the unknowns, below which nothing is tested
     distinct: float = 1e-4
+    #: share of the information on it that is the priors', from which nothing is tested: without them no flight shows the mass,
+    #: which scales all forces and moments
+    max_prior: float = 0.5
     alike: float = 0.8  #: correlation of two responses from which only a fit distinguishes extensions
     #: difference of log-likelihood below which no extension is preferred: odds of ten to one
     tie: float = 2.3
@@ -122,7 +125,8 @@ def scores(
     of_prior = shifts.T @ prior @ shifts
     covariance = of_prior + _noise_covariance(segments, parts, inverse, coloring.noise)
     variance = np.diag(covariance).copy()
-    tested = (alone > LIMITS.distinct * total) & (variance > 0.0)
+    by_readings = np.diag(of_prior) < LIMITS.max_prior * alone
+    tested = (alone > LIMITS.distinct * total) & (variance > 0.0) & by_readings
 
     def found() -> Scores:
         with np.errstate(divide="ignore", invalid="ignore"):

@@ -86,20 +86,18 @@ def at_own_rates(group: Channels) -> tuple[list[Channels], list[Notice]]:
     hold until the next one and stay as they are, and so does an attitude of which not every angle is slow.
     """
     slow: list[tuple[list[str], IntArray]] = []
-    for name, x in group.values.items():
-        rows = _readings(group.time, x) if VARIABLES[name].kind == "measurement" else None
-        if rows is None:
-            continue
-        for one in slow:
-            both = np.union1d(one[1], rows)
-            # two sensors out of step would make one that is faster than either
-            if regular(both) and _period(both) >= max(_period(one[1]), _period(rows)) - 0.5:
-                slow[slow.index(one)] = ([*one[0], name], both)
-                break
-        else:
+    measured = {n: x for n, x in group.values.items() if VARIABLES[n].kind == "measurement"}
+    for name, x in measured.items():
+        rows = _readings(group.time, x)
+        if rows is not None and not _joined(slow, name, rows, _period(rows)):
             slow.append(([name], rows))
     slow = [one for one in slow if _whole_attitude(one[0], group.values)]
     taken = {name for names, _ in slow for name in names}
+    for name in [n for n in measured if n not in {*taken, *EULER, *QUATERNION}]:
+        # one that moved by single steps only, in the rows in which another of its sensor was read
+        changed = _changes(measured[name])
+        if len(changed) >= LIMITS.readings and _joined(slow, name, changed):
+            taken.add(name)
     left = {name: x for name, x in group.values.items() if name not in taken}
     found = [Channels(group.source, group.time, left)] if left else []
     found += [
@@ -116,6 +114,24 @@ def _readings(time: FloatArray, x: FloatArray) -> IntArray | None:
         if len(good) > LIMITS.readings and regular(rows := find(time[good], x[good])):
             return np.asarray(good[rows])
     return None
+
+
+def _changes(x: FloatArray) -> IntArray:
+    """Return the rows at which a column (n,) changes."""
+    good = np.flatnonzero(np.isfinite(x))
+    return np.asarray(good[1:][np.diff(x[good]) != 0.0])
+
+
+def _joined(slow: list[tuple[list[str], IntArray]], name: str, rows: IntArray, period: float = 0.0) -> bool:
+    """Add a column to the slowest sensor that was read in its rows, if there is one; tell whether there is."""
+    for i in sorted(range(len(slow)), key=lambda i: len(slow[i][1])):
+        names, own = slow[i]
+        both = np.union1d(own, rows)
+        # two sensors out of step would make one that is faster than either
+        if regular(both) and _period(both) >= max(_period(own), period) - 0.5:
+            slow[i] = ([*names, name], both)
+            return True
+    return False
 
 
 def _whole_attitude(names: Sequence[str], values: Mapping[str, FloatArray]) -> bool:

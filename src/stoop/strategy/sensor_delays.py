@@ -1,9 +1,10 @@
-"""Delays of sensors that a vehicle file leaves out are freed, with a prior, where the score tests ask for them.
+"""Delays of sensors that a vehicle file leaves out are freed, with a prior, where the inertial sensors or score tests show them.
 
 Sensor delays are instrument parameters, not vehicle parameters: coefficients that compensate for one are biased by many
 standard errors, while residuals may look nearly white. After each fit, as long as the strongest extension is the delay of a
 sensor, no other extension explains as much, and the log-likelihood rises by more than Schwarz's penalty, it becomes a free
-parameter. A file that gives a delay (0 for none) decides for itself.
+parameter. The delay of velocities is known before the fit where force and attitude were recorded, whatever the model lacks. A
+file that gives a delay (0 for none) decides for itself.
 """
 
 from __future__ import annotations
@@ -14,11 +15,15 @@ from typing import Final
 
 from stoop.assessment.extensions import LIMITS
 from stoop.base.notices import Notice, notice
+from stoop.base.variables import VELOCITY
 from stoop.errors import IdentificationError
+from stoop.estimate import methods
 from stoop.estimate.estimate import Estimate
+from stoop.estimate.regression.velocity_delay import velocity_delay
 from stoop.results.decisions import DecisionRecord
 from stoop.results.extensions import ExtensionTests
-from stoop.strategy.decision import Decision, Fitted, Fitter, Setup, Tested, test
+from stoop.strategy.decision import Change, Decision, Fitted, Fitter, Setup, Tested, test
+from stoop.strategy.gusts import IN_GUSTS
 from stoop.strategy.likelihood import log_likelihood_rise, penalized_rise
 from stoop.vehicle import Vehicle
 from stoop.vehicle.assumptions import USUAL
@@ -27,6 +32,28 @@ from stoop.vehicle.extensions import Extension, catalogue
 
 NAME: Final = "sensor-delays"
 DOING: Final = "delays of sensors were looked for"
+WIDTH: Final = 3.0  #: standard errors within which a delay is none
+
+
+def find_delay(setup: Setup) -> Change | None:
+    """Return the fit with the delay of velocities behind the inertial sensors; a filter takes it as known."""
+    late = [one for one in catalogue(setup.vehicle) if one.kind == "delay" and {*VELOCITY} & {*one.readings}]
+    if not late or not methods.find(setup.options.method).simulates:
+        return None
+    found = velocity_delay(setup.flights.values(), USUAL.sensor_delay_bounds)
+    if found is None or WIDTH * found[1] > USUAL.sensor_delay_std:
+        return None
+    delay, std = found
+    none = abs(delay) <= WIDTH * std
+    known = {"value": delay, "prior": std, "bounds": list(USUAL.sensor_delay_bounds)}
+    entries = late[0].entries(0.0 if none else delay if setup.options.method == IN_GUSTS else known)
+    changed = replace(setup, vehicle=with_entries(setup.vehicle, entries))
+    told = f"velocities {delay:.3f} ± {std:.3f} s behind the inertial sensors"
+    if none:
+        return Change(changed, told, "taken for in time")
+    return Change(
+        changed.noting(notice("sensor-delay-found", late[0].name, delay=delay, std=std)), told, "prior"
+    )
 
 
 def free_delays(setup: Setup, fit: Fitter) -> Fitted:
@@ -92,4 +119,4 @@ def _notices(fit: Estimate, tested: Tested, freed: dict[str, str]) -> list[Notic
     ]
 
 
-SENSOR_DELAYS = Decision(NAME, "Are readings of a sensor late?", around=free_delays)
+SENSOR_DELAYS = Decision(NAME, "Are readings of a sensor late?", problem=find_delay, around=free_delays)

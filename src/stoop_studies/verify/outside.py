@@ -255,8 +255,9 @@ def flown(
     fitted = np.any([(instants >= w.start) & (instants <= w.stop) for w in job.windows()], axis=0)
     truth = flight.truth(job.vehicle, {n: x[fitted] for n, x in true.items()}, sticks)
     ahead = early(job, instants, true)
-    # a surface follows its stick in the next step
-    late = {"velocity": recorder.latency["gps"], "commands": ahead + sticks / flight.rate}
+    # a receiver reads the last step of the simulation; a surface follows its stick in the next one
+    gps = float(np.ceil(recorder.latency["gps"] * flight.rate - 1e-6)) / flight.rate
+    late = {"velocity": gps, "commands": ahead + sticks / flight.rate}
     if "rotors.delay" in truth.rows:
         of = next(iter(truth.file.rotor.values())).channel.split("_")[0]
         steps = flight.late.get(of, 0.0) - 0.5 / flight.rate  # instead of the hold that `early` takes

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from stoop.assessment import extensions
 from stoop.assessment.error_bars import error_bars
 from stoop.assessment.extensions import LIMITS, extension_notices, extension_tests
 from stoop.base.arrays import FloatArray
@@ -153,3 +154,24 @@ def test_moves_agree_with_another_fit() -> None:
     for name, shift in best.moves.items():
         moved = (again.estimates[name] - done.estimates[name]) / std[name]
         assert shift == pytest.approx(moved, abs=0.35 * abs(moved) + 1.0)
+
+
+def test_what_priors_alone_say_of_the_mass_is_no_contradiction(monkeypatch: pytest.MonkeyPatch) -> None:
+    """All forces over the mass are what a flight shows: wrong guesses of the coefficients are not an error of the scales."""
+    base = resolve_vehicle("twin-boom")
+    forces = {n for c in ("CL", "CD", "CQ") for n in base.terms[c]}
+    free = [p for p in base.parameters if p.free]
+    guesses = {
+        p.name: {
+            "free": True,
+            "prior": 0.03 * abs(p.value),
+            "mean": (1.3 if p.name in forces else 1.0) * p.value,
+        }
+        for p in free
+        if p.value
+    }
+    windows = [Window(name, 0.0, DURATION) for name in STEPS]
+    done = fit(base.with_numbers(guesses), flights(base, 5), windows, Options(seed=1))
+    assert all(one.name != "mass.mass" for one in extension_tests(done, error_bars(done)).found)
+    monkeypatch.setattr(extensions, "LIMITS", replace(LIMITS, max_prior=np.inf))
+    assert any(one.name == "mass.mass" for one in extension_tests(done, error_bars(done)).found)

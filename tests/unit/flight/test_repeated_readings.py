@@ -148,3 +148,15 @@ def test_a_table_with_a_held_receiver_is_laid_on_the_grid_of_its_fast_sensors(tm
     inside = slice(10, -10)
     np.testing.assert_allclose(flight.column("vn")[inside], truth[at][inside], atol=5e-3)
     assert [n.code for n in flight.notices].count("readings-repeated") == 1
+
+
+def test_a_column_that_moves_by_single_steps_is_read_with_its_sensor() -> None:
+    """Near hover a velocity in tenths of a knot moves by single steps, one in feet per minute does not."""
+    rows, coarse = readings(10.0, 0.0), np.round(motion(1, 0.0, 60.0) / 0.2) * 0.2
+    alone = found(vn=hold(coarse, rows))
+    assert alone["vn"].time is TIME
+    groups = found(vn=hold(coarse, rows), vd=hold(motion(2, 0.1), rows), altitude=coarse)
+    assert groups["vn"] is groups["vd"]
+    assert groups["altitude"].time is TIME  # it changes between those readings
+    at = np.searchsorted(TIME, groups["vn"].time)
+    np.testing.assert_array_equal(groups["vn"].values["vn"], coarse[at])

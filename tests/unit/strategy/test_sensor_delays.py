@@ -6,18 +6,25 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 
+import numpy as np
 import pytest
 
 from stoop.assessment.error_bars import error_bars
+from stoop.base.rotations import quaternions_of, to_body
+from stoop.base.units import STANDARD_GRAVITY
+from stoop.base.variables import EULER, SPECIFIC_FORCE, VELOCITY
 from stoop.errors import IdentificationError
 from stoop.estimate.estimate import Estimate
 from stoop.estimate.fit import Options
 from stoop.flight import Flight
+from stoop.flight.flight import from_columns
+from stoop.problem.windows import Window
 from stoop.results.extensions import ExtensionTest, ExtensionTests
 from stoop.strategy import Strategy, sensor_delays
 from stoop.strategy.decision import Fitted, Setup, estimate
 from stoop.strategy.run import setup_of
 from stoop.vehicle import Vehicle
+from stoop.vehicle.builtin import builtin_vehicle
 from stoop.vehicle.document import with_entries
 from stoop.vehicle.extensions import catalogue
 from stoop.workflow.identification import search
@@ -180,3 +187,57 @@ def test_likelihoods_of_two_methods_are_not_compared(
     else:
         assert not found.records
         assert found.estimate.cost == 1000.0
+
+
+LATE_GPS = 0.2
+
+
+@cache
+def hovered(late: float) -> Flight:
+    """Return a flight of a quadrotor that is tossed about, its velocities late."""
+    vehicle, rng = builtin_vehicle("quad-x"), np.random.default_rng(2)
+    t = np.arange(0.0, 60.0, 0.02)
+    slow = [np.convolve(rng.standard_normal(t.size), np.hanning(150), "same") for _ in range(6)]
+    motion = [one / np.std(one) for one in slow]
+    velocity, angles = np.column_stack(motion[:3]), 0.2 * np.column_stack(motion[3:])
+    force = to_body(
+        quaternions_of(angles), np.gradient(velocity, 0.02, axis=0) - [0.0, 0.0, STANDARD_GRAVITY]
+    )
+    steps = np.clip(np.arange(t.size) - round(late / 0.02), 0, None)
+    columns = dict.fromkeys(("p", "q", "r"), np.zeros(t.size))
+    for names, values in ((EULER, angles), (SPECIFIC_FORCE, force), (VELOCITY, velocity[steps])):
+        columns |= dict(zip(names, (values + 0.05 * rng.standard_normal(values.shape)).T, strict=True))
+    columns |= dict.fromkeys(vehicle.inputs, np.full(t.size, 0.5))
+    return from_columns("hover", t, columns)
+
+
+@pytest.mark.parametrize(
+    ("method", "late", "value", "free"),
+    [
+        ("multiple-shooting", LATE_GPS, LATE_GPS, True),
+        ("filter-error", LATE_GPS, LATE_GPS, False),  # a filter must know it
+        ("multiple-shooting", 0.0, 0.0, False),
+    ],
+)
+def test_the_delay_of_velocities_is_known_before_the_fit(
+    method: str, late: float, value: float, free: bool
+) -> None:
+    setup = setup_of(
+        Strategy.default(), builtin_vehicle("quad-x"), {"hover": hovered(late)}, (Window("hover", 0.0, 5.0),),
+        options=Options(method=method),
+    )  # fmt: skip
+    change = sensor_delays.find_delay(setup)
+    assert change is not None
+    (row,) = [one for one in change.setup.vehicle.parameters if one.name == "sensors.vn.delay"]
+    assert row.free is free
+    assert row.value == pytest.approx(value, abs=0.02)
+    assert [one.code for one in change.setup.notices] == ["sensor-delay-found"] * bool(late)
+    assert sensor_delays.find_delay(change.setup) is None  # the file decides now
+
+
+def test_without_accelerometers_nothing_is_known_of_the_delay() -> None:
+    flight = hovered(LATE_GPS)
+    blind = from_columns("hover", flight.time, {n: flight.column(n) for n in flight.names - {"ax"}})
+    given = (Strategy.default(), builtin_vehicle("quad-x"), {"hover": blind}, (Window("hover", 0.0, 5.0),))
+    assert sensor_delays.find_delay(setup_of(*given)) is None
+    assert sensor_delays.find_delay(setup_of(*given[:2], {"hover": hovered(LATE_GPS)}, given[3])) is not None
