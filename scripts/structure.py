@@ -24,11 +24,11 @@ FLAG = re.compile(
 )  #: tests whether a vehicle has rotors
 #: room -> lines at most; "stoop" is the whole package, for which the design asks 68,000, and 9,000 for its studies
 BUDGETS = {
-    "stoop": 91785,
+    "stoop": 91790,
     "stoop_studies": 14745,
     "api": 200,
     "app": 3765,
-    "assessment": 6680,
+    "assessment": 6690,
     "base": 2410,
     "checks": 3025,
     "cli": 3425,

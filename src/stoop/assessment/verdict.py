@@ -348,14 +348,16 @@ def _beaten(one: GoodnessOfFit) -> bool:
     return one.lost or one.worse_than_mean
 
 
-def _moving(maneuvers: Iterable[ManeuverResult]) -> dict[str, list[GoodnessOfFit]]:
+def _moving(
+    maneuvers: Iterable[ManeuverResult], motion: float = LIMITS.motion
+) -> dict[str, list[GoodnessOfFit]]:
     """Return the figures by channel that can judge a model: those of channels whose motion far exceeds their noise.
 
     Innovations judge a model in any motion.
     """
     found: dict[str, list[GoodnessOfFit]] = {}
     for c, one in (item for m in maneuvers for item in m.channels.items()):
-        if one.innovations.known or not one.signal_to_noise < LIMITS.motion:
+        if one.innovations.known or not one.signal_to_noise < motion:
             found.setdefault(c, []).append(one)
     return found
 
@@ -372,9 +374,13 @@ def _by_role(result: Result) -> tuple[dict[str, list[GoodnessOfFit]], dict[str, 
 
 
 def _judging(result: Result) -> dict[str, list[GoodnessOfFit]]:
-    """Return the figures that judge each channel: of held-back maneuvers in which it moves, else of fitted ones."""
+    """Return the figures that judge each channel: of held-back maneuvers in which it moves, else of fitted ones.
+
+    Beside these count held-back maneuvers in which it only exceeds its noise, which are not what the model was made of.
+    """
     held_back, fitted = _by_role(result)
-    return fitted | held_back
+    seen = _moving((m for m in result.maneuvers if m.role == "validation"), 1.0)
+    return {c: [*own, *seen.get(c, ())] for c, own in fitted.items()} | held_back
 
 
 def diverged(maneuver: ManeuverResult, noise: NoiseCovariance) -> tuple[str, ...]:

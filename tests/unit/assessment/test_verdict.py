@@ -329,6 +329,17 @@ def test_a_model_that_fails_where_it_moved_is_refused() -> None:
     ]
 
 
+def test_slight_motion_that_is_predicted_counts_beside_what_was_fitted() -> None:
+    """Where no window held back moves a channel far beyond its noise, those that move it a little judge with the fitted ones."""
+    worse = tuple(dataclasses.replace(m, channels=m.channels | {"p": LOST}) for m in result().maneuvers[:2])
+    for slight, justified in (
+        (STILL, ("performance",)),
+        (dataclasses.replace(MATCHED, signal_to_noise=2.0), USED),
+    ):
+        ahead = [maneuver(start, "validation", p=slight) for start in (10.0, 20.0)]
+        assert verdict(result(maneuvers=(*worse, *ahead)), USES).justified == justified
+
+
 def test_a_model_whose_channels_nothing_moves_is_not_justified() -> None:
     """Neither model nor lag explain what moves there: nothing shows that the model is right."""
     calm = tuple(
