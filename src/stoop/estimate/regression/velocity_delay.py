@@ -60,13 +60,14 @@ def _stretches(flight: Flight, delays: FloatArray) -> Iterator[FloatArray]:
     acceleration = to_ground(quaternions_of(angles), force) + np.array([0.0, 0.0, STANDARD_GRAVITY])
     felt = np.isfinite(acceleration).all(axis=1)
     moved = cumulative_trapezoid(np.nan_to_num(acceleration), dx=1.0 / flight.rate, axis=0, initial=0)
-    late = np.stack([delayed(moved, d * flight.rate) for d in delays], axis=1)
     size, reach = round(STRETCH * flight.rate), round(np.abs(delays).max() * flight.rate) + 2
     line = np.linalg.qr(np.vander(np.arange(size), 2).astype(np.float64))[0]
     for first in range(reach, len(felt) - size - reach, size):
         own = slice(first, first + size)
-        if felt[first - reach : own.stop + reach].all() and np.isfinite(velocity[own]).all():
-            left = velocity[own, None] - late[own]
+        around = slice(first - reach, own.stop + reach)
+        if felt[around].all() and np.isfinite(velocity[own]).all():
+            late = [delayed(moved[around], d * flight.rate)[reach : reach + size] for d in delays]
+            left = velocity[own, None] - np.stack(late, axis=1)
             left = left - np.tensordot(line, np.tensordot(line, left, (0, 0)), (1, 0))
             yield np.sum(left**2, axis=0)
 
