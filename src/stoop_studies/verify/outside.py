@@ -290,7 +290,8 @@ def early(job: FittedModel, clock: FloatArray, true: Columns) -> float:
         return float(np.sum((np.polyval(np.polyfit(read, moved[inside], 1), read) - moved[inside]) ** 2))
 
     coarse = min(np.arange(-0.1, 0.5, 0.01), key=missed)
-    return float(minimize_scalar(missed, (coarse - 0.01, coarse, coarse + 0.01)).x)
+    box = (coarse - 0.01, coarse + 0.01)
+    return float(minimize_scalar(missed, bounds=box, method="bounded", options={"xatol": 1e-6}).x)
 
 
 def refusals(path: Path) -> list[str]:
