@@ -25,7 +25,7 @@ from scipy.stats import binom
 
 from stoop.base.notices import Notice, distinct, notice, of_severity, paragraph
 from stoop.base.variables import EULER, RATES, SPECIFIC_FORCE, VELOCITY
-from stoop.results.result import GoodnessOfFit, ManeuverResult, NoiseCovariance, Result
+from stoop.results.result import MIN_SIGNAL_TO_NOISE, GoodnessOfFit, ManeuverResult, NoiseCovariance, Result
 from stoop.results.uncertainty import SCATTER_LEVEL
 from stoop.results.verdict import Grade, Need, Use, Verdict
 from stoop.vehicle import Vehicle, terms
@@ -379,7 +379,7 @@ def _judging(result: Result) -> dict[str, list[GoodnessOfFit]]:
     Beside these count held-back maneuvers in which it only exceeds its noise, which are not what the model was made of.
     """
     held_back, fitted = _by_role(result)
-    seen = _moving((m for m in result.maneuvers if m.role == "validation"), 1.0)
+    seen = _moving((m for m in result.maneuvers if m.role == "validation"), MIN_SIGNAL_TO_NOISE)
     return {c: [*own, *seen.get(c, ())] for c, own in fitted.items()} | held_back
 
 

@@ -43,11 +43,15 @@ LIMITS: Final = Limits()
 Rows = Callable[[FloatArray, FloatArray], IntArray]
 
 
+def _changes(x: FloatArray) -> IntArray:
+    """Return the rows at which a column (n,) without gaps changes."""
+    return np.flatnonzero(np.diff(x)) + 1
+
+
 def held(_: FloatArray, x: FloatArray) -> IntArray:
     """Return the rows of readings (n,) at which a column jumps after it stood still; empty where it moves by single steps."""
-    changes = np.diff(x)
-    rows = np.flatnonzero(changes) + 1
-    sizes = np.abs(changes[rows - 1])
+    rows = _changes(x)
+    sizes = np.abs(x[rows] - x[rows - 1])
     if not rows.size or np.mean(sizes > LIMITS.step * sizes.min()) < LIMITS.jumps:
         return rows[:0]
     return rows
@@ -95,7 +99,8 @@ def at_own_rates(group: Channels) -> tuple[list[Channels], list[Notice]]:
     taken = {name for names, _ in slow for name in names}
     for name in [n for n in measured if n not in {*taken, *EULER, *QUATERNION}]:
         # one that moved by single steps only, in the rows in which another of its sensor was read
-        changed = _changes(measured[name])
+        good = np.flatnonzero(np.isfinite(measured[name]))
+        changed = good[_changes(measured[name][good])]
         if len(changed) >= LIMITS.readings and _joined(slow, name, changed):
             taken.add(name)
     left = {name: x for name, x in group.values.items() if name not in taken}
@@ -114,12 +119,6 @@ def _readings(time: FloatArray, x: FloatArray) -> IntArray | None:
         if len(good) > LIMITS.readings and regular(rows := find(time[good], x[good])):
             return np.asarray(good[rows])
     return None
-
-
-def _changes(x: FloatArray) -> IntArray:
-    """Return the rows at which a column (n,) changes."""
-    good = np.flatnonzero(np.isfinite(x))
-    return np.asarray(good[1:][np.diff(x[good]) != 0.0])
 
 
 def _joined(slow: list[tuple[list[str], IntArray]], name: str, rows: IntArray, period: float = 0.0) -> bool:

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import replace
-from typing import Final
+from typing import Any, Final
 
 from stoop.assessment.extensions import LIMITS
 from stoop.base.notices import Notice, notice
@@ -44,16 +44,15 @@ def find_delay(setup: Setup) -> Change | None:
     if found is None or WIDTH * found[1] > USUAL.sensor_delay_std:
         return None
     delay, std = found
-    none = abs(delay) <= WIDTH * std
-    known = {"value": delay, "prior": std, "bounds": list(USUAL.sensor_delay_bounds)}
-    entries = late[0].entries(0.0 if none else delay if setup.options.method == IN_GUSTS else known)
-    changed = replace(setup, vehicle=with_entries(setup.vehicle, entries))
+    entry: Any = {"value": delay, "prior": std, "bounds": list(USUAL.sensor_delay_bounds)}
+    done, said = "prior", [notice("sensor-delay-found", late[0].name, delay=delay, std=std)]
+    if abs(delay) <= WIDTH * std:
+        entry, done, said = 0.0, "taken for in time", []
+    elif setup.options.method == IN_GUSTS:
+        entry, done = delay, "taken as known"
+    changed = replace(setup, vehicle=with_entries(setup.vehicle, late[0].entries(entry)))
     told = f"velocities {delay:.3f} ± {std:.3f} s behind the inertial sensors"
-    if none:
-        return Change(changed, told, "taken for in time")
-    return Change(
-        changed.noting(notice("sensor-delay-found", late[0].name, delay=delay, std=std)), told, "prior"
-    )
+    return Change(changed.noting(*said), told, done)
 
 
 def free_delays(setup: Setup, fit: Fitter) -> Fitted:
