@@ -24,13 +24,13 @@ FLAG = re.compile(
 )  #: tests whether a vehicle has rotors
 #: room -> lines at most; "stoop" is the whole package, for which the design asks 68,000, and 9,000 for its studies
 BUDGETS = {
-    "stoop": 91790,
-    "stoop_studies": 14745,
+    "stoop": 91815,
+    "stoop_studies": 14770,
     "api": 200,
     "app": 3765,
     "assessment": 6690,
     "base": 2410,
-    "checks": 3025,
+    "checks": 3050,
     "cli": 3425,
     "control_laws": 1555,
     "estimate": 7895,

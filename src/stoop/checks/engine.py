@@ -217,12 +217,16 @@ class Finding(Generic[State]):
     def values(self, lines: Lines) -> dict[str, str | float | tuple[str, ...]]:
         """Return what a notice says of wrong lines of a mapping, and of what to write."""
         alternatives = tuple(s.edit.advice(lines) for s in self.edits)
+        changes = [tuple(map(str, s.edit.changes(lines))) for s in self.edits]
+        least = min(
+            changes, key=len
+        )  # certain where every other alternative makes the same changes, and more
         return {
             "lines": self.best.lines,
             "fix": self.best.fix,
             "suggestion": " or ".join(alternatives),
             "alternatives": alternatives,
-            "changes": tuple(map(str, self.best.changes(lines))) if len(self.edits) == 1 else (),
+            "changes": least if all(set(least) <= set(one) for one in changes) else (),
             "evidence": self.edits[0].evidence,
         }
 
@@ -239,9 +243,16 @@ def search(
         finding = _best(state, edits(state), model, limits)
         if finding is None:
             break
-        found.append(finding)
+        undone = [one for one in found if _undoes(finding.best, one.best)]
+        found = [one for one in found if one not in undone] if undone else [*found, finding]
         state = finding.best.apply(state)
     return found, state
+
+
+def _undoes(edit: Edit[State], other: Edit[State]) -> bool:
+    """Tell whether an edit takes back another, found before others of what it had explained: a sign twice, or axes."""
+    same = (edit.kind, edit.lines, edit.value) == (other.kind, other.lines, other.value)
+    return same and edit.kind in ("sign", "exchange", "frame")
 
 
 def not_excluded(

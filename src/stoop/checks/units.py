@@ -222,12 +222,22 @@ def growth(angle: Signal, rate: Signal) -> tuple[float, float]:
 
 
 def without_jumps(name: str, x: FloatArray) -> FloatArray:
-    """Return an angle (n,) in radians, or still in degrees, that is counted on through whole turns."""
+    """Return an angle (n,) in radians, or in another unit than it is mapped, that is counted on through whole turns."""
     if name not in WRAPPED:
         return x
     out, known = x.copy(), np.isfinite(x)
-    out[known] = np.unwrap(x[known], period=360.0 if largest_size(x) > LARGEST[name] else 2.0 * np.pi)
+    out[known] = np.unwrap(x[known], period=full_turn(name, x))
     return out
+
+
+def full_turn(name: str, x: FloatArray) -> float:
+    """Return by how much an angle (n,) jumps after a turn: in radians, still in degrees, or converted twice."""
+    if largest_size(x) > LARGEST[name]:
+        return 360.0
+    small, known = 2.0 * np.pi * DEGREE, x[np.isfinite(x)]
+    steps = np.abs(np.diff(known))
+    twice = known.size > 1 and np.ptp(known) < 1.01 * small and float(steps.max()) > 0.9 * small
+    return small if twice else 2.0 * np.pi
 
 
 def counted(psi: FloatArray) -> bool:

@@ -36,6 +36,8 @@ _OF_PULSES: Final = {
     "elevator": "control_pitch", "aileron": "control_roll", "rudder": "control_yaw", "throttle": "control_throttle",
     **{name: name for name in ("control_pitch", "control_roll", "control_yaw", "control_throttle")},
 }  # fmt: skip
+#: unit -> what turns by a name, and what it is then: speeds are of rotors, pulses of motors
+_DRIVEN: Final = {"rpm": ("motor_", "rotor_"), "us": ("rotor_", "motor_")}
 #: factor (1/us) and offset: of a throttle from 1000 to 2000 us, of others about 1500 us
 _PULSE: Final = {True: (1e-3, -1.0), False: (2e-3, -3.0)}
 _BRACKETS: Final = re.compile(r"\s*[(\[]\s*([^)\]]*?)\s*[)\]]\s*$")
@@ -156,8 +158,7 @@ def recognized(column: str, stated: str = "", stream: str = "") -> DraftLine | N
         if found is None:
             continue
         variable = found.variable
-        if unit == "rpm" and variable.startswith("motor_"):
-            variable = variable.replace("motor", "rotor")
+        variable = variable.replace(*_DRIVEN.get(unit, ("", "")))
         kind, known = KINDS[unit or "1"], KINDS[VARIABLES[variable].unit]
         if (kind, known) == ("an angle", "a rate of turn"):
             short, kind = f"{unit}/s", known  # written short, as gyro_rad is

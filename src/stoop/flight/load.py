@@ -17,11 +17,11 @@ from stoop.base.files import write_bytes_atomic
 from stoop.base.notices import Notice, Value, attempt, from_dict, notice
 from stoop.base.numbers import MAX_NUMBER
 from stoop.base.toml import parse_json
-from stoop.base.variables import EULER, QUATERNION, RATES, VARIABLES, WRAPPED
+from stoop.base.variables import EULER, QUATERNION, RATES, VARIABLES
 from stoop.checks.entries import TABLE, Line, Lines, read_lines
 from stoop.checks.kinematics import check_rates
 from stoop.checks.mapping import Judgment, check_mapping
-from stoop.checks.units import LARGEST, largest_size
+from stoop.checks.units import full_turn
 from stoop.errors import FlightError, LogError
 from stoop.flight.air_data import with_air
 from stoop.flight.airborne import carried_by_rotors, in_flight
@@ -219,10 +219,12 @@ def _contradictions(
     empty = empty_columns(in_air) | empty_columns({name: x for name, (_, x) in signals.items()})
     in_air = {name: x for name, x in in_air.items() if name not in empty}
     signals = {name: one for name, one in signals.items() if name not in empty}
-    for name in signals.keys() & WRAPPED & LARGEST.keys():  # the grid took other units than radians for turns
-        if largest_size(signals[name][1]) > LARGEST[name]:
-            t, x = signals[name]
-            in_air[name] = x[np.rint(np.interp(time, t, np.arange(t.size))).astype(int)]
+    angles = signals.keys() & set(EULER)
+    # the grid took other units than radians for turns, and those of one angle of an attitude turned all of them
+    strange = any(full_turn(name, signals[name][1]) != 2.0 * np.pi for name in angles)
+    for name in angles if strange else ():
+        t, x = signals[name]
+        in_air[name] = x[np.rint(np.interp(time, t, np.arange(t.size))).astype(int)]
     judged: dict[str, FloatArray] = {}
     # slower body rates are those of a wrong clock
     if not any(0.0 < flight.sources[name].rate < SUSPECT_CLOCK for name in RATES if name in flight.sources):

@@ -118,17 +118,43 @@ def mapped(log: recorders.Log, folder: Path) -> tuple[Path, dict[str, list[str]]
         mapping.write_text(text, encoding="utf-8")
         own = tomllib.loads(text).get("variables", {})
         wrong = min(
-            (lines.misread(log.path, text, x, x, lines.CALIBRATED) for x in turned(log.shown)), key=len
+            (
+                lines.misread(log.path, text, x, {*x} - scaled(log, own), lines.CALIBRATED)
+                for x in turned(log.shown)
+            ),
+            key=len,
         )
     except (StoopError, KeyError):
         pass
+    known, read = (
+        {*log.lines, *sum(EQUAL.values(), ())},
+        {own[n].get("column") for n in log.lines if n in own},
+    )
     edits = {
         "wrong": wrong, "missing": [n for n in log.lines if n not in own and not set(EQUAL.get(n, ())) & set(own)],
-        "others": [n for n in own if n not in log.lines and n not in sum(EQUAL.values(), ())],
+        "others": [n for n, one in own.items() if n not in known and one.get("column") not in read],
     }  # fmt: skip
     if any(edits.values()):
         mapping.write_text(log.mapping, encoding="utf-8")
     return mapping, edits
+
+
+def scaled(log: recorders.Log, own: Mapping[str, Any]) -> set[str]:
+    """Return the commands that a mapping reads of the right pulses about the right neutral ones.
+
+    No log shows over which range a transmitter moves: a command in another unit, and what moves counts in that.
+    """
+    right = tomllib.loads(log.mapping)["variables"]
+    both = (
+        (n, own[n], right[n])
+        for n in right
+        if n in own and min(e.get("scale", 0.0) for e in (own[n], right[n])) > 0.0
+    )
+    return {
+        n
+        for n, a, b in both
+        if a["column"] == b["column"] and np.isclose(*(e.get("offset", 0.0) / e["scale"] for e in (a, b)))
+    }
 
 
 def turned(shown: Columns) -> Iterator[Columns]:

@@ -10,7 +10,7 @@ import pytest
 from stoop.base.notices import Notice
 from stoop.checks.entries import Line, Lines
 from stoop.checks.mapping import check_mapping
-from stoop.checks.units import Sizes
+from stoop.checks.units import Sizes, without_jumps
 from stoop.errors import FlightError
 from stoop.flight import Flight, load
 
@@ -187,3 +187,11 @@ def test_a_rate_that_was_converted_twice_is_multiplied_back(unit: str, factor: f
     found = check_mapping({name: (T, x) for name, x in values.items()}, values, 100.0, lines)
     (one,) = (*found.refused, *found.notices)
     assert one.values["changes"] == (f"variables.q.scale = {factor:.12g}",)
+
+
+@pytest.mark.parametrize("unit", [1.0, 180.0 / np.pi, np.pi / 180.0], ids=["rad", "deg as rad", "rad as deg"])
+def test_turns_of_any_size_are_counted_on(unit: float) -> None:
+    """As mapped, in degrees where radians belong, and converted from degrees that they were not in."""
+    heading = np.linspace(0.0, 20.0, 500)
+    recorded = unit * np.mod(heading, 2.0 * np.pi)
+    np.testing.assert_allclose(without_jumps("psi", recorded), unit * heading, rtol=0.0, atol=1e-9)

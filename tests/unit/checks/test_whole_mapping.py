@@ -19,8 +19,10 @@ from stoop_studies.verify.lines import (
     accusations,
     flown,
     lost,
+    mapping_of,
     mapping_text,
     misread,
+    save,
     swap,
     times,
     turned,
@@ -104,6 +106,50 @@ def test_a_heading_in_degrees_beside_rates_in_degrees_is_no_radian(tmp_path: Pat
     units = {name: line["unit"] for name, line in tomllib.loads(made.text)["variables"].items()}
     assert [units[n] for n in names] == ["deg", "deg/s", "deg/s", "deg/s"]
     assert made.left == ()
+
+
+@pytest.mark.parametrize(
+    ("declared", "right", "mangled"),
+    [
+        ("rad", "deg", times("theta in degrees", 1.0 / DEGREE, "theta")),
+        ("deg", "rad", times("an attitude in radians, declared deg", 1.0, "phi", "theta", "psi")),
+    ],
+    ids=["theta in degrees", "in radians, declared deg"],
+)
+def test_angles_of_circles_are_read_right_by_the_advice(
+    tmp_path: Path, declared: str, right: str, mangled: Mangled
+) -> None:
+    """The grid, slower than the log, filters turns of another size, and angles that theta turned over."""
+    time = np.arange(0.0, 60.0, 1.0 / 200.0)
+    phi, theta, psi = 0.4 + 0.2 * np.sin(1.3 * time), 0.1 + 0.15 * np.sin(0.9 * time), 0.6 * time
+    phi_dot, theta_dot, psi_dot = (np.gradient(x, time) for x in (phi, theta, psi))
+    true = {
+        "p": phi_dot - psi_dot * np.sin(theta),
+        "q": theta_dot * np.cos(phi) + psi_dot * np.cos(theta) * np.sin(phi),
+        "r": psi_dot * np.cos(theta) * np.cos(phi) - theta_dot * np.sin(phi),
+        "phi": phi, "theta": theta, "psi": np.angle(np.exp(1j * psi)),
+    }  # fmt: skip
+    path = save({"t": time, **mangled.apply(true)}, tmp_path, "csv")
+    units = {n: "rad/s" if n in "pqr" else declared for n in true}
+    mapping = tmp_path / "m.toml"
+    mapping.write_text(mapping_of(("t", "s"), {n: (n, unit) for n, unit in units.items()}))
+    made = corrected_mapping(path, mapping)
+    found = {n: line["unit"] for n, line in tomllib.loads(made.text)["variables"].items()}
+    assert found == units | dict.fromkeys(mangled.lines, right)
+    assert made.left == ()
+
+
+def test_of_two_advices_the_changes_that_both_make_are_applied(tmp_path: Path) -> None:
+    """Small deflections may be in degrees or in radians, and a large one beside them is in degrees whatever they are."""
+    time, truth = aircraft()
+    wrong = times("elevator in degrees", 1.0 / DEGREE, "elevator").apply(truth)
+    path, places = write_log(tmp_path, "PX4", time, wrong)
+    mapping = tmp_path / "m.toml"
+    mapping.write_text(mapping_text("PX4", places))
+    made = corrected_mapping(path, mapping)
+    (applied,) = made.applied
+    assert len(applied.values["alternatives"]) == 2
+    assert misread(path, made.text, truth, ("elevator", "aileron", "rudder")) == []
 
 
 def test_feet_and_feet_per_minute_are_drafted_together(tmp_path: Path) -> None:

@@ -268,7 +268,7 @@ NAMES = {
     "psi": "psi yaw heading",
     "V": "V vt TAS", "airspeed_pitot": "airspeed ARSPD", "airspeed_equivalent": "IAS EAS calibrated_airspeed",
     "rotor_3": "rpm3 esc[2].rpm motor3_rpm RPM[2] Omega3 w3",
-    "motor_2": "motor2 motor.m2 motors[1]", "pwm_4": "pwm_4 C4 ch4 output[3]", "voltage": "vbat battery_voltage Volt",
+    "motor_2": "motor2 motor.m2 motors[1] esc2_us", "pwm_4": "pwm_4 C4 ch4 output[3]", "voltage": "vbat battery_voltage Volt",
     "control_roll": "ControlRoll ctrl_roll roll_control roll_cmd cmd_roll", "control_pitch": "control.pitch u_pitch",
     "control_yaw": "yaw_command control_yaw", "control_throttle": "throttle_cmd control_throttle_pct thr_control",
     "": "DesRoll roll_setpoint lat FrameNumber status xyz[0] p1 checksum",
