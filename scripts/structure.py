@@ -24,7 +24,7 @@ FLAG = re.compile(
 )  #: tests whether a vehicle has rotors
 #: room -> lines at most; "stoop" is the whole package, for which the design asks 68,000, and 9,000 for its studies
 BUDGETS = {
-    "stoop": 91815,
+    "stoop": 91820,
     "stoop_studies": 14770,
     "api": 200,
     "app": 3765,
@@ -37,7 +37,7 @@ BUDGETS = {
     "exporters": 8900,
     "fleet": 2710,
     "flight": 6550,
-    "input_design": 2385,
+    "input_design": 2395,
     "kernels": 2810,
     "logs": 5150,
     "optimize": 2770,

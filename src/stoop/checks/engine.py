@@ -218,9 +218,8 @@ class Finding(Generic[State]):
         """Return what a notice says of wrong lines of a mapping, and of what to write."""
         alternatives = tuple(s.edit.advice(lines) for s in self.edits)
         changes = [tuple(map(str, s.edit.changes(lines))) for s in self.edits]
-        least = min(
-            changes, key=len
-        )  # certain where every other alternative makes the same changes, and more
+        # those of one are certain where every other alternative makes them, and more
+        least = min(changes, key=len)
         return {
             "lines": self.best.lines,
             "fix": self.best.fix,

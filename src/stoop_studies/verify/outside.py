@@ -26,6 +26,7 @@ from stoop.base.arrays import FloatArray
 from stoop.base.extras import install
 from stoop.base.notices import Notice
 from stoop.base.units import FACTORS
+from stoop.base.variables import VARIABLES
 from stoop.checks.vehicle import check_vehicle
 from stoop.errors import StoopError
 from stoop.flight import Flight
@@ -117,19 +118,15 @@ def mapped(log: recorders.Log, folder: Path) -> tuple[Path, dict[str, list[str]]
         text = corrected_mapping(log.path, mapping).text
         mapping.write_text(text, encoding="utf-8")
         own = tomllib.loads(text).get("variables", {})
+        free = scaled(log, own)
         wrong = min(
-            (
-                lines.misread(log.path, text, x, {*x} - scaled(log, own), lines.CALIBRATED)
-                for x in turned(log.shown)
-            ),
+            (lines.misread(log.path, text, x, {*x} - free, lines.CALIBRATED) for x in turned(log.shown)),
             key=len,
         )
     except (StoopError, KeyError):
         pass
-    known, read = (
-        {*log.lines, *sum(EQUAL.values(), ())},
-        {own[n].get("column") for n in log.lines if n in own},
-    )
+    known = {*log.lines, *sum(EQUAL.values(), ())}
+    read = {own[n].get("column") for n in log.lines if n in own}
     edits = {
         "wrong": wrong, "missing": [n for n in log.lines if n not in own and not set(EQUAL.get(n, ())) & set(own)],
         "others": [n for n, one in own.items() if n not in known and one.get("column") not in read],
@@ -144,17 +141,14 @@ def scaled(log: recorders.Log, own: Mapping[str, Any]) -> set[str]:
 
     No log shows over which range a transmitter moves: a command in another unit, and what moves counts in that.
     """
-    right = tomllib.loads(log.mapping)["variables"]
-    both = (
-        (n, own[n], right[n])
-        for n in right
-        if n in own and min(e.get("scale", 0.0) for e in (own[n], right[n])) > 0.0
-    )
-    return {
-        n
-        for n, a, b in both
-        if a["column"] == b["column"] and np.isclose(*(e.get("offset", 0.0) / e["scale"] for e in (a, b)))
-    }
+    right, out = tomllib.loads(log.mapping)["variables"], set()
+    for name in (n for n in right.keys() & own.keys() if VARIABLES[n].kind == "command"):
+        both = own[name], right[name]
+        scales, offsets = ([one.get(key, 0.0) for one in both] for key in ("scale", "offset"))
+        same_column = len({one.get("column") for one in both}) == 1
+        if same_column and min(scales) > 0.0 and np.isclose(*np.divide(offsets, scales)):
+            out.add(name)
+    return out
 
 
 def turned(shown: Columns) -> Iterator[Columns]:
