@@ -13,7 +13,6 @@ from dataclasses import dataclass, field, replace
 from typing import Final
 
 from stoop.assessment.error_bars import error_bars
-from stoop.checks.excitation import with_mass_held
 from stoop.errors import FlightError, IdentificationError
 from stoop.estimate.fit import DEFAULTS
 from stoop.flight import Flight
@@ -21,7 +20,6 @@ from stoop.problem.windows import Window
 from stoop.strategy.assumptions import assume
 from stoop.strategy.bounds import BOUNDS
 from stoop.strategy.gusts import GUSTS
-from stoop.strategy.inertia import NAME as HELD_NUMBERS
 from stoop.strategy.inertia import PLACE
 from stoop.strategy.run import FIT_ALONE, setup_of
 from stoop.strategy.run import fit as fit_by
@@ -31,8 +29,6 @@ from stoop.vehicle import Vehicle
 QUICK: Final = replace(DEFAULTS, budget=15_000.0)
 #: of a fit about whose estimates windows are linearized: it need not be the best one, and its error bars are not asked for
 FIRST: Final = FIT_ALONE.without(GUSTS.name, BOUNDS.name)
-#: of a fit whose error bars are: what it moves to a bound is said, and not held and fitted again
-EXPECTED: Final = FIT_ALONE.without(HELD_NUMBERS)
 
 
 @dataclass(frozen=True)
@@ -73,7 +69,7 @@ def quick_fit(
     """
     options = replace(QUICK, start=known)
     try:
-        fit = fit_by(EXPECTED, _held(vehicle), _used(flights, windows), windows, options=options).estimate
+        fit = fit_by(FIT_ALONE, _held(vehicle), _used(flights, windows), windows, options=options).estimate
         bars = error_bars(fit)
     except (FlightError, IdentificationError) as error:
         return QuickFit(failure=str(error))
@@ -84,13 +80,13 @@ def quick_fit(
 
 
 def _held(vehicle: Vehicle) -> Vehicle:
-    """Return the vehicle with moments of inertia held for which coefficients hold, and a mass that nothing shows.
+    """Return the vehicle with moments of inertia held for which coefficients hold.
 
     A flight shows ratios of moments, a fit moves them far, and would be made again for each; their priors widen error bars.
     """
     ratios = "reference.inertia.x" in vehicle.rows
     moments = [p.name for p in vehicle.parameters if ratios and p.name.startswith(PLACE)]
-    return with_mass_held(vehicle.with_numbers({name: {"free": False} for name in moments}))
+    return vehicle.with_numbers({name: {"free": False} for name in moments})
 
 
 def _used(flights: Mapping[str, Flight], windows: Sequence[Window]) -> dict[str, Flight]:
