@@ -157,8 +157,7 @@ def recognized(column: str, stated: str = "", stream: str = "") -> DraftLine | N
         found = _by_words(name)
         if found is None:
             continue
-        variable = found.variable
-        variable = variable.replace(*_DRIVEN.get(unit, ("", "")))
+        variable = found.variable.replace(*_DRIVEN.get(unit, ("", "")))
         kind, known = KINDS[unit or "1"], KINDS[VARIABLES[variable].unit]
         if (kind, known) == ("an angle", "a rate of turn"):
             short, kind = f"{unit}/s", known  # written short, as gyro_rad is
