@@ -24,8 +24,8 @@ FLAG = re.compile(
 )  #: tests whether a vehicle has rotors
 #: room -> lines at most; "stoop" is the whole package, for which the design asks 68,000, and 9,000 for its studies
 BUDGETS = {
-    "stoop": 91820,
-    "stoop_studies": 14770,
+    "stoop": 91945,
+    "stoop_studies": 14775,
     "api": 200,
     "app": 3765,
     "assessment": 6690,
@@ -33,11 +33,11 @@ BUDGETS = {
     "checks": 3050,
     "cli": 3425,
     "control_laws": 1555,
-    "estimate": 7895,
+    "estimate": 8020,
     "exporters": 8900,
     "fleet": 2710,
     "flight": 6550,
-    "input_design": 2395,
+    "input_design": 2380,
     "kernels": 2810,
     "logs": 5150,
     "optimize": 2770,
@@ -50,7 +50,7 @@ BUDGETS = {
     "report": 4430,
     "results": 1305,
     "simulation": 3495,
-    "strategy": 1500,
+    "strategy": 1515,
     "tuning": 2390,
     "vehicle": 3700,
     "vehicle_draft": 3380,

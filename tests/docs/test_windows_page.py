@@ -26,8 +26,10 @@ def test_simulated_flights() -> None:
         median = f"{float(r['median']):.2f}" if r["median"] else NOTHING
         coverage = f"{100.0 * float(r['coverage']):.1f}" if r["coverage"] else NOTHING
         false = int(r["false"]) + int(r["bare_false"])
-        assert shown[case] == [r["flights"], r["maneuvers"], r["found"], str(false), median, coverage]
+        counted = [r["flights"], r["maneuvers"], r["found"], str(false), r["beside"], median, coverage]
+        assert shown[case] == counted
         assert false == 0
+        assert case.startswith("quadrotor-steps") or r["beside"] == "0"
         assert r["found"] == r["maneuvers"]
         assert int(r["proposing"]) == (int(r["flights"]) if int(r["maneuvers"]) else 0)
         assert not r["median"] or 1.0 / RATIO < float(r["median"]) < RATIO

@@ -34,12 +34,13 @@ from stoop.errors import IdentificationError
 from stoop.estimate import iterates
 from stoop.estimate.estimate import Estimate
 from stoop.estimate.fit import ALTERNATION, Callback, Fitter, Options, State, starts
+from stoop.estimate.geodesic_step import Step, bent
 from stoop.estimate.linearization import aligned, as_recorded
 from stoop.estimate.noise import first_variance, noise_covariance
 from stoop.estimate.noise_model import NoiseModel, with_noise
 from stoop.estimate.refit_problem import RefitProblem
 from stoop.estimate.response import ExtendedModel, Responses, whitened
-from stoop.estimate.shooting_problem import Iterate, Reduced, ShootingProblem, Weighted, reduced, spread
+from stoop.estimate.shooting_problem import Iterate, ShootingProblem, Weighted, reduced, spread
 from stoop.estimate.shooting_windows import WINDOW_LENGTH, Shots, window_model
 from stoop.optimize.levenberg_marquardt import (
     ADVICE,
@@ -63,7 +64,11 @@ from stoop.results.decisions import DecisionRecord
 #: least predicted reduction of half the cost
 TOLERANCE: Final = 1e-4
 #: likewise, while the noise is not known: it moves the optimum by more than that is short of it
-FIRST_TOLERANCE: Final = 1e-1
+FIRST_TOLERANCE: Final = 1.0
+#: of the gain that is predicted; where a step gains less, it is bent, too
+STRAIGHT: Final = 0.5
+#: accepted steps that together gain no more than the tolerance, after which a search ends
+CRAWL: Final = 10
 MIN_DAMPING: Final = 1e-10
 DAMPING: Final = partial(TenfoldDamping, 1e-4, growth=8.0, acceleration=1.0, smallest=MIN_DAMPING)
 #: largest number of rounds of increasing weights; three are usual
@@ -82,11 +87,22 @@ class GaussNewtonModel(StagedModel):
     ) -> None:
         self.problem, self.at, self.cost, self.tolerance = problem, at, at.cost, tolerance
         self.held = held  #: the parameters; initial states and biases are free then
+        self.readings = sum(int(np.isfinite(s.piece.measured).sum()) for s in problem.shots)
+        self.before = np.full(CRAWL, np.inf)  #: costs before the last steps
 
     @property
     def point(self) -> FloatArray:
         """The search vector, then the initial states of the windows."""
         return np.concatenate([self.at.z, *(own.ravel() for own in self.at.nodes)])
+
+    @property
+    def memory(self) -> FloatArray:
+        """Costs before the last steps."""
+        return self.before
+
+    def recall(self, memory: FloatArray) -> None:
+        """Take over the costs before the last steps of a saved search; states of release 0.1 have none."""
+        self.before = memory if memory.size else self.before
 
     def go_to(self, point: FloatArray) -> None:
         """Simulate the windows of a point."""
@@ -98,16 +114,21 @@ class GaussNewtonModel(StagedModel):
 
     def linearize(self) -> None:
         """Compute the derivatives of every window."""
-        self.windows: list[list[Weighted]] = [
-            self.problem.weigh(shots) for shots in self.problem.linearize(self.at)
-        ]
+        self.linear = self.problem.linearize(self.at)
+        self.windows: list[list[Weighted]] = [self.problem.weigh(shots) for shots in self.linear]
         self.current = self.exact = True
 
     def stopped(self, damping: Damping) -> Ending | None:
         """Show the windows as they are; see :class:`StagedModel`."""
         problem = self.problem
         iterates.show(problem.problem, self.at.z, self.cost, lambda: problem.simulated(self.at))
-        return super().stopped(damping)
+        ending = super().stopped(damping)
+        return "stalled" if self.before[0] - self.cost < self.least else ending
+
+    @property
+    def least(self) -> float:
+        """Least reduction of half the cost that counts: the tolerance once the residuals are as large as their weights say."""
+        return self.tolerance * max(1.0, self.cost / self.readings)
 
     @property
     def optimal(self) -> bool:
@@ -115,14 +136,10 @@ class GaussNewtonModel(StagedModel):
         if self.current:  # an optimum was looked for when the derivatives were taken
             return False
         self.linearize()
-        return 0.5 * self._solve(MIN_DAMPING)[2] < self.tolerance
+        return 0.5 * self.step(MIN_DAMPING).gain < self.least
 
-    def step(self, damping: float) -> tuple[FloatArray, list[Reduced]]:
-        """Return the damped step of the search vector, and the eliminated states."""
-        return self._solve(damping)[:2]
-
-    def _solve(self, damping: float) -> tuple[FloatArray, list[Reduced], float]:
-        """Return the step of the search vector, the eliminated states, and the reduction of the cost by both."""
+    def step(self, damping: float) -> Step:
+        """Return the damped step of the search vector and of the eliminated states."""
         normal, gradient, found = self.problem.reduce(self.at, self.windows, damping)
         d = self.problem.problem.dimension
         x, slope = self.at.z[:d], gradient[:d]
@@ -131,21 +148,26 @@ class GaussNewtonModel(StagedModel):
         free = np.flatnonzero(~at_bound)
         step = np.zeros_like(gradient)
         step[free] = solve_damped(normal[np.ix_(free, free)], -gradient[free], damping)
-        return step, found, sum(r.gain for r in found) - float(gradient @ step)
+        gain = sum(r.gain for r in found) - float(gradient @ step)
+        return Step(step, found, normal, free, damping, gain)
 
-    def evaluate(self, step: tuple[FloatArray, list[Reduced]]) -> Trial:
-        """Simulate the windows after the step."""
-        z, d = self.at.z + step[0], self.problem.problem.dimension
+    def evaluate(self, step: Step) -> Trial:
+        """Simulate the windows after the step, and after one that is bent where it gains little."""
+        z, d = self.at.z + step.z, self.problem.problem.dimension
         z[:d] = np.clip(z[:d], 0.0, 1.0)
-        nodes = self.problem.moved(self.at.nodes, step[1], z - self.at.z)
+        nodes = self.problem.moved(self.at.nodes, step.windows, z - self.at.z)
         there = self.problem.iterate(z, nodes)
         if self.problem.strictness > 1.0 and np.isfinite(there.cost):
             closer = self.problem.closed(there, self.windows)
             there = min(there, closer, key=lambda at: at.cost)
+        if self.cost - there.cost < STRAIGHT * step.gain:
+            curved = bent(self.problem, self.at, self.linear, self.windows, step)
+            there = min(there, curved, key=lambda at: at.cost)
         return Trial(there, there.cost, 0.0)
 
     def accept(self, trial: Trial, ratio: float) -> None:
         """Go there."""
+        self.before = np.append(self.before[1:], self.cost)
         self.at, self.cost, self.current = trial.point, trial.cost, False
 
 

@@ -20,7 +20,6 @@ from stoop.problem.windows import Window
 from stoop.strategy.assumptions import assume
 from stoop.strategy.bounds import BOUNDS
 from stoop.strategy.gusts import GUSTS
-from stoop.strategy.inertia import PLACE
 from stoop.strategy.run import FIT_ALONE, setup_of
 from stoop.strategy.run import fit as fit_by
 from stoop.vehicle import Vehicle
@@ -53,7 +52,7 @@ def with_assumptions(vehicle: Vehicle, flights: Mapping[str, Flight], windows: S
 def first_fit(vehicle: Vehicle, flights: Mapping[str, Flight], windows: Sequence[Window]) -> dict[str, float]:
     """Return estimates (SI) of free numbers by name, in calm air; none of what a bound holds, or where it fails."""
     try:
-        fit = fit_by(FIRST, _held(vehicle), _used(flights, windows), windows, options=QUICK).estimate
+        fit = fit_by(FIRST, vehicle, _used(flights, windows), windows, options=QUICK).estimate
     except (FlightError, IdentificationError):
         return {}
     held = {one.name for one in fit.unknowns if one.fixed == "bound"}
@@ -69,7 +68,7 @@ def quick_fit(
     """
     options = replace(QUICK, start=known)
     try:
-        fit = fit_by(FIT_ALONE, _held(vehicle), _used(flights, windows), windows, options=options).estimate
+        fit = fit_by(FIT_ALONE, vehicle, _used(flights, windows), windows, options=options).estimate
         bars = error_bars(fit)
     except (FlightError, IdentificationError) as error:
         return QuickFit(failure=str(error))
@@ -77,16 +76,6 @@ def quick_fit(
     values = {name: math.nan if held[name] else value for name, value in fit.estimates.items()}
     errors = {n: math.inf if held[n] else float(std) for n, std in zip(values, bars.std, strict=False)}
     return QuickFit(values, errors)
-
-
-def _held(vehicle: Vehicle) -> Vehicle:
-    """Return the vehicle with moments of inertia held for which coefficients hold.
-
-    A flight shows ratios of moments, a fit moves them far, and would be made again for each; their priors widen error bars.
-    """
-    ratios = "reference.inertia.x" in vehicle.rows
-    moments = [p.name for p in vehicle.parameters if ratios and p.name.startswith(PLACE)]
-    return vehicle.with_numbers({name: {"free": False} for name in moments})
 
 
 def _used(flights: Mapping[str, Flight], windows: Sequence[Window]) -> dict[str, Flight]:

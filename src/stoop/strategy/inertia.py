@@ -1,5 +1,7 @@
 """Moments of inertia that a fit moves to a default bound, or to where no body has them, are held at the file's values.
 
+And that about the axis of rotors whose torque is free, where the flight contradicts its prior.
+
 A flight shows moments over inertia: of the moments of inertia themselves it shows ratios, by the coupling of the axes, and it
 shows them weakly. Errors of the model are larger than that and move them far, while no force or moment tells their size. The
 moment that lies farthest from the file's value is held, and all is fitted again, until the rest are those of a body: their second
@@ -19,6 +21,7 @@ from typing import Final
 
 import numpy as np
 
+from stoop.assessment.covariance import NORMAL_95
 from stoop.base.notices import notice
 from stoop.errors import IdentificationError
 from stoop.estimate.estimate import Estimate
@@ -31,6 +34,7 @@ from stoop.vehicle.vehicle import leaves
 
 NAME: Final = "held-numbers"
 PLACE: Final = "mass.inertia."
+TORQUE: Final = ("rotors.torque_ratio", "rotors.Q")
 DOING: Final = "moments of inertia were held"
 
 
@@ -42,7 +46,9 @@ def hold_inertia(setup: Setup, fit: Fitter) -> Fitted:
         name := _farthest(found.estimate, setup.vehicle)
     ):
         (known,) = (p for p in vehicle.parameters if p.name == name)
-        vehicle = vehicle.with_numbers({name: {"value": known.prior_mean, "free": False}})
+        # all that is known of a number without a prior is that its bounds hold it: evenly
+        prior = known.prior or (known.upper - known.lower) / math.sqrt(12.0)
+        vehicle = vehicle.with_numbers({name: {"value": known.prior_mean, "free": False, "prior": prior}})
         moved = found.estimate.estimates[name]
         try:
             found = found.again(vehicle, fit)
@@ -67,16 +73,15 @@ def hold_inertia(setup: Setup, fit: Fitter) -> Fitted:
 
 
 def _farthest(fit: Estimate, file: Vehicle) -> str:
-    """Return the free moment farthest from the file's value if one is at a default bound, or all are of no body."""
+    """Return the free moment farthest from the file's value if one is at a default bound, or all are of no body.
+
+    Of that about the rotors' axis and their torque a flight shows the ratio: it is returned where its prior is contradicted.
+    """
     vehicle, free = (
         fit.problem.layout.vehicle,
         {n: x for n, x in fit.estimates.items() if n.startswith(PLACE)},
     )
     unbounded = {name for name, q in leaves(file.file) if q.bounds is None}
-    at_bound = any(u.fixed == "bound" for u in fit.unknowns if u.name in free.keys() & unbounded)
-    alone = len(fit.estimates) < 2  # nothing would be left to fit
-    if alone or (is_body(fit.identified_vehicle) and not at_bound):
-        return ""
 
     def distance(name: str) -> float:
         a, b = (vehicle.value(f"{PLACE}{2 * axis}") for axis in name.removeprefix(PLACE))
@@ -84,4 +89,13 @@ def _farthest(fit: Estimate, file: Vehicle) -> str:
             return abs(math.log(max(free[name], np.finfo(float).tiny) / a))
         return abs(free[name] - vehicle.value(name)) / math.sqrt(a * b)
 
+    turned = PLACE + "zz"
+    if turned in free and any(name.startswith(TORQUE) for name in fit.estimates):
+        (known,) = (p for p in vehicle.parameters if p.name == turned)
+        if known.prior and distance(turned) > NORMAL_95 * known.prior / known.prior_mean:
+            return turned
+    at_bound = any(u.fixed == "bound" for u in fit.unknowns if u.name in free.keys() & unbounded)
+    alone = len(fit.estimates) < 2  # nothing would be left to fit
+    if alone or (is_body(fit.identified_vehicle) and not at_bound):
+        return ""
     return max(free, key=distance, default="")

@@ -75,7 +75,9 @@ class Airplane(FileText):
         """Return the file."""
         wing = self.geometry.wing
         self.head(f"span {wing.span:g} m, chord {wing.chord:.4g} m")
-        self.mass_table(self.moments)
+        # coefficients hold for moments that are stated: of these a flight shows ratios, weakly, and the product by what turns
+        held = frozenset[str]() if self.on_rotors else frozenset(("xx", "yy", "zz"))
+        self.mass_table(self.moments, held)
         self._reference()
         self.environment()
         self._propulsion()

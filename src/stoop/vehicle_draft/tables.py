@@ -5,7 +5,7 @@ Every kind of vehicle has the tables of mass and inertia, surfaces, rotors and s
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Final
 
@@ -43,14 +43,14 @@ def plain(value: float) -> str:
     return text if any(c in text for c in ".e") else f"{text}.0"
 
 
-def quantity(value: float, prior: float) -> str:
+def quantity(value: float, prior: float, held: str = "") -> str:
     """Return a number with its prior as a vehicle file has it."""
-    return f"{{ value = {plain(value)}, prior = {plain(float(f'{prior:.2g}'))} }}"
+    return f"{{ value = {plain(value)}, prior = {plain(float(f'{prior:.2g}'))}{held} }}"
 
 
-def known(one: Apriori) -> str:
-    """Return a number with its prior."""
-    return quantity(one.value, one.std)
+def known(one: Apriori, free: bool = True) -> str:
+    """Return a number with its prior, free or held."""
+    return quantity(one.value, one.std, "" if free else ", free = false")
 
 
 def mixture(gains: Mapping[str, float]) -> str:
@@ -133,13 +133,14 @@ class FileText:
         self.sheet.remark(
             f"Drafted by stoop vehicle new: template {self.template}, {self.mass:g} kg, {size}; log: {logs}"
             f"{f', parameters of {autopilot}' if autopilot else ''}.",
-            "prior: standard deviation of what is known beforehand; what has one is estimated. Correct what you know better.",
+            "prior: standard deviation of what is known beforehand; what has one, and is free, is estimated.",
+            "Correct what you know better.",
         )
         self.sheet.word("format", "stoop-vehicle/1")
         self.sheet.word("name", self.request.name or f"{self.template.capitalize()}, {self.mass:g} kg")
 
-    def mass_table(self, moments: Mapping[str, Apriori]) -> None:
-        """Write mass and inertia."""
+    def mass_table(self, moments: Mapping[str, Apriori], held: Collection[str] = ()) -> None:
+        """Write mass and inertia, some of it held: its priors widen the error bars of what depends on it."""
         sheet = self.sheet
         sheet.table("mass")
         sheet.entry("mass", plain(self.mass), "kg, as given: forces are known per mass only, so weigh it")
@@ -148,7 +149,7 @@ class FileText:
             "kg m2; a flight determines moments per inertia: a swing test is worth more than this guess",
         )
         for axis, moment in moments.items():
-            sheet.entry(axis, known(moment), moment.source)
+            sheet.entry(axis, known(moment, axis not in held), moment.source)
 
     def environment(self) -> None:
         """Write where the density of the air is from, where it is not the height of every log."""

@@ -128,6 +128,8 @@ def quadrotor_scene(wind: float, seed: int) -> scenes.Scene:
     truth = scenes.coefficients(calm) | {name: calm.value(name) for name in INERTIA}
     low, high = 1.0 - QUADROTOR_ERROR, 1.0 + QUADROTOR_ERROR
     changes = {n: {"free": True, "value": v * rng.uniform(low, high)} for n, v in truth.items()}
+    xx, yy, zz = (changes[n] for n in INERTIA)
+    zz["value"] = min(zz["value"], xx["value"] + yy["value"])  # of a body: no other file loads
     bounds = {n: {"bounds": (v / 3.0, 3.0 * v)} for n, v in truth.items() if n in INERTIA}
     start = calm.with_numbers({n: change | bounds.get(n, {}) for n, change in changes.items()})
     return scenes.Scene(start, {QUADROTOR: flight}, (Window(QUADROTOR, 0.0, LEGS * LEG),), truth)

@@ -9,7 +9,9 @@ import pytest
 from stoop.errors import FlightError
 from stoop.flight import from_columns
 from stoop.input_design.windows import find_windows
+from stoop.vehicle.checks import is_body
 from stoop_studies.findings import Setting
+from stoop_studies.verify.closed_loop import quadrotor_scene
 from stoop_studies.verify.study import run_key
 from stoop_studies.verify.windows import CASES, EXPERIMENT, held, propose
 
@@ -55,10 +57,19 @@ def test_errors_are_as_foretold_from_a_wrong_start() -> None:
     assert min(found["ratios"]) > 1.0 / 1.5
 
 
+def test_windows_of_rotors_without_an_input_claim_no_maneuver() -> None:
+    """Thrust and drag show in them, and the start is one that a user can load."""
+    (found,) = propose({"case": "quadrotor-steps-light", "seed": 0}, [None])
+    assert found["false"] == 0
+    assert found["windows"] == found["maneuvers"] + found["beside"]
+    for seed in range(20):
+        assert is_body(quadrotor_scene(0.0, seed).start)
+
+
 def verdicts(**changes: Any) -> set[str]:
     flown = {
-        "maneuvers": 3, "found": 3, "windows": 3, "false": 0, "bare_windows": 3, "bare_false": 0, "ratios": [0.9, 1.1],
-        "inside": 19, "estimates": 20,
+        "maneuvers": 3, "found": 3, "windows": 3, "beside": 0, "false": 0, "bare_windows": 3, "bare_false": 0,
+        "ratios": [0.9, 1.1], "inside": 19, "estimates": 20,
     }  # fmt: skip
     gusts = {key: [] if key == "ratios" else 0 for key in flown}
     results = {

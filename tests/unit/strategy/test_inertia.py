@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from stoop.assessment.error_bars import error_bars
+from stoop.assessment.error_bars import error_bars, held_inertia
 from stoop.estimate.estimate import Estimate
 from stoop.estimate.fit import Options
 from stoop.flight import Flight
@@ -22,6 +22,7 @@ from stoop.workflow.derivatives import derivatives
 from stoop.workflow.flying import linearize
 from stoop.workflow.outputs import with_values
 from stoop_studies.verify import scenes
+from stoop_studies.verify.closed_loop import quadrotor_scene
 
 HOLD = Strategy.only("held-numbers")
 PITCH = "mass.inertia.yy"
@@ -72,6 +73,30 @@ def test_an_inertia_of_no_body_is_held_and_the_written_vehicle_loads(prior: floa
     assert not next(p for p in written.parameters if p.name == PITCH).free
     for verb in (trim, linearize, derivatives):
         verb(written)  # type: ignore[operator]
+
+
+def test_a_held_moment_without_a_prior_is_known_as_its_bounds_say() -> None:
+    """Evenly: the standard deviation is that of a number which is anywhere between them."""
+    vehicle = user(8.0)
+    (moment,) = (p for p in vehicle.parameters if p.name == PITCH)
+    found = held_inertia(done(vehicle).estimate)
+    assert found == {PITCH: pytest.approx(np.std(np.linspace(moment.lower, moment.upper, 100_001)), rel=1e-4)}
+
+
+@pytest.mark.parametrize("share", [0.3, 0.9])
+def test_of_the_inertia_in_yaw_and_the_torque_of_rotors_a_flight_shows_the_ratio(share: float) -> None:
+    """Where it moves the moment against its prior, the moment is held; within its prior it stays free."""
+    scene = quadrotor_scene(0.0, 1)
+    name, truth = "mass.inertia.zz", scene.truth["mass.inertia.zz"]
+    vehicle = scene.start.with_numbers({name: {"value": share * truth, "prior": 0.2 * share * truth}})
+    (flight,) = scene.flights.values()
+    windows = [Window(flight.name, 0.0, 8.0)]
+    found = fit(HOLD, vehicle, {flight.name: flight}, windows, options=Options(method="multiple-shooting"))
+    held = [one.subject for one in found.estimate.notices if one.code == "inertia-held"]
+    assert held == ([name] if share < 0.5 else [])
+    torque = found.estimate.estimates["rotors.torque_ratio"]
+    error = abs(torque - scene.truth["rotors.torque_ratio"] * (share if held else 1.0))
+    assert error < 0.1 * torque
 
 
 def test_an_inertia_that_the_flight_shows_stays_free() -> None:

@@ -239,6 +239,16 @@ def test_the_propeller_of_a_piston_engine_has_angular_momentum() -> None:
     assert "# no angular momentum: its direction is not known" in electric.text
 
 
+@pytest.mark.parametrize("template", ["conventional", "quadplane", "quad"])
+def test_moments_for_which_coefficients_hold_are_held(template: str) -> None:
+    """Where rotors lift, thrust by the weight shows them; the product shows as rolling turns the nose."""
+    wings = template != "quad"
+    found = draft(Request(template, 3.0, 1.8 if wings else 0.6, 0.25 if wings else None)).vehicle
+    free = {p.name[-2:]: p.free for p in found.parameters if p.name.startswith("mass.inertia") and p.prior}
+    lift = template != "conventional"
+    assert free == {"xx": lift, "yy": lift, "zz": lift} | ({"xz": True} if wings else {})
+
+
 def test_what_is_missing_is_said_with_its_usual_size() -> None:
     with pytest.raises(
         VehicleError, match=r"--mass .*usual: .* kg for this span.*--chord .*usual: .* m for this span"

@@ -1,0 +1,108 @@
+"""Steps that bend with the residuals, against the whole system of windows solved at once."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from stoop.estimate.geodesic_step import Step, bent
+from stoop.estimate.shooting_problem import Iterate, Weighted, reduced
+from stoop.estimate.shooting_windows import Shot
+
+UNKNOWNS, STATES, READINGS = 4, 3, 20
+
+
+class Quadratic:
+    """Readings and gaps of windows that are quadratic in the unknowns and in the states that windows begin with."""
+
+    def __init__(self, count: int, seed: int) -> None:
+        self.rng, self.count = np.random.default_rng(seed), count
+        size = UNKNOWNS + STATES * (count - 1)
+        self.gaps = STATES * (count - 1)
+        rows = READINGS * count + self.gaps
+        self.linear, self.curved = (
+            self.rng.normal(size=(rows, size)),
+            self.rng.normal(size=(rows, size, size)),
+        )
+        for w in range(
+            count
+        ):  # a window's readings and gap depend on its own state only, and a gap on the next
+            others = [self.state(k) for k in range(1, count) if k != w]
+            for at in others:
+                self.linear[self.readings(w), at] = 0.0
+                self.curved[self.readings(w), at] = self.curved[self.readings(w), :, at] = 0.0
+                if w + 1 < count:
+                    self.linear[self.gap(w), at] = 0.0
+                    self.curved[self.gap(w), at] = self.curved[self.gap(w), :, at] = 0.0
+            if w + 1 < count:
+                self.linear[self.gap(w), self.state(w + 1)] = -np.eye(STATES)
+        self.rest = self.rng.normal(size=rows)
+
+    def state(self, w: int) -> slice:
+        return slice(UNKNOWNS + STATES * (w - 1), UNKNOWNS + STATES * w)
+
+    def readings(self, w: int) -> slice:
+        return slice(READINGS * w, READINGS * (w + 1))
+
+    def gap(self, w: int) -> slice:
+        first = READINGS * self.count + STATES * w
+        return slice(first, first + STATES)
+
+    def values(self, x: np.ndarray) -> np.ndarray:
+        return self.rest + self.linear @ x + 0.5 * np.einsum("rij,i,j->r", self.curved, x, x)
+
+    def whole(self, z: np.ndarray, nodes: np.ndarray) -> np.ndarray:
+        return np.concatenate([z, nodes.T[1:].ravel()])
+
+    def shots(self) -> list[Shot]:
+        out = []
+        for w in range(self.count):
+            own = self.state(w) if w else slice(0, 0)
+            by_state = np.zeros((READINGS, 1, STATES))
+            gap_by_state = np.zeros((STATES, STATES))[: STATES * (w + 1 < self.count)]
+            read, gap = self.readings(w), self.gap(w) if w + 1 < self.count else slice(0, 0)
+            if w:
+                by_state[:, 0] = self.linear[read, own]
+                gap_by_state[:] = self.linear[gap, own]
+            by_unknown = self.linear[read, None, :UNKNOWNS]
+            rest = self.rest[read, None], by_unknown, by_state, self.rest[gap], self.linear[gap, :UNKNOWNS]
+            out.append(Shot(*rest, gap_by_state))
+        return out
+
+    def problem(self) -> Any:
+        def whitened(z: np.ndarray, nodes: list[np.ndarray]) -> list[tuple[np.ndarray, np.ndarray]]:
+            values = self.values(self.whole(z, nodes[0]))
+            cut = READINGS * self.count
+            return [(values[:cut, None], values[cut:].reshape(-1, STATES))]
+
+        def iterate(z: np.ndarray, nodes: list[np.ndarray]) -> Iterate:
+            return Iterate(z, tuple(nodes), float(np.sum(self.values(self.whole(z, nodes[0])) ** 2)), 0.0)
+
+        shots = SimpleNamespace(entries=np.arange(UNKNOWNS), perturbed=lambda own, steps: own + steps)
+        problem = SimpleNamespace(dimension=0)
+        return SimpleNamespace(shots=(shots,), problem=problem, whitened=whitened, iterate=iterate)
+
+
+@pytest.mark.parametrize("count", [1, 2, 5])
+def test_a_step_bends_as_the_whole_system_does(count: int) -> None:
+    """Of a quadratic function the second derivative along a step is the same everywhere."""
+    case = Quadratic(count, seed=count)
+    problem = case.problem()
+    at = problem.iterate(np.zeros(UNKNOWNS), [np.zeros((STATES, count))])
+    linear = case.shots()
+    weighted = [
+        Weighted(s.products, s.by_state, s.gap, s.gap_by_unknown, s.gap_by_state, np.ones(len(s.gap)))
+        for s in linear
+    ]
+    left = reduced(weighted, 0.0)
+    straight = -np.linalg.solve(left.normal, left.gradient)
+    step = Step(straight, [left], left.normal, np.arange(UNKNOWNS), 0.0, 1.0)
+    found = bent(problem, at, [linear], [weighted], step)
+    x = -np.linalg.lstsq(case.linear, case.rest, rcond=None)[0]
+    second = np.einsum("rij,i,j->r", case.curved, x, x)
+    x = x - 0.5 * np.linalg.lstsq(case.linear, second, rcond=None)[0]
+    assert case.whole(found.z, found.nodes[0]) == pytest.approx(x, rel=1e-6, abs=1e-8)
+    assert found.cost == pytest.approx(np.sum(case.values(x) ** 2))
