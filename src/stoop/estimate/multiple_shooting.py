@@ -161,7 +161,8 @@ class GaussNewtonModel(StagedModel):
             closer = self.problem.closed(there, self.windows)
             there = min(there, closer, key=lambda at: at.cost)
         if self.cost - there.cost < STRAIGHT * step.gain:
-            curved = bent(self.problem, self.at, self.linear, self.windows, step)
+            with np.errstate(over="ignore", invalid="ignore"):  # a step that diverges is a value
+                curved = bent(self.problem, self.at, self.linear, self.windows, step)
             there = min(there, curved, key=lambda at: at.cost)
         return Trial(there, there.cost, 0.0)
 

@@ -75,7 +75,7 @@ class Airplane(FileText):
         """Return the file."""
         wing = self.geometry.wing
         self.head(f"span {wing.span:g} m, chord {wing.chord:.4g} m")
-        # coefficients hold for moments that are stated: of these a flight shows ratios, weakly, and the product by what turns
+        # coefficients hold for stated moments: a flight shows their ratios, weakly, and xz as rolling turns the nose
         held = frozenset[str]() if self.on_rotors else frozenset(("xx", "yy", "zz"))
         self.mass_table(self.moments, held)
         self._reference()
