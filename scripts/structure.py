@@ -24,7 +24,7 @@ FLAG = re.compile(
 )  #: tests whether a vehicle has rotors
 #: room -> lines at most; "stoop" is the whole package, for which the design asks 68,000, and 9,000 for its studies
 BUDGETS = {
-    "stoop": 91945,
+    "stoop": 91950,
     "stoop_studies": 14775,
     "api": 200,
     "app": 3765,
@@ -52,7 +52,7 @@ BUDGETS = {
     "simulation": 3495,
     "strategy": 1515,
     "tuning": 2390,
-    "vehicle": 3700,
+    "vehicle": 3705,
     "vehicle_draft": 3380,
     "workflow": 4315,
 }

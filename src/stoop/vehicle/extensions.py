@@ -55,6 +55,7 @@ DEAD_ZONE: Final = Probe(0.02, 0.5)  #: rad
 SLOWNESS: Final = Probe(0.5, 20.0)  #: s/rad, of a limit of 2 rad/s
 LARGE: Final = 1e6  #: rad/s, of a rate limit that limits nothing
 BIAS: Final = Probe(0.1, 1e3)  #: of a sensor's noise
+KNOWN: Final = 2.0  #: standard deviations of a held number, within which nothing contradicts it
 TERM: Final = Probe(1e-3, 1e3)
 
 
@@ -73,6 +74,7 @@ class Extension:
     readings: tuple[str, ...] = ()  #: observed channels that come late
     #: whether it is probed by its reciprocal: a rate limit changes nothing where it is infinite
     reciprocal: bool = False
+    known: float = 0.0  #: change that what is known of a held number allows
 
     @property
     def step(self) -> float:
@@ -85,8 +87,11 @@ class Extension:
         return bool(self.inputs or self.readings or self.reciprocal or self.kind == "dead_zone")
 
     def believes(self, change: float) -> bool:
-        """Whether a change from the null value makes sense."""
-        return (0.0 if self.positive else -self.probe.reach) < change < self.probe.reach
+        """Whether a change from the null value makes sense, and is none that what is known of a held number allows."""
+        return (
+            abs(change) >= self.known
+            and (0.0 if self.positive else -self.probe.reach) < change < self.probe.reach
+        )
 
     def value(self, change: float) -> float:
         """Return the number of the file at a change from the null value."""
@@ -335,4 +340,5 @@ def _fixed(vehicle: Vehicle) -> Iterator[Extension]:
         skipped = p.free or p.name.startswith(UNTESTED) or p.name.endswith(".bias")
         if not skipped and (p.value != 0.0 or isinstance(numbers[p.name], Term)):
             probe, entries = SHARE.times(abs(p.value) or 1.0), _plain(*keys_of(vehicle, p.name))
-            yield Extension(p.name, "number", p.unit, p.value, probe, entries, (p.name,))
+            known = KNOWN * (p.prior or 0.0)
+            yield Extension(p.name, "number", p.unit, p.value, probe, entries, (p.name,), known=known)

@@ -23,6 +23,7 @@ from stoop.simulation.maneuver import Maneuver
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop.vehicle.document import inline, with_entries
+from stoop.vehicle.extensions import catalogue
 from stoop_studies.verify.defects import turned
 
 STEPS = {
@@ -175,3 +176,14 @@ def test_what_priors_alone_say_of_the_mass_is_no_contradiction(monkeypatch: pyte
     assert all(one.name != "mass.mass" for one in extension_tests(done, error_bars(done)).found)
     monkeypatch.setattr(extensions, "LIMITS", replace(LIMITS, max_prior=np.inf))
     assert any(one.name == "mass.mass" for one in extension_tests(done, error_bars(done)).found)
+
+
+def test_what_is_known_of_a_held_number_does_not_contradict_it() -> None:
+    """Within two standard deviations of its prior; without one any change does."""
+    name, vehicle = "mass.inertia.zz", resolve_vehicle("quad-x")
+    value = vehicle.value(name)
+    for prior, contradicts in ((None, True), (0.2 * value, True), (0.5 * value, False)):
+        held = vehicle.with_numbers({name: {"prior": prior, "free": False}})
+        (number,) = (one for one in catalogue(held) if one.name == name)
+        assert number.believes(0.6 * value) == contradicts
+        assert number.believes(-0.6 * value) == contradicts
