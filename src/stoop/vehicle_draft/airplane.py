@@ -76,8 +76,7 @@ class Airplane(FileText):
         wing = self.geometry.wing
         self.head(f"span {wing.span:g} m, chord {wing.chord:.4g} m")
         # coefficients hold for stated moments: a flight shows their ratios, weakly, and xz as rolling turns the nose
-        held = frozenset[str]() if self.on_rotors else frozenset(("xx", "yy", "zz"))
-        self.mass_table(self.moments, held)
+        self.mass_table(self.moments, held=() if self.on_rotors else ("xx", "yy", "zz"))
         self._reference()
         self.environment()
         self._propulsion()

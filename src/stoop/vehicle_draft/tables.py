@@ -43,14 +43,15 @@ def plain(value: float) -> str:
     return text if any(c in text for c in ".e") else f"{text}.0"
 
 
-def quantity(value: float, prior: float, held: str = "") -> str:
-    """Return a number with its prior as a vehicle file has it."""
+def quantity(value: float, prior: float, free: bool = True) -> str:
+    """Return a number with its prior as a vehicle file has it, free or held."""
+    held = "" if free else ", free = false"
     return f"{{ value = {plain(value)}, prior = {plain(float(f'{prior:.2g}'))}{held} }}"
 
 
 def known(one: Apriori, free: bool = True) -> str:
     """Return a number with its prior, free or held."""
-    return quantity(one.value, one.std, "" if free else ", free = false")
+    return quantity(one.value, one.std, free)
 
 
 def mixture(gains: Mapping[str, float]) -> str:

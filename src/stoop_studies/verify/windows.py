@@ -163,7 +163,8 @@ def propose(case: str, seed: int) -> dict[str, Any]:
         without = [w for w in kept if not any(w.start < b and a < w.stop for a, b in flown.spans)]
         # of a vehicle on rotors: windows in which thrust and drag show, and no command is said to stand out
         beside = [w for w in without if flown.spans and vehicle and vehicle.rotors and w.maneuver is None]
-        out |= {f"{key}false": len(without) - len(beside)} | ({} if key else {"beside": len(beside)})
+        out[f"{key}false"] = len(without) - len(beside)
+        out["beside"] += len(beside)
     if out["windows"]:
         out["found"] = sum(held(found, span) for span in flown.spans)
         estimates = identified(flown.start, flights, fit_windows(found))

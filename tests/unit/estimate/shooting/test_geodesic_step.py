@@ -23,13 +23,10 @@ class Quadratic:
         size = UNKNOWNS + STATES * (count - 1)
         self.gaps = STATES * (count - 1)
         rows = READINGS * count + self.gaps
-        self.linear, self.curved = (
-            self.rng.normal(size=(rows, size)),
-            self.rng.normal(size=(rows, size, size)),
-        )
-        for w in range(
-            count
-        ):  # a window's readings and gap depend on its own state only, and a gap on the next
+        self.linear = self.rng.normal(size=(rows, size))
+        self.curved = self.rng.normal(size=(rows, size, size))
+        # a window's readings and gap depend on its own state only, and a gap on the next
+        for w in range(count):
             others = [self.state(k) for k in range(1, count) if k != w]
             for at in others:
                 self.linear[self.readings(w), at] = 0.0
