@@ -224,11 +224,13 @@ def _sizes(result: Result, needed: Sequence[Use]) -> dict[str, float]:
 
 
 def _contradictions(result: Result, sizes: Mapping[str, float]) -> Iterator[Notice]:
-    """Yield the strongest extension that would change required parameters, or is itself a number of the vehicle."""
+    """Yield the strongest extension that would change required parameters beyond their error bars, or a number of the vehicle."""
+    model = zip(result.covariance.names, np.sqrt(np.diag(result.covariance.matrix)).tolist(), strict=True)
+    stated = {n: sigma / result.parameters[n].std_error for n, sigma in model if n in sizes and sigma}
     for test in result.extensions.standing:
-        moves, shares = dict(test.moves), {}
-        for name in moves.keys() & sizes.keys():
-            shares[name] = _share(result, name, moves[name], sizes[name])
+        # tests count moves in standard errors of the model as it is
+        moves = {n: moved * stated[n] for n, moved in test.moves.items() if n in stated}
+        shares = {n: _share(result, n, moved, sizes[n]) for n, moved in moves.items()}
         present = test.value - test.change
         if test.kind == "number" and present != 0.0 and not test.name.startswith("sensors."):
             moves[test.name], shares[test.name] = test.change / test.std_error, abs(test.change / present)

@@ -53,7 +53,7 @@ def bent(
 ) -> Iterate:
     """Return the iterate after a step and half of its geodesic acceleration.
 
-    `linear` and `weighted` are the windows of each piece, whitened, at the iterate.
+    `linear` and `weighted` are the windows of each piece, whitened, at the iterate; it stays there where the step diverges.
     """
     moves, dimension = step.moves(problem), problem.problem.dimension
 
@@ -69,6 +69,8 @@ def bent(
         slope[shots.entries] += curved[-1].gradient
     bend, free = np.zeros_like(step.z), step.free
     bend[free] = solve_damped(step.normal[np.ix_(free, free)], -slope[free], step.damping)
+    if not np.isfinite(bend).all():
+        return at
     more = replace(step, z=bend, windows=curved).moves(problem)
     z, nodes = after(step.z + 0.5 * bend, [m + 0.5 * b for m, b in zip(moves, more, strict=True)])
     z[:dimension] = np.clip(z[:dimension], 0.0, 1.0)

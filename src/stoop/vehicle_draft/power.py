@@ -45,8 +45,8 @@ class Usual:
     flat: float = 1.1  #: drag coefficient of a wing in the flow from below
     linear: float = 0.3  #: share of T1 in the thrust at full command
     hover: float = 0.6  #: command, where there is no log
-    lag: float = 0.2  #: s per m of diameter: 0.05 s of 10 inches, 0.08 s of 15
-    torque: float = 0.063  #: m of torque over thrust per m of diameter
+    lag: float = 0.05  #: s; published vehicles with propellers of 0.05 to 0.38 m have 0.005 to 0.08, whatever the diameter
+    torque: float = 0.02  #: m of torque over thrust; likewise 0.006 to 0.034
     inflow: float = 0.028  #: s/m, over the thrust at full command
     drag: float = 0.009  #: s/m, likewise
     body: float = 0.0125  #: N s2/m2 per kg: quadratic drag of the body
@@ -272,8 +272,7 @@ def thrust_law(lift: Lift, mass: float, level: float) -> dict[str, Apriori]:
 
     Where speeds were recorded the weight at hover gives the thrust; of commands it is unknown how much of it is linear in them.
     """
-    share = mass * STANDARD_GRAVITY / len(lift.rotors)
-    diameter = lift.diameter()
+    share, usual = mass * STANDARD_GRAVITY / len(lift.rotors), "usual of small propellers"
     if lift.speed:
         full, per_x = 2.0 * share, 1.0 / (level * math.sqrt(2.0))
         law = {"T2": (share / level**2, USUAL.carried, "weight over the number of rotors at hover")}
@@ -284,14 +283,10 @@ def thrust_law(lift: Lift, mass: float, level: float) -> dict[str, Apriori]:
             "T2": ((1.0 - USUAL.linear) * full, USUAL.level, "with T1 it carries the weight at hover"),
         }
     law |= {
-        "inflow": (
-            USUAL.inflow * full * per_x,
-            USUAL.wide,
-            "usual of small propellers: thrust lost in a climb",
-        ),
-        "drag": (USUAL.drag * full * per_x, USUAL.wide, "usual of small propellers"),
-        "torque_ratio": (USUAL.torque * diameter, USUAL.spread, f"usual of a propeller of {diameter:.2g} m"),
+        "inflow": (USUAL.inflow * full * per_x, USUAL.wide, f"{usual}: thrust lost in a climb"),
+        "drag": (USUAL.drag * full * per_x, USUAL.wide, usual),
+        "torque_ratio": (USUAL.torque, USUAL.spread, usual),
     }
     if not lift.speed:
-        law["lag"] = (USUAL.lag * diameter, USUAL.spread, f"usual of a propeller of {diameter:.2g} m")
+        law["lag"] = (USUAL.lag, USUAL.spread, usual)
     return {name: Apriori(value, part * value, source) for name, (value, part, source) in law.items()}

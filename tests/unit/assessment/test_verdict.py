@@ -57,9 +57,11 @@ def maneuver(start: float, role: Any, **channels: GoodnessOfFit) -> ManeuverResu
 def result(**changes: Any) -> Result:
     """Return a result that is trusted."""
     parameters = {"Clp": ParameterEstimate(-0.5, 0.01), "CD0": ParameterEstimate(0.03, 0.001)}
+    parameters = changes.get("parameters", parameters)
+    variances = [p.std_error**2 for p in parameters.values()]
     whole = Result(
         parameters=parameters,
-        covariance=Covariance(tuple(parameters), np.diag([1e-4, 1e-6])),
+        covariance=Covariance(tuple(parameters), np.diag(variances)),
         noise_covariance=NoiseCovariance(("p", "V"), np.eye(2)),
         initial_states=(), biases=(), wind=(),
         maneuvers=(maneuver(0.0, "fit"), maneuver(5.0, "fit"), maneuver(10.0, "validation")),
@@ -279,6 +281,14 @@ def test_a_derivative_near_zero_is_judged_by_what_matters_on_its_axis() -> None:
     assert verdict(result(parameters=finer, extensions=lacking(4.0)), sized).grade == "usable", (
         "4 % of its size"
     )
+
+
+def test_what_error_bars_hold_does_not_contradict_the_form() -> None:
+    """The extension moves Clp by 8 standard errors of the model as it is, of which the stated one holds ten."""
+    for std, grade in ((0.01, "do not use"), (0.1, "usable")):
+        stated = {**result().parameters, "Clp": ParameterEstimate(-0.5, std)}
+        found = result(parameters=stated, covariance=result().covariance, extensions=lacking(8.0))
+        assert verdict(found, USES).grade == grade
 
 
 def test_the_strongest_of_several_effects_must_be_known() -> None:
