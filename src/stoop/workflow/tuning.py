@@ -35,7 +35,6 @@ from stoop.vehicle import Vehicle
 from stoop.workflow.fitted_model import FittedModel
 from stoop.workflow.load import takes_model
 from stoop.workflow.propagation import flown_domain
-from stoop.workflow.summary import refusal
 
 DRAWS: Final = 2000
 SPEEDS: Final = 3  #: airspeeds of a range
@@ -145,8 +144,9 @@ def tune(
         closed, doubts = closed_loops(log, firmware.rotors, conditions, design.loops(values))
     taken = [*assumptions(design, vehicle, drawn, complete=log is not None), *beyond_band(band, found)]
     contradicted = [one for one in doubts if one.code == "tune-loop-contradicted"]
-    against = (*_not_for_control(model), *lacking, *contradicted)
-    notices = (*refusal(model.result, model.source), *drawn.notices, *lacking, *taken, *doubts)
+    unfit = _not_for_control(model)
+    against = (*unfit, *lacking, *contradicted)
+    notices = (*unfit, *drawn.notices, *lacking, *taken, *doubts)
     known = (firmware.title, found, len(drawn.values), drawn.source, notices)
     streams = frozenset(s.source for f in model.flights for n, s in f.sources.items() if n in ("V", TRUE))
     physics = physical_parameters(vehicle, firmware.title, values, domain, drawn, streams)
