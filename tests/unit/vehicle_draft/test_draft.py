@@ -287,12 +287,13 @@ def test_inertias_of_multirotors(name: str) -> None:
         assert abs(found[axis].value - vehicle.value(f"mass.inertia.{axis}")) < 2.0 * found[axis].std
 
 
-#: mass, arm, m, speed, rad/s, and command at hover; T2, inflow and drag over the speed: AscTec's Hummingbird
-#: (Svacha et al. 2017), Crazyflie Brushless (Grafe et al. 2026), PX4's simulator
+#: mass, arm, m, speed, rad/s, and command at hover; T2, inflow and drag over the speed, torque over thrust, m, and lag, s:
+#: AscTec's Hummingbird (Svacha et al. 2017), Crazyflie Brushless (Grafe et al. 2026), PX4's simulator, Crazyflie (RotorPy)
 QUADROTORS = {
-    "hummingbird": (0.5, 0.17, 469.0, 0.313, (5.57e-6, 2.32e-4, 1.19e-4)),
-    "brushless": (0.044, 0.043, 1632.0, 0.526, (4.052e-8, 1.19e-5, 5.09e-6)),
-    "sihsim": (1.0, 0.2404, 700.4, 0.7, (5e-6, 0.0, 0.0)),
+    "hummingbird": (0.5, 0.17, 469.0, 0.313, (5.57e-6, 2.32e-4, 1.19e-4, 0.0244, 0.005)),
+    "brushless": (0.044, 0.043, 1632.0, 0.526, (4.052e-8, 1.19e-5, 5.09e-6, 0.0192, 0.05)),
+    "sihsim": (1.0, 0.2404, 700.4, 0.7, (5e-6, 0.0, 0.0, 0.02, 0.05)),
+    "crazyflie": (0.03, 0.043, 1789.0, 0.7155, (2.3e-8, 7.55e-7, 1.03e-6, 0.0339, 0.072)),
 }  # fmt: skip
 
 
@@ -303,7 +304,7 @@ def test_published_quadrotors_are_within_what_a_draft_leaves_open(name: str, kin
     at, full = (speed, 1.0) if kind == "rotor" else (level, speed / level)
     places = [(x * arm * 0.5**0.5, y * arm * 0.5**0.5, 0.0) for x, y in ((1, 1), (-1, -1), (1, -1), (-1, 1))]
     lift = Lift(tuple(Rotor(f"{kind}_{i}", p, "ccw") for i, p in enumerate(places, 1)), Scale(), "", True)
-    names = ("T2", "inflow", "drag")
+    names = ("T2", "inflow", "drag", "torque_ratio", "lag")
     powers = {"T2": full**2, "inflow": full, "drag": full}
     true = {"T1": 0.0} | {n: x * powers.get(n, 1.0) for n, x in zip(names, known, strict=True)}
     found = thrust_law(lift, mass, at)

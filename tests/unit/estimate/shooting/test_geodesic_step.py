@@ -83,12 +83,10 @@ class Quadratic:
         return SimpleNamespace(shots=(shots,), problem=problem, whitened=whitened, iterate=iterate)
 
 
-@pytest.mark.parametrize("count", [1, 2, 5])
-def test_a_step_bends_as_the_whole_system_does(count: int) -> None:
-    """Of a quadratic function the second derivative along a step is the same everywhere."""
-    case = Quadratic(count, seed=count)
+def first_step(case: Quadratic) -> tuple[Any, Iterate, list[Shot], list[Weighted], Step]:
+    """Return a problem, its origin, the windows there, and the Gauss-Newton step from it."""
     problem = case.problem()
-    at = problem.iterate(np.zeros(UNKNOWNS), [np.zeros((STATES, count))])
+    at = problem.iterate(np.zeros(UNKNOWNS), [np.zeros((STATES, case.count))])
     linear = case.shots()
     weighted = [
         Weighted(s.products, s.by_state, s.gap, s.gap_by_unknown, s.gap_by_state, np.ones(len(s.gap)))
@@ -96,10 +94,26 @@ def test_a_step_bends_as_the_whole_system_does(count: int) -> None:
     ]
     left = reduced(weighted, 0.0)
     straight = -np.linalg.solve(left.normal, left.gradient)
-    step = Step(straight, [left], left.normal, np.arange(UNKNOWNS), 0.0, 1.0)
+    return problem, at, linear, weighted, Step(straight, [left], left.normal, np.arange(UNKNOWNS), 0.0, 1.0)
+
+
+@pytest.mark.parametrize("count", [1, 2, 5])
+def test_a_step_bends_as_the_whole_system_does(count: int) -> None:
+    """Of a quadratic function the second derivative along a step is the same everywhere."""
+    case = Quadratic(count, seed=count)
+    problem, at, linear, weighted, step = first_step(case)
     found = bent(problem, at, [linear], [weighted], step)
     x = -np.linalg.lstsq(case.linear, case.rest, rcond=None)[0]
     second = np.einsum("rij,i,j->r", case.curved, x, x)
     x = x - 0.5 * np.linalg.lstsq(case.linear, second, rcond=None)[0]
     assert case.whole(found.z, found.nodes[0]) == pytest.approx(x, rel=1e-6, abs=1e-8)
     assert found.cost == pytest.approx(np.sum(case.values(x) ** 2))
+
+
+def test_it_stays_where_the_windows_diverge() -> None:
+    """No vehicle is simulated with numbers that are none."""
+    problem, at, linear, weighted, step = first_step(Quadratic(2, seed=2))
+    whitened = problem.whitened
+    problem.whitened = lambda z, nodes: [(np.full_like(r, np.inf), g) for r, g in whitened(z, nodes)]
+    with np.errstate(invalid="ignore"):
+        assert bent(problem, at, [linear], [weighted], step) is at
