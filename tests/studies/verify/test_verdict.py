@@ -54,10 +54,12 @@ def test_every_case_has_a_row() -> None:
     assert (rows["lag-all"]["bad"], rows["lag-all"]["do not use"]) == (4, 4)
 
 
-def test_a_lag_of_all_servos_is_refused_by_name() -> None:
+def test_a_lag_of_all_servos_is_named_and_leaves_no_control_design() -> None:
+    """Error bars hold what it moves, by far more than those of the model as it is, and are too wide to design by."""
     (result,) = examine({"case": "lag-all", "seed": 1}, [None])
     (found,) = result["flights"]
-    assert found["grade"] == "do not use"
-    assert found["against"][0] == "verdict-form-one-of"
-    assert found["uses"] == []
+    assert found["grade"] == "usable"
+    assert {"verdict-lacks", "verdict-need-inaccurate"} <= set(found["against"])
+    assert found["uses"] == ["simulation", "performance"]
     assert found["harm"] > 5.0
+    assert found["off"] < 0.2
