@@ -6,8 +6,9 @@ import argparse
 import shlex
 import sys
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -53,8 +54,7 @@ def run(arguments: argparse.Namespace) -> int:
             update = held.enter_context(updated_fleet(*words))
             page = fleet_page(update.fleet, update.analysis, options.command_line())
             update.files[PAGE] = render_sheet(page.content)
-        absent = () if logs is None else logs.absent
-        code = _tell(arguments, update.fleet, update.fresh, since, absent)
+        code = _tell(arguments, update.fleet, update.fresh, since, update.absent)
         sys.stdout.flush()  # an alarm is told before the store says so
     return code
 
@@ -104,8 +104,8 @@ def simulate(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _read(arguments: argparse.Namespace) -> tuple[list[Path], LogFigures | None]:
-    """Return the tables among the sources, and the figures of the logs."""
+def _read(arguments: argparse.Namespace) -> tuple[list[Path], Callable[[], LogFigures] | None]:
+    """Return the tables among the sources, and what gathers the figures of the logs, which have been read."""
     from stoop.fleet.logs import gathered, is_table, plan, store_of
 
     paths = [*map(Path, arguments.sources)]
@@ -118,7 +118,7 @@ def _read(arguments: argparse.Namespace) -> tuple[list[Path], LogFigures | None]
     campaign, folder = plan(logs, arguments.vehicle, arguments.mapping), arguments.output
     make_folder(folder)
     results = run_campaign(arguments, campaign, store_of(folder))
-    return tables, gathered(campaign, results, arguments.flights, folder)
+    return tables, partial(gathered, campaign, results, arguments.flights, folder)
 
 
 def _print(

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import io
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -151,11 +151,12 @@ def open_fleet(folder: Path | str) -> Fleet:
 
 @dataclass(frozen=True, eq=False)
 class Update:
-    """A fleet with new tables, the alarms that are new, and the analysis; further `files` of the store, by name."""
+    """A fleet with new tables, the alarms that are new, the analysis, and what logs could not tell; further `files` by name."""
 
     fleet: Fleet
     fresh: tuple[ToldAlarm, ...]
     analysis: FleetAnalysis
+    absent: Sequence[tuple[str, str, str]]
     files: dict[str, bytes | str] = field(default_factory=dict)
 
 
@@ -165,7 +166,7 @@ def updated_fleet(
     sources: Sequence[Path],
     parts: Path | None = None,
     alarms_a_year: float | None = None,
-    logs: LogFigures | None = None,
+    logs: Callable[[], LogFigures] | None = None,
 ) -> Iterator[Update]:
     """Add tables of figures to the fleet in a folder, or begin one; it is written at the end of the block, unless that raises.
 
@@ -178,8 +179,8 @@ def updated_fleet(
         Tables; one of the name of an earlier one replaces it.
     parts : Path, optional
         Table of parts; replaces the earlier one.
-    logs : LogFigures, optional
-        Of all logs so far.
+    logs : callable, optional
+        Returns the figures of all logs so far; it may read the folder, which nobody else changes then.
     alarms_a_year : float, optional
         Rate of false alarms of the whole fleet; by default the earlier one, else `RATE`.
 
@@ -191,13 +192,14 @@ def updated_fleet(
     from stoop.fleet.analysis import analyze  # what opens a store has no need of it
 
     new = {f"{FIGURES}/{source.stem}.parquet": read_figures(source) for source in sources}
-    new |= {} if logs is None else {LOGS: logs.table}
-    if len(new) < len(sources) + (logs is not None):
+    if len({*new, *[LOGS] * (logs is not None)}) < len(sources) + (logs is not None):
         raise StoopError(
             f"{folder}: two tables have one name; rename one, each is kept under the name of its file"
         )
     make_folder(folder)
     with only_writer(folder):
+        read = None if logs is None else logs()
+        new |= {} if read is None else {LOGS: read.table}
         earlier, _, told = _state(folder) if (folder / STATE).exists() else (RATE, 0.0, ())
         rate = alarms_a_year or earlier
         kept = [path for path in _partitions(folder) if f"{FIGURES}/{path.name}" not in new]
@@ -210,12 +212,12 @@ def updated_fleet(
         found = analyze(table, known, rate)
         now = [ToldAlarm.of(one, found.figures[one.figure].sequences[one.vehicle][0]) for one in found.alarms]
         every, fresh = _merged(told, now)
-        files |= {} if logs is None else logs.files
-        if parts is not None:
-            files[PARTS] = parts.read_bytes()
+        files |= {} if read is None else read.files
+        files |= {} if parts is None else {PARTS: parts.read_bytes()}
         state = {"schema": SCHEMA, "alarms_a_year": rate, "threshold": found.threshold}
         state["alarms"] = [document(one) for one in every]
-        update = Update(Fleet(folder, table, known, rate, found.threshold, every), fresh, found)
+        absent = () if read is None else read.absent
+        update = Update(Fleet(folder, table, known, rate, found.threshold, every), fresh, found, absent)
         yield update
         files |= update.files
         write_files(folder, {**files, STATE: json.dumps(state, indent=1, allow_nan=False) + "\n"})

@@ -14,9 +14,11 @@ import pytest
 from unit.fleet.made_up import EXCHANGED, changed, fleet
 
 import stoop
+from stoop.base.files import only_writer
 from stoop.cli.main import main
 from stoop.errors import StoopError
 from stoop.fleet.analysis import FleetAnalysis
+from stoop.fleet.logs import LogFigures
 from stoop.fleet.parts import Parts
 from stoop.fleet.store import STATE, Fleet, ToldAlarm, updated_fleet
 from stoop.fleet.table import FigureTable, read_figures
@@ -136,6 +138,20 @@ def test_two_commands_at_once(tmp_path: Path) -> None:
         update_fleet(store, [figures], parts)
     os.close(handle)
     update_fleet(store, [figures], parts)
+
+
+def test_logs_are_gathered_while_no_other_command_writes(tmp_path: Path) -> None:
+    figures, _ = write(tmp_path, SOUND)
+    store = tmp_path / "store"
+
+    def gather() -> LogFigures:
+        with pytest.raises(StoopError, match="another command is writing there"), only_writer(store):
+            pass
+        return LogFigures(read_figures(figures), (), {"absent.csv": "flight\n"})
+
+    found, *_ = update_fleet(store, [], logs=gather)
+    assert found.table.flight == read_figures(figures).flight
+    assert (store / "absent.csv").exists()
 
 
 def test_an_alarm_that_could_not_be_kept_is_told_again(
