@@ -94,7 +94,7 @@ def naive(kind: Kind, own: Stretch, events: list[Event], others: dict[str, Stret
 
     def p(f: str, s: Event) -> float:
         places = every[f].places
-        return 0.5 if s.place in places else 0.1 if s.place in ("", "software") else 0.01
+        return 0.5 if s.place in places else 0.1 if s.place in ("", "software") else 0.002
 
     pairs = [(s, k) for s in events for k in range(1, FLIGHTS) if k - 1 < s.time <= k]
     pairs += [(s, k) for s in unrecorded(["rotor_1", "battery"]) for k in range(1, FLIGHTS)]
@@ -119,6 +119,14 @@ def test_causes_are_those_of_every_hypothesis(kind: Kind, seed: int) -> None:
     events = [ROTOR, UPDATE, BATTERY]
     found = {one.what: one.probability for one in causes(own, kind, events, others)}
     assert found == pytest.approx(naive(kind, own, events, others), rel=1e-9)
+
+
+def test_an_exchange_of_another_part_on_that_very_day_explains_nothing_by_itself() -> None:
+    own, rotor = stretch("resistance", "battery", 30, 4.0), stretch("share", "rotor_1", 30, 0.0)
+    found = of(own, [ROTOR], {"share": rotor})
+    assert (found.what, found.place) == ("", "battery")
+    found = of(own, [ROTOR], {"share": stretch("share", "rotor_1", 30, 4.0)})
+    assert found.what == ROTOR.what, "what depends on it changed, too"
 
 
 def test_without_an_event_the_part_is_named_on_which_the_figures_depend_that_changed() -> None:
