@@ -32,6 +32,7 @@ KINDS: Final[tuple[Kind, ...]] = ("step", "drift")
 EXACT: Final = 1e-9  #: share of the information about a size, below which it is none
 TAIL: Final = 0.05  #: share of simulated statistics whose excess is taken for exponential
 LEAST: Final = 1e-6  #: expected alarms, at least: none at all would need an infinite threshold
+FADED: Final = 2.0 * math.log(10.0)  #: see `changes`
 DENSE: Final = 64  #: see `_lags`
 STEP: Final = 0.05
 LANES: Final = 256  #: sequences that are scanned side by side
@@ -206,10 +207,9 @@ def _scanned(readings: Readings, values: FloatArray) -> Scan:
 
 def _lags(flights: int) -> IntArray:
     """Return how many flights ago a change may have begun: each of the last `DENSE`, further back in steps of `STEP` of them."""
-    sparse = DENSE * (1.0 + STEP) ** np.arange(
-        math.log(max(flights / DENSE, 1.0)) / math.log(1.0 + STEP) + 1.0
-    )
-    return np.unique(np.concatenate([np.arange(1, DENSE + 1), sparse.astype(np.intp)]))
+    steps = np.arange(math.log(max(flights / DENSE, 1.0)) / math.log(1.0 + STEP) + 1.0)
+    sparse = (DENSE * (1.0 + STEP) ** steps).astype(np.intp)
+    return np.unique(np.concatenate([np.arange(1, DENSE + 1), sparse]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -287,7 +287,7 @@ def sizes(readings: Readings, kind: Kind) -> tuple[FloatArray, FloatArray]:
 
 
 def changes(readings: Readings, threshold: float) -> Iterator[Change]:
-    """Yield the changes whose likelihood ratio exceeds a threshold, and still does by the last flight before a further one."""
+    """Yield the changes whose likelihood ratio exceeds a threshold, and a tenth of it by the last flight before a further one."""
     begin, own = 0, readings
     while len(own.values) > 1:
         change = _first_change(own, threshold)
@@ -303,7 +303,7 @@ def _first_change(own: Readings, threshold: float) -> Change | None:
         if alarm < begin:
             continue
         change, last = _estimated(own, found, alarm, threshold)
-        if found.statistic[0, last] > threshold:
+        if found.statistic[0, last] > threshold - FADED:
             return change
         begin = last + 1  # later flights speak against it
     return None

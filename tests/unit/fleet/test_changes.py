@@ -158,3 +158,16 @@ def test_the_rate_holds_with_flights_that_are_favored_and_an_exchange_is_found_s
         exchanged = one.drawn(200, rng) + 6.0 * np.sqrt(2.0) * 0.8 * after
         found.append(np.mean(scan(one, exchanged).statistic.max(axis=1) > h))
     assert found[1] > max(found[0], 0.95)
+
+
+@pytest.mark.parametrize(("after", "kept"), [(1.4, True), (0.0, False)])
+def test_an_alarm_is_withdrawn_where_its_likelihood_ratio_falls_to_less_than_a_tenth(
+    after: float, kept: bool
+) -> None:
+    values = np.concatenate([np.zeros(30), np.full(5, 3.0), np.full(8, after)])
+    own = Readings.about_a_level(values, np.ones(values.size), np.arange(float(values.size)), 1.0)
+    statistic = scan(own).statistic[0]
+    limit = float(statistic.max()) - 0.5
+    assert statistic[-1] < limit
+    assert (statistic[-1] > limit - 2.0 * np.log(10.0)) == kept
+    assert bool(list(changes(own, limit))) == kept
