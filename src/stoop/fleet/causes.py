@@ -39,7 +39,7 @@ BY_ITSELF: Final = 1.0 / 3000.0  #: in a flight, each
 GRADUAL: Final = 0.2
 DEPENDS: Final = 0.5
 ANYTHING: Final = 0.1
-OTHERWISE: Final = 0.002
+OTHERWISE: Final = 0.002  #: times `MATTERS` it is below `BY_ITSELF`: alone it explains no more
 SHORTEST: Final = 1e-6  #: days
 SOFTWARE: Final = "software"  #: its place
 #: standard deviation of the size of a step, and of what a drift reaches in all flights, over that of a flight
