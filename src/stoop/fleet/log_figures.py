@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Final
 
 import numpy as np
@@ -17,6 +18,7 @@ from stoop.base.units import STANDARD_GRAVITY
 from stoop.base.variables import VARIABLES
 from stoop.errors import FlightError, StoopError
 from stoop.estimate.regression.least_squares import TimeDomain
+from stoop.fleet.vibration import NO_VIBRATION, Vibration, Windows
 from stoop.flight import Flight, without_faults
 from stoop.flight.airborne import airborne, in_flight
 from stoop.input_design.windows import find_windows
@@ -35,7 +37,6 @@ INSTRUMENTS: Final = {
 """First part of the name of an instrument error -> place of the instrument."""
 FEWEST: Final = 30  #: blocks for a mean or a slope
 STEADY: Final = 2.0  #: s, of blocks of airplanes
-FAST: Final = 40.0  #: Hz, of accelerations that show vibration
 SAME: Final = 1e-6  #: standard deviation of what is the same in all flights
 MOVED: Final = 0.02  #: A, rms of its changes that tells it
 
@@ -92,7 +93,8 @@ def rotors(flight: Flight, vehicle: Vehicle | None) -> Iterator[FlightFigure]:
     errors = blocks.std(axis=1, ddof=1) / np.sqrt(blocks.shape[1])
     yield FlightFigure("hover.lift", float(lift.mean()), float(errors[0]), "N", " ".join(vehicle.rotors))
     for name, share, error in zip(vehicle.rotors, blocks[1:].mean(axis=1), errors[1:], strict=True):
-        yield FlightFigure(f"share.{name}", float(share), float(error), "1", name)
+        others = (one for one in vehicle.rotors if one != name)
+        yield FlightFigure(f"share.{name}", float(share), float(error), "1", " ".join((name, *others)))
 
 
 def battery(flight: Flight, vehicle: Vehicle | None) -> Iterator[FlightFigure]:
@@ -147,18 +149,33 @@ def drag(flight: Flight, vehicle: Vehicle | None) -> Iterator[FlightFigure]:
     yield FlightFigure("drag.CD", float(value[0]), float(error[0]), "1", read)
 
 
-def vibration(flight: Flight, vehicle: Vehicle | None) -> Iterator[FlightFigure]:
-    """Yield the logarithm of the root mean square of what the accelerometers read above a quarter of their rate."""
-    up = in_flight(flight)
-    for name in ("ax", "ay", "az"):
-        if name not in flight.names or flight.sources[name].rate < FAST:
-            continue
-        x = flight.column(name)
-        rough = np.append(0.5 * np.diff(x, 2), [np.nan] * 2)[up]
-        squares = block_means(rough[None, np.isfinite(rough)] ** 2, flight.rate)
-        if squares.size >= FEWEST and squares.min() > 0.0:
-            value, error = _regression(np.ones((squares.size, 1)), 0.5 * np.log(squares[0]), 1.0)
-            yield FlightFigure(f"vibration.{name}", float(value[0]), float(error[0]), "ln(m/s2)")
+def roughness(shaken: Vibration, flight: Flight, vehicle: Vehicle | None) -> Iterator[FlightFigure]:
+    """Yield the logarithm of the root mean square of what each accelerometer reads above a quarter of its rate."""
+    if shaken.rough is None:
+        raise FlightError(shaken.absent)
+    for name, value, error in _levels(flight, shaken.rough):
+        yield FlightFigure(f"vibration.{name}", value, error, "ln(m/s2)")
+
+
+def imbalance(shaken: Vibration, flight: Flight, vehicle: Vehicle | None) -> Iterator[FlightFigure]:
+    """Yield the logarithm of the root mean square of the acceleration that turns with each rotor."""
+    if shaken.turning is None:
+        raise FlightError(shaken.absent)
+    rotors = {} if vehicle is None else vehicle.file.rotor
+    places = {"rotor_" + rotor.channel.rpartition("_")[2]: name for name, rotor in rotors.items()}
+    for name, value, error in _levels(flight, shaken.turning):
+        place = places.get(name, name)
+        yield FlightFigure(f"vibration.{place}", value, error, "ln(m/s2)", place)
+
+
+def _levels(flight: Flight, windows: Windows) -> Iterator[tuple[str, float, float]]:
+    """Yield the mean logarithm of the root of each mean square in flight, with its error."""
+    up = np.interp(windows.time, flight.time, in_flight(flight)) == 1.0
+    for name, squares in windows.squares.items():
+        own = squares[up]
+        if own.size >= FEWEST and own.min() > 0.0:
+            value, error = _regression(np.ones((own.size, 1)), 0.5 * np.log(own), windows.length)
+            yield name, float(value[0]), float(error[0])
 
 
 def parameters(flight: Flight, vehicle: Vehicle | None) -> Iterator[FlightFigure]:
@@ -209,15 +226,18 @@ def _regression(X: FloatArray, y: FloatArray, dt: float) -> tuple[FloatArray, Fl
     return found, np.sqrt(np.diag(inverse @ scatter @ inverse))
 
 
-GROUPS: Final[Mapping[str, Group]] = {
-    "instruments": Group("attitude, rates and a velocity", instruments),
-    "rotors": Group("commands of all motors, and a vehicle with rotors", rotors),
-    "battery": Group("voltage and current", battery),
-    "trims": Group("airspeed, az, controls, and an airplane", trims),
-    "drag": Group("airspeed, angle of attack, accelerations, altitude, power, and an airplane", drag),
-    "vibration": Group(f"accelerations at {FAST:g} Hz", vibration),
-    "parameters": Group("maneuvers, and a vehicle", parameters),
-}  # fmt: skip
+def groups(shaken: Vibration) -> Mapping[str, Group]:
+    """Return the registry, for a flight that is shaken so."""
+    return {
+        "instruments": Group("attitude, rates and a velocity", instruments),
+        "rotors": Group("commands of all motors, and a vehicle with rotors", rotors),
+        "battery": Group("voltage and current", battery),
+        "trims": Group("airspeed, az, controls, and an airplane", trims),
+        "drag": Group("airspeed, angle of attack, accelerations, altitude, power, and an airplane", drag),
+        "vibration": Group("accelerations of a flight", partial(roughness, shaken)),
+        "vibration of rotors": Group("accelerations of a flight", partial(imbalance, shaken)),
+        "parameters": Group("maneuvers, and a vehicle", parameters),
+    }
 
 
 def conditions(flight: Flight) -> Mapping[str, float]:
@@ -230,11 +250,13 @@ def conditions(flight: Flight) -> Mapping[str, float]:
     return {name: means[name] for name in ("density", "wind") if name in means}
 
 
-def figures_of(flight: Flight, vehicle: Vehicle | None = None) -> tuple[list[FlightFigure], dict[str, str]]:
+def figures_of(
+    flight: Flight, vehicle: Vehicle | None = None, shaken: Vibration = NO_VIBRATION
+) -> tuple[list[FlightFigure], dict[str, str]]:
     """Return the figures of a flight, and for each group that it cannot tell the reason."""
     found: list[FlightFigure] = []
     absent: dict[str, str] = {}
-    for name, group in GROUPS.items():
+    for name, group in groups(shaken).items():
         try:
             own = list(group.evaluate(flight, vehicle))
         except (StoopError, np.linalg.LinAlgError) as error:

@@ -101,17 +101,19 @@ def store_of(folder: Path) -> Path:
 def read(arguments: Mapping[str, Any], stops: Sequence[int | None]) -> list[Json]:
     """Return the figures of a log, and what its header says: a run of the campaign."""
     from stoop.fleet.log_figures import conditions, figures_of  # it needs all of stoop
+    from stoop.fleet.vibration import vibration
 
     path, mapping, name = Path(arguments["log"]), arguments["mapping"], arguments["vehicle"]
     vehicle = None if name is None else resolve_vehicle(name)
     try:
         recording, mapped = read_mapped(path, None if mapping is None else Path(mapping), CLOCKS)
         said = header(recording)
+        shaken = vibration([] if mapped is None else mapped.channels)
         flight = of_recording(path, recording, mapped)
         del recording, mapped  # of which the memory is needed
         if vehicle is not None and not {*vehicle.recorded} & flight.names:
             require_channels(vehicle, flight)
-        found, absent = figures_of(flight, vehicle)
+        found, absent = figures_of(flight, vehicle, shaken)
     except StoopError as error:
         return [{"figures": [], "absent": {"log": str(error).splitlines()[0]}, "header": {}}]
     rows: list[Json] = [[one.name, one.value, one.std_error, one.parts, one.unit] for one in found]

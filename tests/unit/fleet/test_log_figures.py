@@ -11,13 +11,16 @@ from scipy.signal import lfilter
 
 from stoop.base.arrays import FloatArray
 from stoop.fleet import log_figures
-from stoop.fleet.log_figures import GROUPS, FlightFigure, conditions, figures_of
+from stoop.fleet.log_figures import FlightFigure, conditions, figures_of, groups
+from stoop.fleet.vibration import NO_VIBRATION, vibration
 from stoop.flight import Flight, from_columns
+from stoop.flight.gridding import Channels
 from stoop.simulation.fly import simulate_flight
 from stoop.simulation.maneuver import load_maneuver
 from stoop.vehicle.builtin import builtin_vehicle
 
 RATE, SECONDS, RESISTANCE = 20.0, 240.0, 0.05
+GROUPS = groups(NO_VIBRATION)
 
 
 def drawn(rng: np.random.Generator) -> Flight:
@@ -141,7 +144,8 @@ def test_a_rougher_ride_is_a_larger_vibration() -> None:
     values = []
     for factor in (1.0, 1.1):
         flight = from_columns("f", time, {"az": slow + factor * shakes})
-        (one,) = GROUPS["vibration"].evaluate(flight, None)
+        shaken = vibration([Channels("imu", time, {"az": flight.column("az")})])
+        (one,) = groups(shaken)["vibration"].evaluate(flight, None)
         values.append(one.value)
     assert one.name == "vibration.az"
     assert values[1] - values[0] == pytest.approx(np.log(1.1), abs=0.01)
