@@ -1,15 +1,18 @@
 r"""What explains a change: events that were recorded, or none, by all figures of the vehicle together.
 
-A hypothesis is a source s and the flight k in which it began to change figures. Sources are events, an exchange of a part or an
-update, which begin in the first flight after them and mattered with the prior probability `MATTERS`; and, in any flight, with
-the prior probability `BY_ITSELF` for each, what was not recorded: of the part in every place, and of anything else. A source
-changes a figure f, if it matters, with the probability p(f, s): `DEPENDS` where f depends on its part, `OTHERWISE` where it
-does not, `ANYTHING` for what stands in no table and for software, unless f depends on that. What an event changes it mostly
-changes at once: a drift has `GRADUAL` of its prior probability. With the Bayes factor B(f, k) of a step, or a drift, of f that
-begins in flight k, its size normal about zero, a hypothesis about a change of f has the weight
+A hypothesis is a source s, the flight k in which it began to change figures, and how large its changes are, a. Sources are
+events, an exchange of a part or an update, which begin in the first flight after them and mattered with the prior probability
+`MATTERS`; and, in any flight, with the prior probability `BY_ITSELF` for each, what was not recorded: of the part in every
+place, and of anything else. A source changes a figure f, if it matters, with the probability p(f, s): `DEPENDS` where f
+depends on its part, `OTHERWISE` where it does not, `ANYTHING` for what stands in no table and for software, unless f depends
+on that. What an event changes it mostly changes at once: a drift has `GRADUAL` of its prior probability. Sizes are normal
+about zero, with a deviation of `USUAL` times one of `SIZES`, each as likely: the same for all figures, over what flights
+scatter, but the next smaller one where f depends on another part first, as a rotor's share of the thrust does on the other
+rotors. With the Bayes factor B(f, k, a) of a step, or a drift, of f that begins in flight k, a hypothesis about a change of f
+has the weight
 
-.. math:: \pi(s)\, p(f, s)\, B(f, k) \prod_{g \ne f} \left(1 - p(g, s) + p(g, s)\, B(g, k) / A(g)\right), \quad
-   A(g) = 1 + \sum_{s, k} \pi(s)\, p(g, s)\, B(g, k)
+.. math:: \pi(s)\, p(f, s)\, B(f, k, a) \prod_{g \ne f} \left(1 - p(g, s) + p(g, s)\, B(g, k, a) / A(g)\right), \quad
+   A(g) = 1 + \sum_{s, k, a} \pi(s)\, p(g, s)\, B(g, k, a)
 
 A(g) is what the other figure g makes of the hypotheses as a whole: one that changed on another day speaks for nothing here.
 
@@ -40,10 +43,16 @@ GRADUAL: Final = 0.2
 DEPENDS: Final = 0.5
 ANYTHING: Final = 0.1
 OTHERWISE: Final = 0.002  #: times `MATTERS` it is below `BY_ITSELF`: alone it explains no more
+LESSER: Final = (
+    1.0 / 3.0
+)  #: size of a change by another part on which the figure depends than the first, over one by that
 SHORTEST: Final = 1e-6  #: days
 SOFTWARE: Final = "software"  #: its place
 #: standard deviation of the size of a step, and of what a drift reaches in all flights, over that of a flight
 USUAL: Final[Mapping[Kind, float]] = {"step": 3.0, "drift": 10.0}
+#: sizes over these that a source may have, each as likely, for all figures alike; the first is the least of lesser changes,
+#: those of figures that depend on another part first
+SIZES: Final = 3.0 ** np.arange(-1, 3)
 
 
 @dataclass(frozen=True)
@@ -62,6 +71,10 @@ class Event:
         """Return the probability with which it changes a figure of these places, if it matters at all."""
         known = DEPENDS if self.place in places else OTHERWISE
         return ANYTHING if self.place in ("", SOFTWARE) and self.place not in places else known
+
+    def sizes(self, places: Sequence[str]) -> slice:
+        """Return which of `SIZES` it has in a figure of these places."""
+        return slice(0, -1) if self.place in places[1:] else slice(1, None)
 
     def flights(self, time: FloatArray) -> IntArray:
         """Return the first flights (k,) after it, of flights at times (n,); none where none is before or none after."""
@@ -110,9 +123,12 @@ class Stretch:
         return Stretch(self.rows.span(first, last), readings.since_flight(first) if first else readings)
 
     def factors(self, kind: Kind) -> FloatArray:
-        """Return the logarithms (n - 1,) of the Bayes factors of a change that began in the second flight to the last."""
+        """Return the logarithms (4, n - 1) of the Bayes factors of a change of each of `SIZES`.
+
+        It began in the second flight to the last.
+        """
         size, variance = sizes(self.readings, kind)
-        prior = (USUAL[kind] * float(np.median(self.readings.deviations))) ** 2
+        prior = (SIZES[:, None] * USUAL[kind] * float(np.median(self.readings.deviations))) ** 2
         if kind == "drift":
             prior /= max(float(np.ptp(self.readings.times)), SHORTEST) ** 2
         told = prior / (prior + variance)  # zero where nothing is known of the size
@@ -172,14 +188,16 @@ def causes(
     for source in sources:
         at = source.flights(time)
         begun = np.array([source.time]) if source.what else time[at]
-        weight = np.log(source.prior(kind) * source.matters_to(own.places)) + factors[at - 1]
+        weight = np.log(source.prior(kind) * source.matters_to(own.places))
+        weight = weight + factors[source.sizes(own.places), at - 1]
         shares = {f: source.matters_to(one.places) for f, one in beside.items()}
+        changed = {f: np.log(share) + told[f](source, begun) for f, share in shares.items()}
         for f, share in shares.items():
-            weight = weight + np.logaddexp(np.log1p(-share), np.log(share) + told[f](begun))
-        best = int(np.argmax(weight))
-        named = [f for f, p in shares.items() if np.log(p) + told[f](begun)[best] > np.log1p(-p)]
-        cause = Cause(source.what, own.rows.flight[at[best]], 0.0, tuple(named), source.place)
-        weighed.append((float(logsumexp(weight)), cause))
+            weight = weight + np.logaddexp(np.log1p(-share), changed[f])
+        best = np.unravel_index(np.argmax(weight), weight.shape)
+        named = [f for f, share in shares.items() if changed[f][best] > np.log1p(-share)]
+        cause = Cause(source.what, own.rows.flight[at[best[1]]], 0.0, tuple(named), source.place)
+        weighed.append((float(logsumexp(weight) - np.log(len(weight))), cause))
     by_itself = [one for one in weighed if not one[1].what]
     together = (
         float(logsumexp([weight for weight, _ in by_itself])),
@@ -191,10 +209,15 @@ def causes(
     return tuple(sorted(found, key=lambda one: -one.probability))
 
 
-def _told(one: Stretch, kind: Kind, sources: Sequence[Event]) -> Callable[[FloatArray], FloatArray]:
-    """Return the logarithm of B(g, k) / A(g) for changes that began at times (m,)."""
-    factors = np.concatenate([[0.0], one.factors(kind), [0.0]])
-    with np.errstate(divide="ignore"):
-        prior = np.log(one.probabilities(kind, sources))
-    every = logsumexp(np.append(prior + factors[:-1], 0.0))
-    return lambda begun: factors[np.searchsorted(one.rows.time, begun)] - every
+def _told(one: Stretch, kind: Kind, sources: Sequence[Event]) -> Callable[[Event, FloatArray], FloatArray]:
+    """Return the logarithms (3, m) of B(g, k) / A(g), by size, for changes by a source that began at times (m,)."""
+    factors = np.pad(one.factors(kind), ((0, 0), (1, 1)))
+    every = [np.zeros(1)]
+    for source in sources:
+        prior = np.log(source.prior(kind) * source.matters_to(one.places) / (len(SIZES) - 1))
+        own = factors[source.sizes(one.places)][:, source.flights(one.rows.time)]
+        every.append(prior + own.ravel())
+    total = logsumexp(np.concatenate(every))
+    return lambda source, begun: (
+        factors[source.sizes(one.places)][:, np.searchsorted(one.rows.time, begun)] - total
+    )

@@ -83,27 +83,34 @@ def test_a_figure_of_two_flights_on_one_day_says_nothing_of_a_drift() -> None:
     one = stretch("drag", "", 30, 9.0).between(29.0, 31.0)
     assert one is not None
     still = replace(one, readings=replace(one.readings, times=np.zeros(2)))
-    assert still.factors("drift") == pytest.approx([0.0])
+    assert still.factors("drift") == pytest.approx(np.zeros((4, 1)))
 
 
 def naive(kind: Kind, own: Stretch, events: list[Event], others: dict[str, Stretch]) -> dict[str, float]:
     """Return the probability of each cause: every hypothesis, flight by flight, as the docstring of the module has it."""
     every = {"": own, **others}
-    B = {f: np.exp(np.array([0.0, *one.factors(kind), 0.0])) for f, one in every.items()}
+    factors = {f: np.exp(np.pad(one.factors(kind), ((0, 0), (1, 1)))) for f, one in every.items()}
     prior = {"": 1.0 / 3000.0} | {e.what: 0.05 * (0.2 if kind == "drift" else 1.0) for e in events}
 
     def p(f: str, s: Event) -> float:
         places = every[f].places
         return 0.5 if s.place in places else 0.1 if s.place in ("", "software") else 0.002
 
+    def B(f: str, s: Event, k: int, a: int) -> float:
+        lesser = s.place in every[f].places[1:]
+        return float(factors[f][a if lesser else a + 1, k])
+
     pairs = [(s, k) for s in events for k in range(1, FLIGHTS) if k - 1 < s.time <= k]
     pairs += [(s, k) for s in unrecorded(["rotor_1", "battery"]) for k in range(1, FLIGHTS)]
-    A = {g: 1.0 + sum(prior[s.what] * p(g, s) * B[g][k] for s, k in pairs) for g in others}
+    every_size = [(s, k, a) for s, k in pairs for a in range(3)]
+    A = {
+        g: 1.0 + sum(prior[s.what] * p(g, s) * B(g, s, k, a) for s, k, a in every_size) / 3.0 for g in others
+    }
     out = dict.fromkeys(prior, 0.0)
-    for s, k in pairs:
-        weight = prior[s.what] * p("", s) * B[""][k]
+    for s, k, a in every_size:
+        weight = prior[s.what] * p("", s) * B("", s, k, a)
         for g in others:
-            weight *= 1.0 - p(g, s) + p(g, s) * B[g][k] / A[g]
+            weight *= 1.0 - p(g, s) + p(g, s) * B(g, s, k, a) / A[g]
         out[s.what] += weight
     return {what: weight / sum(out.values()) for what, weight in out.items()}
 
@@ -113,7 +120,7 @@ def naive(kind: Kind, own: Stretch, events: list[Event], others: dict[str, Stret
 def test_causes_are_those_of_every_hypothesis(kind: Kind, seed: int) -> None:
     own = stretch("share", "rotor_1", 28, 2.0, seed)
     others = {
-        "lift": stretch("lift", "", 28, 1.5, seed),
+        "lift": stretch("lift", "battery rotor_1", 28, 1.5, seed),
         "resistance": stretch("resistance", "battery", 41, 3.0, seed),
     }
     events = [ROTOR, UPDATE, BATTERY]
@@ -138,3 +145,26 @@ def test_without_an_event_the_part_is_named_on_which_the_figures_depend_that_cha
     assert (found.what, found.place) == ("", "rotor_1")
     assert found.name == "nothing that was recorded, most likely of rotor_1"
     assert of(stretch("lift", "", 20, 4.0), [], others).place == ""
+
+
+@pytest.mark.parametrize("weak", range(3))
+def test_the_rotor_is_named_whose_share_moves_the_others_with_it(weak: int) -> None:
+    """Shares over the mean of three: one that changes by two moves the others by one, the other way."""
+    names = ["m1", "m2", "m3"]
+    shares = {
+        name: stretch(
+            f"share.{name}",
+            " ".join([name, *(n for n in names if n != name)]),
+            20,
+            6.0 if i == weak else -3.0,
+            i,
+        )
+        for i, name in enumerate(names)
+    }
+    exchange = Event(f"{names[weak]}: b for a", names[weak], 19.5)
+    for name in names:
+        others = {f: one for f, one in shares.items() if f != name}
+        alone, recorded = of(shares[name], [], others), of(shares[name], [exchange], others)
+        assert (alone.place, alone.flight, alone.figures) == (names[weak], "f20", tuple(others))
+        assert recorded.what == exchange.what
+        assert recorded.probability > 0.95
