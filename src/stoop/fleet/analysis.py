@@ -10,11 +10,12 @@ from typing import Final
 import numpy as np
 
 from stoop.base.arrays import FloatArray
-from stoop.fleet.causes import Cause, Stretch, causes, events
+from stoop.fleet.causes import EVERY, SOFTWARE, Cause, Stretch, causes, events, software_event
 from stoop.fleet.changes import LEAST, Change, Readings, changes, peaks, threshold
 from stoop.fleet.mixed_model import Design, MixedModel, Outlier, fit_robust_model, indices
 from stoop.fleet.parts import Parts
 from stoop.fleet.table import FigureTable
+from stoop.fleet.updates import CommonStep, common_steps, significant, version_levels
 
 DAY: Final = 86400.0  #: s
 YEAR: Final = 365.25 * DAY
@@ -31,9 +32,10 @@ class Alarm:
 
     Attributes
     ----------
-    vehicle, figure : str
+    vehicle, figure : str; the vehicle is `EVERY` where an update changed those that had it alike
     change : Change, indices among the flights of the vehicle with this figure
     began, found : flight in which it began, and in which it was found
+    began_time, found_time : of these flights, s since 1970
     causes : the likeliest first
     back : flight of the change before that it takes back, such as a roll-back does; empty where it takes none back
     """
@@ -43,18 +45,31 @@ class Alarm:
     change: Change
     began: str
     found: str
+    began_time: float
+    found_time: float
     causes: tuple[Cause, ...]
     back: str = ""
 
 
 @dataclass(frozen=True, eq=False)
 class FigureModel:
-    """A figure over the fleet: the mixed model, what differs from the others, and for each vehicle its rows and readings."""
+    """A figure over the fleet: the mixed model, what differs from the others, and for each vehicle its rows and readings.
+
+    The first coefficients of the model are those of `fixed`: empty for the mean, levels of software, conditions.
+    """
 
     rows: FigureTable
     model: MixedModel
     outliers: tuple[Outlier, ...]
     sequences: Mapping[str, tuple[FigureTable, Readings]]
+    fixed: tuple[str | int, ...]
+
+    def step(self, before: int, after: int) -> tuple[float, float]:
+        """Return the step from one level of the software to another, and its standard error."""
+        contrast = np.array([float(one == after) - float(one == before) for one in self.fixed])
+        own = slice(len(contrast))
+        variance = contrast @ self.model.covariance[own, own] @ contrast
+        return float(contrast @ self.model.coefficients[own]), float(np.sqrt(variance))
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,11 +99,16 @@ def analyze(table: FigureTable, parts: Parts, alarms_a_year: float = 1.0, seed: 
     models: dict[str, FigureModel] = {}
     most: dict[str, dict[str, FloatArray]] = {}
     found: dict[str, dict[str, list[Change]]] = {name: {} for name in own}
+    alike = {name: figure_model(rows, parts, np.zeros(len(rows.value))) for name, rows in own.items()}
+    steps = {name: common_steps(model.sequences) for name, model in alike.items()}
+    updates = significant(steps)
+    versions = {name: version_levels(several, updates[name]) for name, several in steps.items()}
     for _ in range(ROUNDS):
         for i, (name, rows) in enumerate(own.items()):
             if name not in models or any(found[name].values()):
-                rng = np.random.default_rng([seed, i])
-                models[name] = figure_model(rows, parts, _shift(rows, found[name]))
+                rng, shift = np.random.default_rng([seed, i]), _shift(rows, found[name])
+                same = name not in models and not updates[name]
+                models[name] = alike[name] if same else figure_model(rows, parts, shift, versions[name])
                 most[name] = {v: peaks(one, draws, rng) for v, (_, one) in models[name].sequences.items()}
         drawn = np.concatenate([one[1:] for by_vehicle in most.values() for one in by_vehicle.values()])
         limit = threshold(drawn, alarms_a_year * years * draws)
@@ -100,31 +120,43 @@ def analyze(table: FigureTable, parts: Parts, alarms_a_year: float = 1.0, seed: 
             }
             for name, one in models.items()
         }
-    alarms = (
+    alarms = [
+        _of_update(name, models[name], step, versions[name])
+        for name, several in updates.items()
+        for step in several
+    ]
+    alarms += [
         alarm
         for name, by_vehicle in found.items()
         for vehicle, several in by_vehicle.items()
         for alarm in _alarms(name, vehicle, models, several, parts)
-    )
+    ]
     return FleetAnalysis(
         models, limit, tuple(sorted(alarms, key=lambda a: (a.vehicle, a.figure, a.change.first)))
     )
 
 
-def figure_model(rows: FigureTable, parts: Parts, shift: FloatArray) -> FigureModel:
-    """Return the mixed model of a figure whose changes so far are `shift` (n,), and the readings of each vehicle."""
+def figure_model(
+    rows: FigureTable, parts: Parts, shift: FloatArray, software: Mapping[str, int] = {}
+) -> FigureModel:
+    """Return the mixed model of a figure whose changes so far are `shift` (n,), and the readings of each vehicle.
+
+    `software` has the level of each version. Of the level of a vehicle that lies apart from the others nothing is known.
+    """
     places = sorted({place for text in set(rows.parts) for place in text.split()})
     serials = {place: parts.serials(place, rows.vehicle, rows.time) for place in places}
     at, vehicles = indices(rows.vehicle)
     groups = {VEHICLE: at} | {place: indices(own)[0] for place, own in serials.items() if any(own)}
-    fixed = _fixed(rows)
+    columns = _fixed(rows, software)
+    fixed = np.column_stack([*columns.values()])
     model, outliers = fit_robust_model(Design(rows.value - shift, rows.std_error, fixed, groups))
     mean = fixed @ model.coefficients[: fixed.shape[1]]
     left, deviations = rows.value - mean, np.hypot(model.flight, rows.std_error)
+    apart = {one.level for one in outliers if one.group == VEHICLE}
     sequences = {}
     for i, vehicle in enumerate(vehicles):
         which = at == i
-        effects, spread = [np.ones(int(which.sum()))], [model.deviations[VEHICLE]]
+        effects, spread = [np.ones(int(which.sum()))], [np.inf if i in apart else model.deviations[VEHICLE]]
         for place, levels in groups.items():
             if place != VEHICLE:
                 own = levels[which]
@@ -136,19 +168,28 @@ def figure_model(rows: FigureTable, parts: Parts, shift: FloatArray) -> FigureMo
         own_rows = rows.rows(which)
         onsets = Stretch(own_rows, readings).onsets([*events(own_rows, parts, vehicle)])
         sequences[vehicle] = own_rows, replace(readings, onsets=onsets)
-    return FigureModel(rows, model, outliers, sequences)
+    return FigureModel(rows, model, outliers, sequences, tuple(columns))
 
 
-def _fixed(rows: FigureTable) -> FloatArray:
-    """Return the intercept and the conditions that vary, (n, p), standardized; one that is not known counts as usual."""
-    matrix = np.ones((len(rows.value), 1))
-    for x in rows.conditions.values():
+def _fixed(rows: FigureTable, software: Mapping[str, int]) -> dict[str | int, FloatArray]:
+    """Return the intercept, levels of the software above zero, and the conditions that vary, standardized: (n,) each by name.
+
+    A condition that is not known counts as usual.
+    """
+    levels = np.array([software.get(version, 0) for version in rows.software])
+    regressors: dict[str | int, FloatArray] = {
+        level: (levels == level).astype(float) for level in sorted({*software.values()} - {0})
+    }
+    for name, x in rows.conditions.items():
         known = x[np.isfinite(x)]
         if known.size and np.ptp(known) > 0.0:
-            wider = np.column_stack([matrix, np.nan_to_num((x - known.mean()) / known.std())])
-            if wider.shape[1] <= len(x) / ROWS_EACH and np.linalg.matrix_rank(wider) == wider.shape[1]:
-                matrix = wider
-    return matrix
+            regressors[name] = np.nan_to_num((x - known.mean()) / known.std())
+    fixed: dict[str | int, FloatArray] = {"": np.ones(len(levels))}
+    for one, regressor in regressors.items():
+        wider = np.column_stack([*fixed.values(), regressor])
+        if wider.shape[1] <= len(levels) / ROWS_EACH and np.linalg.matrix_rank(wider) == wider.shape[1]:
+            fixed[one] = regressor
+    return fixed
 
 
 def _shift(rows: FigureTable, found: Mapping[str, Sequence[Change]]) -> FloatArray:
@@ -178,7 +219,17 @@ def _alarms(
         stretch = Stretch(rows.span(begin, end), own.until(end - begin))
         explained = causes(stretch, change.kind, recorded, others)
         back = "" if before is None or not change.takes_back(before) else rows.flight[before.first]
-        yield Alarm(
-            vehicle, figure, change, rows.flight[change.first], rows.flight[change.found], explained, back
-        )
+        flights = (rows.flight[change.first], rows.flight[change.found])
+        times = (float(rows.time[change.first]), float(rows.time[change.found]))
+        yield Alarm(vehicle, figure, change, *flights, *times, explained, back)
         own, begin, before = own.since(replace(change, first=change.first - begin)), change.first, change
+
+
+def _of_update(name: str, figure: FigureModel, step: CommonStep, levels: Mapping[str, int]) -> Alarm:
+    """Return what an update changed, its size beside the conditions and the changes of vehicles."""
+    size, error = figure.step(levels[step.before], levels[step.after])
+    first, found = np.searchsorted(figure.rows.time, [step.began, step.found]).tolist()
+    change = Change("step", first, found, size, max(error, step.error), (step.size / step.error) ** 2)
+    flights = (figure.rows.flight[first], figure.rows.flight[found])
+    cause = Cause(software_event(step.before, step.after), flights[0], 1.0 - step.chance, (), SOFTWARE)
+    return Alarm(EVERY, name, change, *flights, step.began, step.found, (cause,))

@@ -48,6 +48,7 @@ LESSER: Final = (
 )  #: size of a change by another part on which the figure depends than the first, over one by that
 SHORTEST: Final = 1e-6  #: days
 SOFTWARE: Final = "software"  #: its place
+EVERY: Final = "all vehicles"  #: the vehicle of what an update changed in all that had it
 #: standard deviation of the size of a step, and of what a drift reaches in all flights, over that of a flight
 USUAL: Final[Mapping[Kind, float]] = {"step": 3.0, "drift": 10.0}
 #: sizes over these that a source may have, each as likely, for all figures alike; the first is the least of lesser changes,
@@ -163,7 +164,12 @@ def events(rows: FigureTable, parts: Parts, vehicle: str) -> Iterator[Event]:
         yield Event(f"{new.part}: {new.serial} for {old.serial}", new.part, new.begin)
     for (before, after), time in zip(pairwise(rows.software), rows.time[1:].tolist(), strict=True):
         if before and after and before != after:
-            yield Event(f"{SOFTWARE}: {after} for {before}", SOFTWARE, time)
+            yield Event(software_event(before, after), SOFTWARE, time)
+
+
+def software_event(before: str, after: str) -> str:
+    """Return what an update is called."""
+    return f"{SOFTWARE}: {after} for {before}"
 
 
 def causes(

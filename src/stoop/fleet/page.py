@@ -13,6 +13,7 @@ from stoop.assessment.covariance import NORMAL_95
 from stoop.base.arrays import FloatArray
 from stoop.base.numbers import NOTHING, count, number, rounded_to_error
 from stoop.fleet.analysis import Alarm, FigureModel, FleetAnalysis
+from stoop.fleet.causes import EVERY
 from stoop.fleet.parts import Parts, day
 from stoop.fleet.store import Fleet, ToldAlarm, shown_unit
 from stoop.fleet.table import FigureTable
@@ -44,7 +45,11 @@ def fleet_page(fleet: Fleet, found: FleetAnalysis, command: str = "") -> Page:
         f"{fleet.extent()}. {count(len(found.alarms), 'change')} found; of a fleet in which nothing changes "
         f"{fleet.alarms_a_year:g} a year would be told."
     )
-    places = {(one.vehicle, one.figure, one.began): f"change-{i}" for i, one in enumerate(found.alarms)}
+    places = {
+        (one.vehicle, one.figure, one.began): f"change-{i}"
+        for i, one in enumerate(found.alarms)
+        if one.vehicle != EVERY
+    }
     sections = [Section("Alarms", tuple(_tables(fleet.alarms, places)))]
     most = POINTS // max(sum(len(one.sequences) for one in found.figures.values()), 1)
     key: tuple[Prose | Legend, ...] = (Prose(READ, muted=True), Legend(LEGEND))

@@ -18,7 +18,7 @@ from stoop.base.extras import install
 from stoop.base.files import make_folder, only_writer, write_files
 from stoop.base.numbers import count
 from stoop.errors import StoopError
-from stoop.fleet.causes import Cause
+from stoop.fleet.causes import EVERY, Cause
 from stoop.fleet.parts import Parts, day, read_parts
 from stoop.fleet.table import FIGURES, LOGS, NEEDED, FigureTable, of_frames, read_figures, read_frame
 
@@ -62,21 +62,13 @@ class ToldAlarm:
     unit: str = ""
 
     @classmethod
-    def of(cls, alarm: Alarm, table: FigureTable) -> ToldAlarm:
-        """Return an alarm with the times of its flights."""
-        began, found = (table.time_of(alarm.vehicle, flight) for flight in (alarm.began, alarm.found))
-        own, change = (alarm.began, alarm.found, began, found), alarm.change
+    def of(cls, alarm: Alarm, unit: str) -> ToldAlarm:
+        """Return an alarm of a figure in a unit."""
+        change = alarm.change
         return cls(
-            alarm.vehicle,
-            alarm.figure,
-            change.kind,
-            change.size,
-            change.error,
-            *own,
-            alarm.causes,
-            alarm.back,
-            unit=table.of(alarm.figure).unit[-1],
-        )
+            alarm.vehicle, alarm.figure, change.kind, change.size, change.error, alarm.began, alarm.found,
+            alarm.began_time, alarm.found_time, alarm.causes, alarm.back, unit=unit,
+        )  # fmt: skip
 
     @property
     def since(self) -> str:
@@ -100,6 +92,8 @@ class ToldAlarm:
     def is_of(self, other: ToldAlarm) -> bool:
         """Tell whether both tell of one change: of the same figure, begun in flights of which none is after the other's alarm."""
         same = (self.vehicle, self.figure) == (other.vehicle, other.figure)
+        if self.vehicle == EVERY:
+            return same and self.causes[0].what == other.causes[0].what
         return same and self.began_time <= other.found_time and other.began_time <= self.found_time
 
 
@@ -210,7 +204,7 @@ def updated_fleet(
         )
         known = _parts(folder) if parts is None else read_parts(parts)
         found = analyze(table, known, rate)
-        now = [ToldAlarm.of(one, found.figures[one.figure].sequences[one.vehicle][0]) for one in found.alarms]
+        now = [ToldAlarm.of(one, found.figures[one.figure].rows.unit[-1]) for one in found.alarms]
         every, fresh = _merged(told, now)
         files |= {} if read is None else read.files
         files |= {} if parts is None else {PARTS: parts.read_bytes()}

@@ -19,7 +19,7 @@ from stoop.report.sheet import render_sheet
 
 def page(table: FigureTable, parts: Parts) -> str:
     found = analyze(table, parts, 0.1)
-    alarms = tuple(ToldAlarm.of(one, table) for one in found.alarms)
+    alarms = tuple(ToldAlarm.of(one, table.of(one.figure).unit[-1]) for one in found.alarms)
     withdrawn = tuple(replace(one, figure="drag", withdrawn=True) for one in alarms)
     one = Fleet(Path("store"), table, parts, 0.1, found.threshold, alarms + withdrawn)
     return render_sheet(fleet_page(one, found, "stoop fleet x.csv").content)
@@ -43,7 +43,7 @@ def test_figures_are_shown_in_their_units() -> None:
     table, parts = fleet()
     units = tuple("N" if figure == "thrust" else "1" for figure in table.figure)
     worn = replace(changed(table, "thrust", EXCHANGED, -0.15), unit=units)
-    (alarm,) = (ToldAlarm.of(one, worn) for one in analyze(worn, parts, 0.1).alarms)
+    (alarm,) = (ToldAlarm.of(one, "N") for one in analyze(worn, parts, 0.1).alarms)
     assert alarm.per == " N"
     assert replace(alarm, kind="drift").per == " N a day"
     assert replace(alarm, unit="1", kind="drift").per == " a day"

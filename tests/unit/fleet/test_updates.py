@@ -1,0 +1,120 @@
+"""Updates that change a figure of all vehicles: told once, with their size; what they change in one is of that vehicle."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.stats import kstest
+from unit.fleet.made_up import CHANGED, FLIGHTS, UPDATED, VEHICLES, changed, fleet
+
+from stoop.base.arrays import FloatArray
+from stoop.fleet.analysis import analyze
+from stoop.fleet.causes import EVERY
+from stoop.fleet.changes import Readings
+from stoop.fleet.table import FigureTable
+from stoop.fleet.updates import CommonStep, common_steps, significant, version_levels
+
+BEFORE, AFTER = 12, 8  #: flights
+
+
+def sequence(
+    vehicle: int, values: FloatArray, software: list[str], errors: FloatArray
+) -> tuple[FigureTable, Readings]:
+    """Return readings with known errors about a level of which nothing is known, a flight a day."""
+    time = 86400.0 * np.arange(len(values)) + vehicle
+    texts = {
+        "flight": [f"{vehicle}-{i}" for i in range(len(values))],
+        "vehicle": [str(vehicle)] * len(values),
+    }
+    texts |= {"figure": ["drag"] * len(values), "software": software}
+    table = FigureTable.of_columns(texts, {"time": time, "value": values, "std_error": errors}, {})
+    return table, Readings.about_a_level(values, errors, time)
+
+
+def drawn(rng: np.random.Generator, count: int, step: float = 0.0) -> dict[str, tuple[FigureTable, Readings]]:
+    software, errors = ["1.0"] * BEFORE + ["1.1"] * AFTER, np.ones(BEFORE + AFTER)
+    after = np.arange(BEFORE + AFTER) >= BEFORE
+    return {
+        str(v): sequence(
+            v, rng.standard_normal(BEFORE + AFTER) + (step + rng.standard_normal()) * after, software, errors
+        )
+        for v in range(count)
+    }
+
+
+def test_the_mean_step_is_that_of_the_differences_and_its_error_that_of_their_scatter() -> None:
+    """Of equal errors Hartung's and Knapp's mean and error are those of Student's t."""
+    sequences = drawn(np.random.default_rng(1), 9, 2.0)
+    steps = np.array([r.values[BEFORE:].mean() - r.values[:BEFORE].mean() for _, r in sequences.values()])
+    (one,) = common_steps(sequences)
+    assert (one.before, one.after) == ("1.0", "1.1")
+    assert one.size == pytest.approx(steps.mean())
+    assert one.error == pytest.approx(steps.std(ddof=1) / 3.0)
+    assert (one.began, one.found) == (BEFORE * 86400.0, BEFORE * 86400.0 + 2.0)
+
+
+def test_an_update_that_changes_vehicles_differently_and_none_on_average_is_none() -> None:
+    rng = np.random.default_rng(2)
+    chances = [common_steps(drawn(rng, 6))[0].chance for _ in range(300)]
+    assert kstest(chances, "uniform").pvalue > 0.01
+
+
+def test_an_update_is_taken_between_the_one_before_and_the_one_after() -> None:
+    software = ["1.0"] * 10 + ["1.1"] * 10 + ["1.0"] * 10
+    values = np.repeat([0.0, 5.0, 1.0], 10)
+    sequences = {str(v): sequence(v, values, software, np.ones(30)) for v in range(3)}
+    update, back = common_steps(sequences)
+    assert (update.size, back.size) == (pytest.approx(5.0), pytest.approx(-4.0))
+    assert (back.before, back.after) == ("1.1", "1.0")
+
+
+def test_two_vehicles_tell_of_no_update() -> None:
+    (one,) = common_steps(drawn(np.random.default_rng(3), 2, 50.0))
+    assert one.chance == 1.0
+    assert significant({"drag": [one]}) == {"drag": []}
+
+
+def test_versions_share_a_level_unless_their_update_changed_the_figure() -> None:
+    pairs = [("1.0", "1.1"), ("1.1", "1.2"), ("1.2", "1.0"), ("1.2", "2.0")]
+    steps = [CommonStep(*pair, 1.0, 0.1, 0.5, float(i), float(i)) for i, pair in enumerate(pairs)]
+    assert version_levels(steps, [steps[1], steps[3]]) == {"1.0": 0, "1.1": 0, "1.2": 1, "2.0": 2}
+
+
+def updated(table: FigureTable, size: float) -> FigureTable:
+    own = np.array([f == "thrust" and s == "1.1" for f, s in zip(table.figure, table.software, strict=True)])
+    return replace(table, value=table.value + size * own)
+
+
+def test_what_an_update_changes_in_all_vehicles_is_told_once() -> None:
+    table, parts = fleet()
+    (alarm,) = analyze(updated(table, 0.08), parts, 0.1).alarms
+    assert (alarm.vehicle, alarm.figure, alarm.causes[0].what) == (EVERY, "thrust", "software: 1.1 for 1.0")
+    assert alarm.change.interval[0] < 0.08 < alarm.change.interval[1]
+    own = [i for i, s in enumerate(table.software) if s == "1.1"]
+    assert (alarm.began, alarm.began_time) == (table.flight[own[0]], table.time[own[0]])
+
+
+def test_beside_an_update_the_change_of_a_vehicle_is_found() -> None:
+    table, parts = fleet()
+    found = analyze(changed(updated(table, 0.08), "thrust", UPDATED - 10, -0.15), parts, 0.1).alarms
+    assert [a.vehicle for a in found] == [EVERY, CHANGED]
+    assert found[1].began == f"{CHANGED}-{UPDATED - 10}"
+
+
+def test_what_an_update_changes_in_one_vehicle_is_of_that_vehicle() -> None:
+    table, parts = fleet()
+    (alarm,) = analyze(changed(table, "drag", UPDATED, 0.12), parts, 0.1).alarms
+    assert (alarm.vehicle, alarm.causes[0].what) == (CHANGED, "software: 1.1 for 1.0")
+
+
+@pytest.mark.parametrize("difference", [0.4, 2.0])
+def test_a_vehicle_that_always_differed_did_not_change(difference: float) -> None:
+    table, parts = fleet()
+    found = analyze(changed(table, "drag", 0, difference), parts, 0.1)
+    assert found.alarms == ()
+    (outlier,) = found.figures["drag"].outliers
+    assert (outlier.group, outlier.level) == ("vehicle", 3)
+    assert outlier.difference == pytest.approx(difference, abs=0.15)
+    assert len(found.figures["drag"].rows.value) == VEHICLES * FLIGHTS
