@@ -6,13 +6,11 @@ import argparse
 import shlex
 import sys
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import ExitStack
 from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from stoop.base.files import make_folder
 from stoop.base.numbers import count
 from stoop.base.text import enumerated, show
 from stoop.cli import options
@@ -21,7 +19,6 @@ from stoop.cli.progress import LiveLine, run_campaign
 from stoop.errors import StoopError
 
 if TYPE_CHECKING:
-    from stoop.fleet.logs import LogFigures
     from stoop.fleet.store import Fleet, ToldAlarm
 
 NEWS: Final = 3  #: exit code where alarms are new
@@ -30,7 +27,7 @@ NEWS: Final = 3  #: exit code where alarms are new
 def run(arguments: argparse.Namespace) -> int:
     """Update or open a fleet, print its alarms, and return 3 if some are new."""
     from stoop.fleet.parts import moment
-    from stoop.fleet.store import PAGE, open_fleet, updated_fleet
+    from stoop.fleet.store import open_fleet
 
     since = None if arguments.since is None else moment("--since", arguments.since)
     if (folder := arguments.output) is None:
@@ -44,16 +41,14 @@ def run(arguments: argparse.Namespace) -> int:
         if len(arguments.sources) > 1 or any(given):
             raise StoopError("fleet: logs, tables, parts and a rate go into a store; name its folder with -o")
         return _tell(arguments, open_fleet(arguments.sources[0]), (), since)
-    from stoop.fleet.page import fleet_page
-    from stoop.report.sheet import render_sheet
+    from stoop.fleet.update import read_sources, updated_with_page
 
-    tables, logs = _read(arguments)
+    of_logs = (arguments.vehicle, arguments.mapping, arguments.flights)
+    tables, logs = read_sources(folder, arguments.sources, partial(run_campaign, arguments), *of_logs)
     with ExitStack() as held:
         with LiveLine("looking for changes"):
-            words = (folder, tables, arguments.parts, arguments.alarms_a_year, logs)
-            update = held.enter_context(updated_fleet(*words))
-            page = fleet_page(update.fleet, update.analysis, options.command_line())
-            update.files[PAGE] = render_sheet(page.content)
+            words = (folder, tables, arguments.parts, arguments.alarms_a_year, logs, options.command_line())
+            update = held.enter_context(updated_with_page(*words))
         code = _tell(arguments, update.fleet, update.fresh, since, update.absent)
         sys.stdout.flush()  # an alarm is told before the store says so
     return code
@@ -102,23 +97,6 @@ def simulate(arguments: argparse.Namespace) -> int:
     words = ["--vehicle", str(arguments.vehicle), "--parts", str(folder / PARTS), "-o", f"{folder}-store"]
     out.command(f"next: stoop fleet {shlex.quote(str(folder))}/*{ENDING} ", words)
     return 0
-
-
-def _read(arguments: argparse.Namespace) -> tuple[list[Path], Callable[[], LogFigures] | None]:
-    """Return the tables among the sources, and what gathers the figures of the logs, which have been read."""
-    from stoop.fleet.logs import gathered, is_table, plan, store_of
-
-    paths = [*map(Path, arguments.sources)]
-    tables = [path for path in paths if is_table(path)]
-    logs = [path for path in paths if path not in tables]
-    if not logs:
-        if arguments.flights or arguments.vehicle or arguments.mapping:
-            raise StoopError("fleet: --flights, --vehicle and --mapping are for logs, and no log was named")
-        return tables, None
-    campaign, folder = plan(logs, arguments.vehicle, arguments.mapping), arguments.output
-    make_folder(folder)
-    results = run_campaign(arguments, campaign, store_of(folder))
-    return tables, partial(gathered, campaign, results, arguments.flights, folder)
 
 
 def _print(
