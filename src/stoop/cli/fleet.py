@@ -9,6 +9,7 @@ from collections import Counter
 from collections.abc import Sequence
 from contextlib import ExitStack
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from stoop.base.numbers import count
@@ -22,6 +23,11 @@ if TYPE_CHECKING:
     from stoop.fleet.store import Fleet, ToldAlarm
 
 NEWS: Final = 3  #: exit code where alarms are new
+UNUSABLE: Final = {
+    "log": "not read:",
+    "flight": "left out:",
+}  #: group of reasons -> what became of the flight
+MOST: Final = 10  #: lines for each of these groups
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -102,7 +108,7 @@ def simulate(arguments: argparse.Namespace) -> int:
 def _print(
     fleet: Fleet, new: Sequence[ToldAlarm], every: bool, absent: Sequence[tuple[str, str, str]], updated: bool
 ) -> None:
-    """Print a line for each alarm, all of them or the new ones, and one for what the logs could not tell."""
+    """Print a line for each alarm, all of them or the new ones, and what the logs could not tell."""
     from stoop.fleet.store import PAGE
 
     out = page()
@@ -116,13 +122,28 @@ def _print(
     if not (every or new):
         out.line(f"no new alarm; {count(len(standing), 'earlier one')}")
     if absent:
-        from stoop.fleet.logs import ABSENT
-
-        groups = Counter(group for _, group, _ in absent)
-        told = ", ".join(f"{group} in {count(n, 'flight')}" for group, n in groups.items())
-        out.line(f"absent: {told} ({fleet.folder / ABSENT} says why)")
+        _print_absent(absent, fleet.folder)
+    for sentence in fleet.parts.unused(fleet.table) if updated else ():
+        out.line(f"parts: {sentence} in parts.csv")
     if (path := fleet.folder / PAGE).exists() or updated:
         out.line(f"page: {path}")
+
+
+def _print_absent(absent: Sequence[tuple[str, str, str]], folder: Path) -> None:
+    """Print the logs that are of no use, with the reasons, and how many flights lack each group of figures."""
+    from stoop.fleet.logs import ABSENT
+
+    out, file = page(), folder / ABSENT
+    for group, what in UNUSABLE.items():
+        own = [f"{what} {flight}: {reason}" for flight, of, reason in absent if of == group]
+        for text in own[:MOST]:
+            out.line(text)
+        if len(own) > MOST:
+            out.line(f"{what} {count(len(own) - MOST, 'more flight')} ({file} says why)")
+    groups = Counter(group for _, group, _ in absent if group not in UNUSABLE)
+    if groups:
+        told = ", ".join(f"{group} in {count(n, 'flight')}" for group, n in groups.items())
+        out.line(f"absent: {told} ({file} says why)")
 
 
 def line(alarm: ToldAlarm) -> str:

@@ -9,21 +9,26 @@ from __future__ import annotations
 import csv
 import io
 from collections import defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from datetime import UTC, date, datetime
 from itertools import pairwise
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from stoop.base.arrays import FloatArray
+from stoop.base.text import enumerated
 from stoop.base.toml import read_source
 from stoop.errors import StoopError
 
+if TYPE_CHECKING:
+    from stoop.fleet.table import FigureTable
+
 COLUMNS: Final = ("vehicle", "part", "serial", "from", "to")
 MAX_BYTES: Final = 2**26
+NAMED: Final = 5  #: names in a line
 
 
 @dataclass(frozen=True)
@@ -68,6 +73,20 @@ class Parts:
         own = [one for one in self.fittings if one.vehicle == vehicle]
         pairs = [(one, other) for one, other in pairwise(own) if one.part == other.part]
         return tuple(sorted(pairs, key=lambda pair: (pair[1].begin, pair[1].part)))
+
+    def unused(self, table: FigureTable) -> tuple[str, ...]:
+        """Return a sentence on the vehicles that have no flights in a table, and one on the places that no figure depends on."""
+        places = {place for text in set(table.parts) for place in text.split()}
+        kinds = (
+            ("no flight is of vehicle", {one.vehicle for one in self.fittings} - {*table.vehicle}),
+            ("no figure depends on place", {*self.places()} - places if places else set[str]()),
+        )
+        return tuple(f"{what} {_few(names)}; correct the name" for what, names in kinds if names)
+
+
+def _few(names: Iterable[str]) -> str:
+    first, rest = sorted(names)[:NAMED], sorted(names)[NAMED:]
+    return enumerated([*first, *[f"{len(rest)} more"] * bool(rest)])
 
 
 def read_parts(path: Path) -> Parts:

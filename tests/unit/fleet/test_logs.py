@@ -9,9 +9,8 @@ import pandas as pd
 import pytest
 
 from stoop.errors import StoopError
-from stoop.fleet.logs import ABSENT, DATES, LogFigures, gathered, is_table, plan
+from stoop.fleet.logs import ABSENT, DATES, LogFigures, Reading, gathered, is_table, plan
 from stoop.fleet.table import LOGS, read_figures
-from stoop.parallel import Plan, Run
 
 HEAD = "flight,vehicle,time,figure,value,std_error"
 
@@ -28,6 +27,13 @@ def test_a_table_is_told_by_its_head_and_judged_by_its_reader(tmp_path: Path) ->
         read_figures(table)
 
 
+def planned(
+    logs: list[Path], vehicle: str | None = None, mapping: Path | None = None, flights: Path | None = None
+) -> Reading:
+    """Plan as for a new store."""
+    return plan(logs, vehicle, mapping, flights, Path("none"))
+
+
 def test_a_log_is_read_again_when_it_or_what_its_reading_depends_on_changed(tmp_path: Path) -> None:
     log, mapping, vehicle = (tmp_path / name for name in ("a.csv", "m.toml", "v.toml"))
     template = Path(__file__).parents[3] / "examples" / "crazyflie.toml"
@@ -37,7 +43,7 @@ def test_a_log_is_read_again_when_it_or_what_its_reading_depends_on_changed(tmp_
     vehicle.write_text(template.read_text())
 
     def key() -> str:
-        (run,) = plan([log], str(vehicle), mapping).runs
+        (run,) = planned([log], str(vehicle), mapping).campaign.runs
         return run.key
 
     keys = {key()}
@@ -58,17 +64,17 @@ def said(day: int, count: float, vehicle: str = "uuid", hours: float = 0.5) -> d
         "count": count,
         "density": 1.2,
     }
-    return {
-        "figures": [["az.bias", 0.1, 0.01, "imu", "m/s2"]],
-        "absent": {"rotors": "none"},
-        "header": header,
-    }
+    figures = [["az.bias", 0.1, 0.01, "imu", "m/s2"]]
+    return {"figures": figures, "absent": {"rotors": "none"}, "header": header}
 
 
 def table_of(folder: Path, logs: dict[str, dict[str, Any]], flights: Path | None = None) -> LogFigures:
     """Gather as a command does, and keep its files."""
-    runs = tuple(Run(name, "m:f", {"log": f"{name}.ulg"}) for name in logs)
-    found = gathered(Plan("fleet", {}, runs), logs, flights, folder)
+    paths = [folder / f"{name}.ulg" for name in logs]
+    for path in paths:
+        path.write_text(str(logs[path.stem].get("content", path.stem)))
+    reading = plan(paths, None, None, flights, folder)
+    found = gathered(reading, {run.key: logs[f] for f, run in reading.runs.items()}, folder)
     for name, text in found.files.items():
         (folder / name).write_text(text)
     (folder / LOGS).parent.mkdir(exist_ok=True)
@@ -103,7 +109,7 @@ def test_a_flight_of_which_nothing_is_known_or_that_contradicts_others_costs_its
     assert second.table.flight == ("a", "b"), "c is dated before a, d and e fly at once"
     absent = pd.read_csv(tmp_path / ABSENT)
     assert set(absent[absent.group == "flight"].flight) == {"unknown", "c", "d", "e"}, "those of before stay"
-    assert set(pd.read_csv(tmp_path / DATES).flight) == {"a", "b", "c", "d", "e"}
+    assert set(pd.read_csv(tmp_path / DATES).flight) == {"a", "b"}, "what is out is no evidence"
     flights = tmp_path / "flights.csv"
     flights.write_text("flight,vehicle,time\nc,,2024-10-07\ne,other,\n")
     third = table_of(tmp_path, {"c": said(19000, 3), "d": said(20004, 4), "e": said(20004, 5)}, flights)
