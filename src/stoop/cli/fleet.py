@@ -23,17 +23,14 @@ if TYPE_CHECKING:
     from stoop.fleet.store import Fleet, ToldAlarm
 
 NEWS: Final = 3  #: exit code where alarms are new
-UNUSABLE: Final = {
-    "log": "not read:",
-    "flight": "left out:",
-}  #: group of reasons -> what became of the flight
+UNUSABLE: Final = {"log": "not read:", "flight": "left out:"}  #: group -> what became of the flight
 MOST: Final = 10  #: lines for each of these groups
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Update or open a fleet, print its alarms, and return 3 if some are new."""
     from stoop.fleet.parts import moment
-    from stoop.fleet.store import open_fleet
+    from stoop.fleet.store import open_fleet, updated_fleet
 
     since = None if arguments.since is None else moment("--since", arguments.since)
     if (folder := arguments.output) is None:
@@ -47,14 +44,15 @@ def run(arguments: argparse.Namespace) -> int:
         if len(arguments.sources) > 1 or any(given):
             raise StoopError("fleet: logs, tables, parts and a rate go into a store; name its folder with -o")
         return _tell(arguments, open_fleet(arguments.sources[0]), (), since)
-    from stoop.fleet.update import read_sources, updated_with_page
+    from stoop.fleet.update import add_page, read_sources
 
     of_logs = (arguments.vehicle, arguments.mapping, arguments.flights)
     tables, logs = read_sources(folder, arguments.sources, partial(run_campaign, arguments), *of_logs)
     with ExitStack() as held:
         with LiveLine("looking for changes"):
-            words = (folder, tables, arguments.parts, arguments.alarms_a_year, logs, options.command_line())
-            update = held.enter_context(updated_with_page(*words))
+            words = (folder, tables, arguments.parts, arguments.alarms_a_year, logs)
+            update = held.enter_context(updated_fleet(*words))
+            add_page(update, options.command_line())
         code = _tell(arguments, update.fleet, update.fresh, since, update.absent)
         sys.stdout.flush()  # an alarm is told before the store says so
     return code

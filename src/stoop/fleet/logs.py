@@ -1,6 +1,7 @@
 """Figures of many logs: each log is a run of a campaign, so that one that was read is not read again.
 
-A log is read again when it, its mapping, the vehicle or the method changed; a broken one costs its own row.
+A log is read again when the content of it, its mapping or the vehicle, its mass, or the method changed; a broken one costs its
+own row.
 """
 
 from __future__ import annotations
@@ -9,7 +10,7 @@ import csv
 import hashlib
 import io
 from collections import Counter
-from collections.abc import Container, Mapping, Sequence
+from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -44,7 +45,6 @@ ABSENTEES: Final = ("flight", "group", "reason")
 DATED: Final = ("flight", "vehicle", "time", "end", "count", "content")  #: by the logs; hash of the log
 MASS: Final = "mass"  #: kg, of a flight, by the table of flights
 NO_CONDITIONS: Final = ("end", "count", MASS)
-PLACES: Final = ("log", "mapping", "vehicle")
 
 
 def is_table(path: Path) -> bool:
@@ -54,21 +54,15 @@ def is_table(path: Path) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class Reading:
-    """The logs of a command, by the names of their flights.
-
-    Attributes
-    ----------
-    campaign : reads them; a run for each, but for copies
-    runs : flight -> run
-    copies : flight -> earlier flight of the store of which its log is a copy
-    flights : the table of flights, and what it tells of each
-    """
+    """How the logs of a command are read, by the names of their flights."""
 
     campaign: Plan
-    runs: Mapping[str, Run]
-    copies: Mapping[str, str]
-    flights: Path | None
-    given: Mapping[str, Mapping[str, Any]]
+    runs: Mapping[str, Run]  #: of the campaign
+    copies: Mapping[
+        str, str
+    ]  #: flight -> earlier one of the store, of which its log is a copy; it has no run
+    flights: Path | None  #: table of flights
+    given: Mapping[str, Mapping[str, Any]]  #: what it tells of each
 
 
 def plan(
@@ -81,6 +75,30 @@ def plan(
     StoopError
         A log or another file is not there, a log stands there twice, two logs have one name, or the table of flights is wrong.
     """
+    _require_logs(logs, mapping)
+    given = {} if flights is None else _given(flights)
+    own = {flight_name(path): path for path in sorted(logs, key=flight_name)}
+    contents = {flight: _hash(path) for flight, path in own.items()}
+    copies = _copies(own, contents, folder)
+    places: dict[str, Json] = {"mapping": None if mapping is None else str(mapping.absolute())}
+    places["vehicle"] = vehicle if vehicle is None or vehicle in BUILT_IN else str(Path(vehicle).absolute())
+    depends = [None if vehicle is None else _digest(resolve_vehicle(vehicle).text)]
+    depends += [None if mapping is None else _hash(mapping)]
+    runs = {}
+    for flight in [one for one in own if one not in copies]:
+        arguments: dict[str, Json] = {
+            "content": contents[flight],
+            "endings": [one for one in own[flight].suffixes if one.lower() in ENDINGS],
+            "depends": [*depends, *map(_hash, _beside(own[flight], mapping))],
+            "mass": None if vehicle is None else given.get(flight, {}).get(MASS),
+        }
+        key = Run("log", WORK, arguments).identity
+        runs[flight] = Run(key, WORK, arguments, places={"log": str(own[flight].absolute()), **places})
+    return Reading(Plan("fleet", {}, tuple(runs.values())), runs, copies, flights, given)
+
+
+def _require_logs(logs: Sequence[Path], mapping: Path | None) -> None:
+    """Refuse what is not there, folders of several logs, and logs of one name."""
     for path in (*logs, *filter(None, [mapping])):
         if not (path.is_file() or path.is_dir()):
             raise StoopError(f"{path}: there is no such file")
@@ -93,37 +111,22 @@ def plan(
             raise StoopError(
                 f"{several} logs are called {name}; rename them, flights go by the names of their logs"
             )
-    given = {} if flights is None else _given(flights)
-    own = {flight_name(path): path for path in sorted(logs, key=flight_name)}
-    contents = {flight: _hash(path) for flight, path in own.items()}
+
+
+def _copies(logs: Mapping[str, Path], contents: Mapping[str, str], folder: Path) -> dict[str, str]:
+    """Return the flights whose logs are those of earlier flights of other names, which are returned, too."""
     flown = {
         content: flight
         for flight, *_, content in _kept(folder / DATES, (), DATED)
         if content and contents.get(flight, content) == content
     }
-    copies = {f: flown[content] for f, content in contents.items() if flown.get(content, f) != f}
-    first: dict[str, str] = {}
-    for flight in contents.keys() - copies.keys():
-        first[contents[flight]] = min(flight, first.get(contents[flight], flight))
+    copies, first = dict[str, str](), dict[str, str]()
     for flight, content in contents.items():
-        if flight not in copies and first[content] != flight:
-            raise StoopError(f"{own[flight]}: is the same log as {own[first[content]]}; leave one out")
-    depends = [None if vehicle is None else _digest(resolve_vehicle(vehicle).text)]
-    depends += [None if mapping is None else _hash(mapping)]
-    places: dict[str, Json] = {"mapping": None if mapping is None else str(mapping.absolute())}
-    places["vehicle"] = vehicle if vehicle is None or vehicle in BUILT_IN else str(Path(vehicle).absolute())
-    runs = {}
-    for flight, path in own.items():
-        if flight not in copies:
-            arguments: dict[str, Json] = {
-                "content": contents[flight],
-                "endings": [one for one in path.suffixes if one.lower() in ENDINGS],
-                "depends": [*depends, *map(_hash, _beside(path, mapping))],
-                "mass": None if vehicle is None else given.get(flight, {}).get(MASS),
-            }
-            key = Run("log", WORK, arguments).identity
-            runs[flight] = Run(key, WORK, arguments, places={"log": str(path.absolute()), **places})
-    return Reading(Plan("fleet", {}, tuple(runs.values())), runs, copies, flights, given)
+        if (earlier := flown.get(content, flight)) != flight:
+            copies[flight] = earlier
+        elif (other := first.setdefault(content, flight)) != flight:
+            raise StoopError(f"{logs[flight]}: is the same log as {logs[other]}; leave one out")
+    return copies
 
 
 def _is_log(folder: Path, mapping: Path | None) -> bool:
@@ -172,15 +175,16 @@ def read(arguments: Mapping[str, Any], stops: Sequence[int | None]) -> list[Json
     from stoop.fleet.log_figures import conditions, figures_of  # it needs all of stoop
     from stoop.fleet.vibration import vibration
 
-    places = {name: Path(arguments[name]) for name in PLACES if arguments[name] is not None}
+    paths = [("LOG", "log"), ("MAPPING", "mapping"), ("VEHICLE", "vehicle")]
+    places = {word: Path(arguments[name]) for word, name in paths if arguments[name] is not None}
     try:
-        vehicle = None if "vehicle" not in places else resolve_vehicle(places["vehicle"])
+        vehicle = None if "VEHICLE" not in places else resolve_vehicle(places["VEHICLE"])
         if vehicle is not None and arguments["mass"] is not None:
             vehicle = vehicle.with_numbers({"mass.mass": {"value": arguments["mass"]}})
-        recording, mapped = read_mapped(places["log"], places.get("mapping"), CLOCKS)
+        recording, mapped = read_mapped(places["LOG"], places.get("MAPPING"), CLOCKS)
         said = header(recording)
         shaken = vibration([] if mapped is None else mapped.channels)
-        nowhere = Path("{log}")  # nothing depends on the name
+        nowhere = Path("LOG")  # nothing depends on the name
         flight = of_recording(nowhere, replace(recording, path=nowhere), mapped)
         del recording, mapped  # of which the memory is needed
         if vehicle is not None:
@@ -206,19 +210,12 @@ def _require_own(vehicle: Vehicle, flight: Flight) -> None:
 
 
 def _nowhere(message: str, places: Mapping[str, Path]) -> str:
-    """Return the first line of a message with names for the files, which may lie elsewhere the next time."""
+    """Return the first line of a message without paths: the next time the files may lie elsewhere."""
     line = message.splitlines()[0]
     for name, path in places.items():
         for text in (str(path), *[path.name] * bool(path.suffix)):
-            line = line.replace(text, f"{{{name}}}")
-    return line.removeprefix("{log}: ")
-
-
-def _here(reason: str, run: Run) -> str:
-    """Return a reason with the files of a run in it."""
-    for name, place in run.places.items():
-        reason = reason.replace(f"{{{name}}}", Path(str(place)).name)
-    return reason
+            line = line.replace(text, name)
+    return line.removeprefix("LOG: ")
 
 
 @dataclass(frozen=True, eq=False)
@@ -260,29 +257,19 @@ def gathered(reading: Reading, results: Mapping[str, Any], folder: Path) -> LogF
         for flight, one in said.items()
         if flight not in out
     ]
-    believed = {*_kept(folder / DATES, (), DATED)}
-    others = _kept(folder / DATES, anew, DATED)
-    out |= contradictions(
-        (
-            Dated(f, v, *(float(x or "nan") for x in numbers))
-            for f, v, *numbers, _ in [*others, *dates]
-            if numbers[0]
-        ),
-        {row[0] for row in dates if row not in believed},
-    )
+    earlier = dict.fromkeys(_kept(folder / DATES, (), DATED))
+    others = [row for row in earlier if row[0] not in anew]
+    out |= contradictions(_dated([*others, *dates]), {row[0] for row in dates if row not in earlier})
     own = {f: {k: x for k, x in one.items() if k not in NO_CONDITIONS} for f, one in said.items()}
     rows = [
         {"flight": f, **own[f], **dict(zip(FIGURE, figure, strict=True))}
         for f, one in logs.items() if f not in out for figure in one["figures"]
     ]  # fmt: skip
     absent = [(flight, "flight", reason) for flight, reason in sorted(out.items())]
-    absent += [
-        (f, group, _here(reason, reading.runs[f]))
-        for f, one in logs.items() for group, reason in one["absent"].items()
-    ]  # fmt: skip
+    absent += [(f, group, reason) for f, one in logs.items() for group, reason in one["absent"].items()]
     frames = [pd.DataFrame(rows)] if rows else []
-    if (earlier := folder / LOGS).exists():
-        old = read_frame(earlier, ())
+    if (path := folder / LOGS).exists():
+        old = read_frame(path, ())
         frames.insert(0, old[~old["flight"].isin(anew)])
     if not any(map(len, frames)):
         raise StoopError(f"no log gave a figure: {absent[0][0]}: {absent[0][2]}")
@@ -296,6 +283,13 @@ def _date(said: Mapping[str, Any], flight: str, given: bool, content: str) -> tu
     """Return what the store keeps of a flight: when it was by its log, if no table gave its time."""
     dated = ("" if given else str(said.get(name, "")) for name in DATED[2:5])
     return (flight, str(said["vehicle"]), *dated, content)
+
+
+def _dated(dates: Iterable[Sequence[str]]) -> Iterator[Dated]:
+    """Yield what is kept of the flights of which the log tells the time."""
+    for flight, vehicle, *numbers, _ in dates:
+        if numbers[0]:
+            yield Dated(flight, vehicle, *(float(x or "nan") for x in numbers))
 
 
 def _given(flights: Path) -> dict[str, dict[str, Any]]:
@@ -322,7 +316,7 @@ def _unknown(lost: Sequence[str], flight: str, flights: Path | None, there: bool
     if flights is None:
         return f"the log does not tell its {what}; give a table of the flights with --flights"
     why = f"the row of flight {flight} has no {what}" if there else f"has no row of flight {flight}"
-    return f"{flights}: {why}, and its log does not tell it; add {what}"
+    return f"{flights.name}: {why}, and its log does not tell it; add {what}"
 
 
 def _kept(path: Path, anew: Container[str], columns: Sequence[str]) -> list[tuple[str, ...]]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import csv
 import io
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from datetime import UTC, date, datetime
 from itertools import pairwise
@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from stoop.base.arrays import FloatArray
-from stoop.base.text import enumerated
+from stoop.base.numbers import count
 from stoop.base.toml import read_source
 from stoop.errors import StoopError
 
@@ -78,15 +78,14 @@ class Parts:
         """Return a sentence on the vehicles that have no flights in a table, and one on the places that no figure depends on."""
         places = {place for text in set(table.parts) for place in text.split()}
         kinds = (
-            ("no flight is of vehicle", {one.vehicle for one in self.fittings} - {*table.vehicle}),
-            ("no figure depends on place", {*self.places()} - places if places else set[str]()),
+            ("vehicle", "flights", {one.vehicle for one in self.fittings} - {*table.vehicle}),
+            ("place", "figures", {*self.places()} - places if places else set[str]()),
         )
-        return tuple(f"{what} {_few(names)}; correct the name" for what, names in kinds if names)
-
-
-def _few(names: Iterable[str]) -> str:
-    first, rest = sorted(names)[:NAMED], sorted(names)[NAMED:]
-    return enumerated([*first, *[f"{len(rest)} more"] * bool(rest)])
+        return tuple(
+            f"{count(len(names), kind)} without {what} ({', '.join(sorted(names)[:NAMED])}); correct the name"
+            for kind, what, names in kinds
+            if names
+        )
 
 
 def read_parts(path: Path) -> Parts:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -39,14 +39,10 @@ def update_fleet(
         The store.
     sources : sequence of Path or str
         Logs and tables; a table of the name of an earlier one replaces it.
-    vehicle : Path or str, optional
-        Vehicle of the logs: a vehicle file, or the name of a built-in one.
+    vehicle, flights, mapping : Path or str, optional
+        Of the logs: vehicle file or built-in vehicle, table of the flights, and mapping.
     parts : Path or str, optional
         Table of parts; by default the earlier one.
-    flights : Path or str, optional
-        Table of the flights of the logs.
-    mapping : Path or str, optional
-        Of the logs; by default the one beside each, else that of its format.
     alarms_a_year : float, optional
         Rate of false alarms of the whole fleet; by default the earlier one, else 1.
     executor : concurrent.futures.Executor, optional
@@ -67,8 +63,9 @@ def update_fleet(
     run = partial(execute, pool=LocalProcesses() if executor is None else Given(executor))
     name = None if vehicle is None else str(vehicle)
     tables, logs = read_sources(folder, [*map(Path, sources)], run, name, of_columns, of_flights)
-    with updated_with_page(folder, tables, of_parts, alarms_a_year, logs) as update:
-        return update
+    with updated_fleet(folder, tables, of_parts, alarms_a_year, logs) as update:
+        add_page(update)
+    return update
 
 
 def read_sources(
@@ -98,17 +95,7 @@ def read_sources(
     return tables, partial(gathered, reading, results, folder)
 
 
-@contextmanager
-def updated_with_page(
-    folder: Path,
-    tables: Sequence[Path],
-    parts: Path | None,
-    alarms_a_year: float | None,
-    logs: Callable[[], LogFigures] | None,
-    command: str = "",
-) -> Iterator[Update]:
-    """Update a fleet as `updated_fleet` does, its page, which names the command, included."""
-    with updated_fleet(folder, tables, parts, alarms_a_year, logs) as update:
-        page = fleet_page(update.fleet, update.analysis, command)
-        update.files[PAGE] = render_sheet(page.content)
-        yield update
+def add_page(update: Update, command: str = "") -> None:
+    """Add the page, which names the command, to the files of an update."""
+    page = fleet_page(update.fleet, update.analysis, command)
+    update.files[PAGE] = render_sheet(page.content)

@@ -179,10 +179,7 @@ def test_what_is_said_of_a_broken_log_does_not_depend_on_where_it_lies(tmp_path:
     reading = planned(paths[:1])
     said = gathered_absent(reading, results[0][0], tmp_path)
     assert str(tmp_path) not in said
-    assert "{log}" not in said
-    assert (f"as {name}.toml beside it" in said) == name.endswith(".csv"), (
-        "what is to be done is said of this file"
-    )
+    assert ("save the lines below as LOG.toml beside it" in said) == name.endswith(".csv")
 
 
 def gathered_absent(reading: Reading, result: Any, folder: Path) -> str:

@@ -51,8 +51,8 @@ def test_what_fits_no_flight_or_figure_is_named() -> None:
     wrong = [replace(parts.fittings[0], vehicle=f"w{i}") for i in range(7)]
     wrong += [replace(parts.fittings[0], part="rotr_1")]
     assert Parts((*parts.fittings, *wrong)).unused(table) == (
-        "no flight is of vehicle w0, w1, w2, w3, w4 and 2 more; correct the name",
-        "no figure depends on place rotr_1; correct the name",
+        "7 vehicles without flights (w0, w1, w2, w3, w4); correct the name",
+        "1 place without figures (rotr_1); correct the name",
     )
     nowhere = replace(table, parts=("",) * len(table.parts))
     assert parts.unused(nowhere) == (), "such a table names no places"

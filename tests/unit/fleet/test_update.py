@@ -90,8 +90,8 @@ def test_logs_of_no_use_are_told_one_by_one(
     assert "has no row of flight g" in left
     assert not any("log in " in line for line in told)
     assert [line for line in told if line.startswith("parts: ")] == [
-        "parts: no flight is of vehicle c; correct the name in parts.csv",
-        "parts: no figure depends on place batery; correct the name in parts.csv",
+        "parts: 1 vehicle without flights (c); correct the name in parts.csv",
+        "parts: 1 place without figures (batery); correct the name in parts.csv",
     ]
 
 
