@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from stoop.estimate.fit import Options
     from stoop.exporters.jsbsim_autopilot import fly_in_jsbsim
     from stoop.fleet.store import open_fleet
+    from stoop.fleet.update import update_fleet
     from stoop.flight import Flight
     from stoop.flight.load import load as load_flight
     from stoop.flight.load import save as save_flight
@@ -70,6 +71,7 @@ _PLACES = {
     "propagate": "stoop.workflow.propagation",
     **dict.fromkeys(("predict", "validate"), "stoop.workflow.validation"),
     "tune": "stoop.workflow.tuning",
+    "update_fleet": "stoop.fleet.update",
 }
 """Public name -> module; imported on first use, so that ``import stoop`` costs nothing."""
 _OTHER_NAMES = {
@@ -118,6 +120,7 @@ __all__ = [
     "simulate_flight",
     "trim",
     "tune",
+    "update_fleet",
     "validate",
 ]
 

@@ -30,7 +30,8 @@ def test_the_example(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    example, in_python, *queries = blocks("python")
+    example, of_logs, in_python, *queries = blocks("python")
+    compile(of_logs, "fleet.md", "exec")
     subprocess.run([sys.executable, "-c", example], check=True)
     install, command = blocks("text")[0].splitlines()
     assert install == "pip install '.[fleet]'"

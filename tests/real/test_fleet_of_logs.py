@@ -73,7 +73,7 @@ def test_a_log_that_was_read_is_not_read_again_and_a_broken_one_costs_its_row(
     assert main(command(tmp_path, own)) in (0, 3)
     out, err = capfd.readouterr()
     assert "of 4 runs, 3 from before" in err
-    assert "log in 1 flight" in out
+    assert f"not read: {own[3].stem}: " in out
     assert figures(tmp_path).equals(before)
     absent = pd.read_csv(tmp_path / "store" / "absent.csv").set_index(["flight", "group"])
     assert (own[3].stem, "log") in absent.index

@@ -6,13 +6,12 @@ import argparse
 import shlex
 import sys
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from stoop.base.files import make_folder
 from stoop.base.numbers import count
 from stoop.base.text import enumerated, show
 from stoop.cli import options
@@ -21,16 +20,17 @@ from stoop.cli.progress import LiveLine, run_campaign
 from stoop.errors import StoopError
 
 if TYPE_CHECKING:
-    from stoop.fleet.logs import LogFigures
     from stoop.fleet.store import Fleet, ToldAlarm
 
 NEWS: Final = 3  #: exit code where alarms are new
+UNUSABLE: Final = {"log": "not read:", "flight": "left out:"}  #: group -> what became of the flight
+MOST: Final = 10  #: lines for each of these groups
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Update or open a fleet, print its alarms, and return 3 if some are new."""
     from stoop.fleet.parts import moment
-    from stoop.fleet.store import PAGE, open_fleet, updated_fleet
+    from stoop.fleet.store import open_fleet, updated_fleet
 
     since = None if arguments.since is None else moment("--since", arguments.since)
     if (folder := arguments.output) is None:
@@ -44,16 +44,15 @@ def run(arguments: argparse.Namespace) -> int:
         if len(arguments.sources) > 1 or any(given):
             raise StoopError("fleet: logs, tables, parts and a rate go into a store; name its folder with -o")
         return _tell(arguments, open_fleet(arguments.sources[0]), (), since)
-    from stoop.fleet.page import fleet_page
-    from stoop.report.sheet import render_sheet
+    from stoop.fleet.update import add_page, read_sources
 
-    tables, logs = _read(arguments)
+    of_logs = (arguments.vehicle, arguments.mapping, arguments.flights)
+    tables, logs = read_sources(folder, arguments.sources, partial(run_campaign, arguments), *of_logs)
     with ExitStack() as held:
         with LiveLine("looking for changes"):
             words = (folder, tables, arguments.parts, arguments.alarms_a_year, logs)
             update = held.enter_context(updated_fleet(*words))
-            page = fleet_page(update.fleet, update.analysis, options.command_line())
-            update.files[PAGE] = render_sheet(page.content)
+            add_page(update, options.command_line())
         code = _tell(arguments, update.fleet, update.fresh, since, update.absent)
         sys.stdout.flush()  # an alarm is told before the store says so
     return code
@@ -104,27 +103,10 @@ def simulate(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _read(arguments: argparse.Namespace) -> tuple[list[Path], Callable[[], LogFigures] | None]:
-    """Return the tables among the sources, and what gathers the figures of the logs, which have been read."""
-    from stoop.fleet.logs import gathered, is_table, plan, store_of
-
-    paths = [*map(Path, arguments.sources)]
-    tables = [path for path in paths if is_table(path)]
-    logs = [path for path in paths if path not in tables]
-    if not logs:
-        if arguments.flights or arguments.vehicle or arguments.mapping:
-            raise StoopError("fleet: --flights, --vehicle and --mapping are for logs, and no log was named")
-        return tables, None
-    campaign, folder = plan(logs, arguments.vehicle, arguments.mapping), arguments.output
-    make_folder(folder)
-    results = run_campaign(arguments, campaign, store_of(folder))
-    return tables, partial(gathered, campaign, results, arguments.flights, folder)
-
-
 def _print(
     fleet: Fleet, new: Sequence[ToldAlarm], every: bool, absent: Sequence[tuple[str, str, str]], updated: bool
 ) -> None:
-    """Print a line for each alarm, all of them or the new ones, and one for what the logs could not tell."""
+    """Print a line for each alarm, all of them or the new ones, and what the logs could not tell."""
     from stoop.fleet.store import PAGE
 
     out = page()
@@ -138,13 +120,28 @@ def _print(
     if not (every or new):
         out.line(f"no new alarm; {count(len(standing), 'earlier one')}")
     if absent:
-        from stoop.fleet.logs import ABSENT
-
-        groups = Counter(group for _, group, _ in absent)
-        told = ", ".join(f"{group} in {count(n, 'flight')}" for group, n in groups.items())
-        out.line(f"absent: {told} ({fleet.folder / ABSENT} says why)")
+        _print_absent(absent, fleet.folder)
+    for sentence in fleet.parts.unused(fleet.table) if updated else ():
+        out.line(f"parts: {sentence} in parts.csv")
     if (path := fleet.folder / PAGE).exists() or updated:
         out.line(f"page: {path}")
+
+
+def _print_absent(absent: Sequence[tuple[str, str, str]], folder: Path) -> None:
+    """Print the logs that are of no use, with the reasons, and how many flights lack each group of figures."""
+    from stoop.fleet.logs import ABSENT
+
+    out, file = page(), folder / ABSENT
+    for group, what in UNUSABLE.items():
+        own = [f"{what} {flight}: {reason}" for flight, of, reason in absent if of == group]
+        for text in own[:MOST]:
+            out.line(text)
+        if len(own) > MOST:
+            out.line(f"{what} {count(len(own) - MOST, 'more flight')} ({file} says why)")
+    groups = Counter(group for _, group, _ in absent if group not in UNUSABLE)
+    if groups:
+        told = ", ".join(f"{group} in {count(n, 'flight')}" for group, n in groups.items())
+        out.line(f"absent: {told} ({file} says why)")
 
 
 def line(alarm: ToldAlarm) -> str:

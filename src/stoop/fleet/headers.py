@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Container, Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Final
@@ -18,7 +18,6 @@ import numpy as np
 from stoop.errors import StoopError
 from stoop.fleet.parts import day, moment
 from stoop.logs import Recording
-from stoop.logs.recording import increasing
 
 CLOCKS: Final = frozenset({"vehicle_gps_position", "sensor_gps", "GPS"})  #: streams that tell the date
 BOARD: Final = re.compile(r"^\S.*((?: [0-9A-F]{8}){3})$", re.MULTILINE)  #: ArduPilot's line of the board
@@ -100,8 +99,12 @@ def _zeros(recording: Recording) -> Iterator[float]:
                 yield start - begin
 
 
-def contradictions(flights: Iterable[Dated]) -> dict[str, str]:
-    """Return the flights whose logs contradict each other about vehicle and time, with the reason of each."""
+def contradictions(flights: Iterable[Dated], fresh: Container[str]) -> dict[str, str]:
+    """Return the fresh flights whose logs contradict others about vehicle and time, with the reason of each.
+
+    Other flights are believed. A clock that was not set shows too early a date: the count is above that of the next flight,
+    while none before is. Of a count that was reset, the flight before is above the next one, too.
+    """
     of_vehicle: dict[str, list[Dated]] = defaultdict(list)
     for one in flights:
         of_vehicle[one.vehicle].append(one)
@@ -117,11 +120,11 @@ def contradictions(flights: Iterable[Dated]) -> dict[str, str]:
                         f"{vehicle} flies in {that.flight}, too, at this time; name the vehicles in --flights"
                     )
         counted = [one for one in own if np.isfinite(one.count) and one.flight not in out]
-        counts = np.array([one.count for one in counted])
-        ordered = increasing(counts + np.arange(len(counts)) / (len(counts) + 1.0))  # equal ones: one start
-        for i in np.setdiff1d(np.arange(len(counts)), ordered).tolist():
+        counts = np.array([-np.inf, *(one.count for one in counted), np.nan])
+        before, count, after = counts[:-2], counts[1:-1], counts[2:]
+        for i in np.flatnonzero((count > after) & (before <= after)).tolist():
             out[counted[i].flight] = (
-                f"dated {day(counted[i].begin)}, which its count of starts or flights ({counts[i]:g}) contradicts; "
+                f"dated {day(counted[i].begin)}, which its count of starts or flights ({count[i]:g}) contradicts; "
                 "write its time in --flights"
             )
-    return out
+    return {flight: reason for flight, reason in out.items() if flight in fresh}

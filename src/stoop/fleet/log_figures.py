@@ -26,7 +26,7 @@ from stoop.performance.effectiveness import Balance, block_means, hover_commands
 from stoop.performance.polar import DISC, Propulsion, blocks, fit_polar
 from stoop.reconstruction.compatibility import Finding, check
 from stoop.results.result import ParameterEstimate
-from stoop.vehicle import Vehicle
+from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.workflow.identification import identify
 
 INSTRUMENTS: Final = {
@@ -191,7 +191,7 @@ def parameters(flight: Flight, vehicle: Vehicle | None) -> Iterator[FlightFigure
 
 @dataclass(frozen=True)
 class LevelFlight:
-    """An airplane in level flight at its airspeed of reference, SI."""
+    """An airplane in level flight at the lift coefficient that its vehicle file has at the airspeed of reference, SI."""
 
     mass: float
     area: float
@@ -204,7 +204,11 @@ def _level_flight(vehicle: Vehicle | None) -> LevelFlight:
         raise FlightError("no airplane was given")
     mass, area, speed = (vehicle.value(n) for n in ("mass.mass", "reference.area", "reference.airspeed"))
     pressure = 0.5 * vehicle.value("environment.density", SEA_LEVEL_DENSITY) * speed**2
-    return LevelFlight(mass, area, speed, mass * STANDARD_GRAVITY / (pressure * area))
+    usual = parse_vehicle(vehicle.text, vehicle.where).value(
+        "mass.mass"
+    )  # one lift coefficient for all flights
+    coefficient = usual * STANDARD_GRAVITY / (pressure * area)
+    return LevelFlight(mass, area, speed * (mass / usual) ** 0.5, coefficient)
 
 
 def _means(flight: Flight, names: Sequence[str], where: BoolArray, block: float) -> FloatArray:

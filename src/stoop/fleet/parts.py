@@ -14,16 +14,21 @@ from dataclasses import dataclass
 from datetime import UTC, date, datetime
 from itertools import pairwise
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from stoop.base.arrays import FloatArray
+from stoop.base.numbers import count
 from stoop.base.toml import read_source
 from stoop.errors import StoopError
 
+if TYPE_CHECKING:
+    from stoop.fleet.table import FigureTable
+
 COLUMNS: Final = ("vehicle", "part", "serial", "from", "to")
 MAX_BYTES: Final = 2**26
+NAMED: Final = 5  #: names in a line
 
 
 @dataclass(frozen=True)
@@ -68,6 +73,19 @@ class Parts:
         own = [one for one in self.fittings if one.vehicle == vehicle]
         pairs = [(one, other) for one, other in pairwise(own) if one.part == other.part]
         return tuple(sorted(pairs, key=lambda pair: (pair[1].begin, pair[1].part)))
+
+    def unused(self, table: FigureTable) -> tuple[str, ...]:
+        """Return a sentence on the vehicles that have no flights in a table, and one on the places that no figure depends on."""
+        places = {place for text in set(table.parts) for place in text.split()}
+        kinds = (
+            ("vehicle", "flights", {one.vehicle for one in self.fittings} - {*table.vehicle}),
+            ("place", "figures", {*self.places()} - places if places else set[str]()),
+        )
+        return tuple(
+            f"{count(len(names), kind)} without {what} ({', '.join(sorted(names)[:NAMED])}); correct the name"
+            for kind, what, names in kinds
+            if names
+        )
 
 
 def read_parts(path: Path) -> Parts:

@@ -194,7 +194,7 @@ def updated_fleet(
     with only_writer(folder):
         read = None if logs is None else logs()
         new |= {} if read is None else {LOGS: read.table}
-        earlier, _, told = _state(folder) if (folder / STATE).exists() else (RATE, 0.0, ())
+        earlier, told = earlier_state(folder)
         rate = alarms_a_year or earlier
         kept = [path for path in _partitions(folder) if f"{FIGURES}/{path.name}" not in new]
         files: dict[str, bytes | str] = {name: _parquet(one) for name, one in new.items()}
@@ -232,6 +232,14 @@ def _merged(
 def document(alarm: ToldAlarm) -> dict[str, Any]:
     """Return an alarm as JSON holds it."""
     return {**vars(alarm), "causes": [vars(cause) for cause in alarm.causes]}
+
+
+def earlier_state(folder: Path) -> tuple[float, tuple[ToldAlarm, ...]]:
+    """Return rate and alarms of the fleet in a folder, or of a new one; `StoopError` as of `open_fleet`."""
+    if not (folder / STATE).exists():
+        return RATE, ()
+    rate, _, told = _state(folder)
+    return rate, told
 
 
 def _state(folder: Path) -> tuple[float, float, tuple[ToldAlarm, ...]]:

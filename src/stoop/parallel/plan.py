@@ -7,7 +7,7 @@ import hashlib
 import json
 from collections import Counter
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, TypeAlias
 
 from stoop.errors import CampaignError
@@ -73,16 +73,21 @@ class Run:
     #: where on its way the run ends (generations, say). Runs that differ in nothing but this share their prefix: they are
     #: computed together, once.
     stop: int | None = None
+    #: further arguments, which say where inputs lie; the result does not depend on them
+    places: Mapping[str, Json] = field(default_factory=dict)
 
     @functools.cached_property
     def text(self) -> str:
-        """The arguments as canonical text."""
-        return to_text(dict(self.arguments), f"run {self.key}: arguments")
+        """The arguments, places included, as canonical text."""
+        return self._text({**self.arguments, **self.places})
 
     @functools.cached_property
     def identity(self) -> str:
         """Hash of everything that determines the result."""
-        return hashlib.sha256(f"{self.work}\n{self.text}\n{self.stop}".encode()).hexdigest()
+        return hashlib.sha256(f"{self.work}\n{self._text(self.arguments)}\n{self.stop}".encode()).hexdigest()
+
+    def _text(self, arguments: Mapping[str, Json]) -> str:
+        return to_text(dict(arguments), f"run {self.key}: arguments")
 
 
 @dataclass(frozen=True)

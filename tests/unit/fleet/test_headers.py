@@ -55,24 +55,40 @@ def dated(name: str, begin: float, count: float = np.nan, vehicle: str = "v", la
 
 
 def test_two_vehicles_under_one_serial_fly_at_once() -> None:
-    found = contradictions(
-        [dated("a", 0.0), dated("b", 300.0), dated("c", 900.0), dated("d", 0.0, vehicle="w")]
-    )
+    own = [dated("a", 0.0), dated("b", 300.0), dated("c", 900.0), dated("d", 0.0, vehicle="w")]
+    found = contradictions(own, "abcd")
     assert set(found) == {"a", "b"}
     assert found["a"] == "v flies in b, too, at this time; name the vehicles in --flights"
+    assert contradictions(own, "bcd") == {"b": found["b"]}, "an earlier flight is believed"
 
 
 def test_a_clock_that_ran_backwards_is_told_by_the_count_of_flights() -> None:
     own = [dated("a", 0.0, 10.0), dated("b", 1000.0, 11.0), dated("c", 2000.0, 11.0), dated("d", -9e8, 12.0)]
     own += [dated("e", 4000.0, 13.0), dated("f", 5000.0)]
-    found = contradictions(own)
+    found = contradictions(own, "abcdef")
     assert set(found) == {"d"}
     assert "dated 1997-11-22" in found["d"]
+    assert not contradictions(own, "abcef"), "an earlier flight is believed"
+
+
+@pytest.mark.parametrize(
+    ("counts", "out"),
+    [
+        ([100, 101, 102, 103, 104, 1, 2, 3], []),
+        ([100, 101, 1], []),  # the first flight after it
+        ([1, 2, 3, 1, 2, 3, 1, 1], []),
+        ([3, 4, 1, 2, 9, 3, 4, 5], [4]),  # a reset, and a flight between the others
+        ([9, 1, 2, 3], [0]),  # with a single flight before, a wrong date is likelier
+    ],
+)
+def test_a_count_that_was_reset_contradicts_no_date(counts: list[float], out: list[int]) -> None:
+    own = [dated(str(i), 1000.0 * i, count) for i, count in enumerate(counts)]
+    assert set(contradictions(own, {one.flight for one in own})) == set(map(str, out))
 
 
 @given(st.permutations(range(8)), st.integers(0, 7))
 def test_the_order_of_the_logs_does_not_matter(order: list[int], back: int) -> None:
     own = [dated(str(i), 1000.0 * (i if i != back else -9), float(i)) for i in range(8)]
-    found = contradictions([own[i] for i in order])
-    assert found == contradictions(own)
+    found = contradictions([own[i] for i in order], "01234567")
+    assert found == contradictions(own, "01234567")
     assert len(found) == (back != 0)

@@ -94,13 +94,13 @@ def test_the_prior_of_an_instrument_error_is_taken_off(monkeypatch: pytest.Monke
 MASS, AREA, SPEED, DENSITY = 189.40, 2.8667, 35.0, 1.20165  #: of the built-in airplane
 
 
-def glide(rng: np.random.Generator, noise: float = 0.02) -> Flight:
+def glide(rng: np.random.Generator, noise: float = 0.02, mass: float = MASS) -> Flight:
     """Return a glide at a load factor of one, its polar and its trims known, the motor off."""
     time = np.arange(0.0, 300.0, 1.0 / RATE)
     V = SPEED + 4.0 * np.sin(0.05 * time)
     pressure_area = 0.5 * DENSITY * V**2 * AREA
-    CL = MASS * 9.80665 / pressure_area
-    falling = (0.05 + 0.06 * CL**2) * pressure_area / (MASS * 9.80665) * V
+    CL = mass * 9.80665 / pressure_area
+    falling = (0.05 + 0.06 * CL**2) * pressure_area / (mass * 9.80665) * V
     energy = 3000.0 - np.concatenate([[0.0], np.cumsum(0.5 * (falling[1:] + falling[:-1])) / RATE])
     alpha = -0.08 + CL / 4.8
     ratio = 9.80665 * MASS / (0.5 * DENSITY * SPEED**2 * AREA)
@@ -135,6 +135,18 @@ def test_the_drag_coefficient_is_that_of_level_flight_at_the_airspeed_of_referen
     assert one.value == pytest.approx(0.05 + 0.06 * level**2, rel=0.01)
     assert one.std_error < 0.05 * one.value
     assert one.parts == "pitot vanes"
+
+
+def test_a_flight_of_another_mass_has_the_same_drag_and_trims_at_the_same_lift_coefficient() -> None:
+    flight = glide(np.random.default_rng(0), 0.002, 1.3 * MASS)
+    vehicle = builtin_vehicle("twin-boom").with_numbers({"mass.mass": {"value": 1.3 * MASS}})
+    level = MASS * 9.80665 / (0.5 * DENSITY * SPEED**2 * AREA)
+    found = {
+        one.name: one.value for group in ("drag", "trims") for one in GROUPS[group].evaluate(flight, vehicle)
+    }
+    assert found["drag.CD"] == pytest.approx(0.05 + 0.06 * level**2, rel=0.01)
+    assert found["trim.alpha"] == pytest.approx(-0.08 + level / 4.8, abs=0.002)
+    assert found["trim.elevator"] == pytest.approx(0.01, abs=0.002)
 
 
 def test_a_rougher_ride_is_a_larger_vibration() -> None:

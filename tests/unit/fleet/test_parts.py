@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
 import pytest
+from unit.fleet.made_up import fleet
 
 from stoop.errors import StoopError
 from stoop.fleet.parts import Parts, read_parts
@@ -41,6 +43,19 @@ def test_a_part_moves_between_vehicles(tmp_path: Path) -> None:
     ]
     assert [(one.part, one.serial) for _, one in parts.exchanges("A")] == [("rotor_1", "P2")]
     assert parts.exchanges("B") == ()
+
+
+def test_what_fits_no_flight_or_figure_is_named() -> None:
+    table, parts = fleet()
+    assert parts.unused(table) == ()
+    wrong = [replace(parts.fittings[0], vehicle=f"w{i}") for i in range(7)]
+    wrong += [replace(parts.fittings[0], part="rotr_1")]
+    assert Parts((*parts.fittings, *wrong)).unused(table) == (
+        "7 vehicles without flights (w0, w1, w2, w3, w4); correct the name",
+        "1 place without figures (rotr_1); correct the name",
+    )
+    nowhere = replace(table, parts=("",) * len(table.parts))
+    assert parts.unused(nowhere) == (), "such a table names no places"
 
 
 @pytest.mark.parametrize(

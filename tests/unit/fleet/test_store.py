@@ -197,7 +197,8 @@ def test_a_nightly_job(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> No
     figures, parts = write(tmp_path, WORN)
     command = ["fleet", str(figures), "--output", str(tmp_path / "store")]
     assert main([*command, "--parts", str(parts), "--alarms-a-year", "0.1"]) == 3
-    head, told, page = capsys.readouterr().out.splitlines()
+    head, told, unused, page = capsys.readouterr().out.splitlines()
+    assert unused == "parts: 5 vehicles without flights (v0, v4, v5, v6, v7); correct the name in parts.csv"
     assert head == "3 vehicles, 84 flights, 2 figures; 0.1 false alarms a year"
     assert page == f"page: {tmp_path / 'store' / 'fleet.html'}"
     assert told.startswith("v3 thrust: step of -0.1")

@@ -25,6 +25,12 @@ def test_order_of_arguments_does_not_matter() -> None:
     assert a.identity != Run("a", "m:f", {"x": 1.0, "y": 2}).identity
 
 
+def test_places_of_inputs_are_arguments_and_no_part_of_the_identity() -> None:
+    a, b = (Run("a", "m:f", {"content": 1}, places={"log": place}) for place in ("x", "y"))
+    assert a.text == '{"content":1,"log":"x"}'
+    assert a.identity == b.identity == Run("a", "m:f", {"content": 1}).identity
+
+
 @pytest.mark.parametrize(
     ("name", "keys", "what"),
     [("p", "aba", "two runs have the key a"), ("p", ["", "b"], "cannot be"), ("p", ["a\n"], "cannot"), ("", "a", "name")],
