@@ -2,38 +2,110 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
-from itertools import groupby
+from dataclasses import dataclass
+from itertools import pairwise
 from typing import Final
 
 import numpy as np
-from markupsafe import Markup, escape
+from markupsafe import Markup
 
 from stoop.assessment.covariance import NORMAL_95
 from stoop.base.arrays import FloatArray
 from stoop.base.numbers import NOTHING, count, number, rounded_to_error
-from stoop.fleet.analysis import Alarm, FigureModel, FleetAnalysis
-from stoop.fleet.parts import Parts, day
+from stoop.fleet.analysis import VEHICLE, Alarm, FigureModel, FleetAnalysis
+from stoop.fleet.causes import SOFTWARE
+from stoop.fleet.parts import Fitting, Parts, day
 from stoop.fleet.store import Fleet, ToldAlarm, shown_unit
 from stoop.fleet.table import FigureTable
 from stoop.report.series import spanning
-from stoop.report.sheet import Code, Legend, Page, Panel, Panels, Prose, Section, Sheet, Table
+from stoop.report.sheet import Code, Details, Legend, Page, Panel, Panels, Prose, Section, Sheet, Table
 from stoop.report.svg import Scale, drawing, element
 
 WIDTH, HEIGHT, MARGIN, LABEL = 300.0, 124.0, 6.0, 14.0
 MOST: Final = 300  #: points of a panel; of more flights means of neighbors are shown
 POINTS, FEWEST = 200_000, 20  #: of all panels, about; of a panel in any case
 NAMED: Final = 7.0  #: px for a letter of a part's serial
+STRIP, GAP = 5.0, 1.5  #: px, of a place below the panel
+HUES: Final = 8  #: colors of parts, `.hue0` and so on of the style sheet
+OPENED, NEAR = (
+    200,
+    5,
+)  #: alarms that show their flights, the newest; flights before and after beginning and alarm
+OUTLYING: Final = 20  #: levels in the table, at most
 #: vehicle, figure and first flight of a change -> its name in the page
 Places = Mapping[tuple[str, str, str], str]
-HEAD: Final = ("vehicle", "figure", "change", "since when, and why")
+HEAD: Final = ("vehicle", "figure", "change (95 %)", "since when, and why")
+FLIGHTS: Final = ("flight", "day", "value (95 %)", "software")
+UNLIKE: Final = ("vehicle", "part", "figure", "difference (95 %)")
 LEGEND: Final = (
     ("swatch fleet-point", "a flight"), ("swatch fan-most", "what 95 % of the flights lie in"),
-    ("swatch edgekey", "a change began"), ("swatch fleet-part", "a part, with its serial; the next one is white"),
+    ("swatch edgekey", "a change began"), ("swatch fleet-part", "parts, and below the software"),
 )  # fmt: skip
 READ: Final = """\
 Each panel has the flights of the vehicle side by side, in order of time; values are those at the mean conditions of the fleet. \
-The line is the level of the vehicle with the changes that were found."""
+The line is the level of the vehicle with the changes that were found. Each part has its color, one of eight, in all panels: \
+behind the flights that in the first place on which the figure depends, in strips below those in its other places in order, and \
+last the software."""
+APART: Final = """\
+Levels that differ from the mean of the fleet by more than vehicles, or parts in this place, differ from each other by chance; \
+changes that were found are taken off."""
+
+
+@dataclass(frozen=True)
+class Span:
+    """Flights of a vehicle, from one to before another, with one part in a place, or with one software."""
+
+    name: str  #: serial or version
+    told: str  #: with place and days, which a pointer shows and the filter finds
+    hue: int
+    first: int
+    end: int
+
+
+@dataclass(frozen=True, eq=False)
+class Marks:
+    """What marks panels: changes, the fittings of each vehicle, and a color for each kind and serial of a part."""
+
+    places: Places
+    fittings: Mapping[str, Sequence[Fitting]]
+    hues: Mapping[tuple[str, str], int]
+
+    @classmethod
+    def of(cls, fleet: Fleet, found: FleetAnalysis) -> Marks:
+        """Return the marks of a fleet; parts that are next to each other in the table differ in color."""
+        places = {(one.vehicle, one.figure, one.began): f"change-{i}" for i, one in enumerate(found.alarms)}
+        own, named = defaultdict(list), dict[tuple[str, str], None]()
+        for one in fleet.parts.fittings:
+            own[one.vehicle].append(one)
+            named[one.kind, one.serial] = None
+        named |= {(SOFTWARE, version): None for version in sorted(set(fleet.table.software))}
+        return cls(places, own, {key: i % HUES for i, key in enumerate(named)})
+
+    def fitted(self, rows: FigureTable, place: str) -> Iterator[Span]:
+        """Yield the spans of the parts in a place, of the rows of one vehicle."""
+        for one in self.fittings.get(rows.vehicle[0], ()):
+            if one.part == place:
+                first, end = rows.time.searchsorted([one.begin, one.end]).tolist()
+                if first < end:
+                    yield self._span(rows, place, (one.kind, one.serial), first, end)
+
+    def spans(self, rows: FigureTable) -> dict[str, list[Span]]:
+        """Return the spans in each place on which the figure depends, and last those of the software."""
+        places = dict.fromkeys(" ".join(dict.fromkeys(rows.parts)).split())
+        updates = [k for k, pair in enumerate(pairwise(rows.software), 1) if pair[0] != pair[1]]
+        flown = [
+            self._span(rows, SOFTWARE, (SOFTWARE, rows.software[first]), first, end)
+            for first, end in pairwise([0, *updates, len(rows.software)])
+            if rows.software[first]
+        ]
+        parts = {place: list(self.fitted(rows, place)) for place in places if place != SOFTWARE}
+        return {**parts, SOFTWARE: flown}
+
+    def _span(self, rows: FigureTable, place: str, key: tuple[str, str], first: int, end: int) -> Span:
+        told = f"{place}: {key[1]}, {_ends(rows.time[first:end])}"
+        return Span(key[1], told, self.hues[key], first, end)
 
 
 def fleet_page(fleet: Fleet, found: FleetAnalysis, command: str = "") -> Page:
@@ -44,13 +116,16 @@ def fleet_page(fleet: Fleet, found: FleetAnalysis, command: str = "") -> Page:
         f"{fleet.extent()}. {count(len(found.alarms), 'change')} found; of a fleet in which nothing changes "
         f"{fleet.alarms_a_year:g} a year would be told."
     )
-    places = {(one.vehicle, one.figure, one.began): f"change-{i}" for i, one in enumerate(found.alarms)}
-    sections = [Section("Alarms", tuple(_tables(fleet.alarms, places)))]
+    marks = Marks.of(fleet, found)
+    sections = [Section("Alarms", tuple(_tables(fleet, found, marks.places)))]
+    if unlike := tuple(_unlike(found, marks)):
+        table = Table("", UNLIKE, unlike, ("",) * len(UNLIKE), ("told",) * len(unlike))
+        sections.append(Section("Unlike the fleet", (Prose(APART, muted=True), table)))
     most = POINTS // max(sum(len(one.sequences) for one in found.figures.values()), 1)
     key: tuple[Prose | Legend, ...] = (Prose(READ, muted=True), Legend(LEGEND))
     for name in vehicles:
         shown = MOST if name in accused else min(max(most, FEWEST), MOST)
-        panels = Panels([*_panels(name, found, fleet.parts, places, shown)])
+        panels = Panels([*_panels(name, found, marks, shown)])
         sections.append(Section(name, (*key, panels), folded=name not in accused))
         key = ()
     if command:
@@ -58,40 +133,103 @@ def fleet_page(fleet: Fleet, found: FleetAnalysis, command: str = "") -> Page:
     return Page(Sheet("What changed in the fleet", lead, tuple(sections), "fleet", script="fleet.js"))
 
 
-def _tables(alarms: Sequence[ToldAlarm], places: Places) -> Iterator[Table | Prose]:
+def _interval(value: float, error: float) -> str:
+    """Return a value with its 95 % interval, to the second digit of its standard error."""
+    ends = (value, value - NORMAL_95 * error, value + NORMAL_95 * error)
+    return "{} ({} to {})".format(*(rounded_to_error(one, error)[0] for one in ends))
+
+
+def _tables(fleet: Fleet, found: FleetAnalysis, places: Places) -> Iterator[Table | Prose]:
+    newest = set(sorted(fleet.alarms, key=lambda one: one.found_time)[-OPENED:])
     for caption, withdrawn in (("Standing", False), ("Withdrawn: later flights no longer show them", True)):
-        own = tuple(_row(one, places) for one in alarms if one.withdrawn is withdrawn)
+        own = tuple(
+            _row(one, places, _flights(one, found, fleet.parts) if one in newest else None)
+            for one in fleet.alarms
+            if one.withdrawn is withdrawn
+        )
         if own:
-            yield Table(caption, HEAD, own, kinds=("", "", "", "wrap fold"))
+            yield Table(caption, HEAD, own, ("", "", "", "wrap fold"), ("told",) * len(own))
         elif not withdrawn:
             yield Prose("None.")
 
 
-def _row(one: ToldAlarm, places: Places) -> tuple[str, ...]:
-    """Return the cells of an alarm, with a link to its change in the panel of the figure."""
-    size, error = rounded_to_error(one.size, one.std_error)
-    since: str = escape(f"since {one.since}")
+def _row(one: ToldAlarm, places: Places, flights: Table | None) -> tuple[str | Details, ...]:
+    """Return the cells of an alarm, which opens its flights, with a link to its change in the panel of the figure."""
+    figure = one.figure
     if not one.withdrawn and (place := places.get((one.vehicle, one.figure, one.began))):
-        since = Markup('<a href="#{}">{}</a>').format(place, since)
-    why = Markup("{}, found in {}: {}").format(since, one.found, one.explanation or NOTHING)
-    return one.vehicle, one.figure, f"{size} ± {error}{one.per}", why
+        figure = Markup('<a href="#{}">{}</a>').format(place, figure)
+    why = Markup("since {} (<time>{}</time>), found in {}: {}").format(
+        one.began, day(one.began_time), one.found, one.explanation or NOTHING
+    )
+    shown = why if flights is None else Details(why, (flights,))
+    return one.vehicle, figure, f"{_interval(one.size, one.std_error)}{one.per}", shown
 
 
-def _panels(vehicle: str, found: FleetAnalysis, parts: Parts, places: Places, most: int) -> Iterator[Panel]:
+def _flights(one: ToldAlarm, found: FleetAnalysis, parts: Parts) -> Table | None:
+    """Return the flights near the beginning and the alarm, the others counted; None where the tables no longer have them."""
+    figure = found.figures.get(one.figure)
+    rows, readings = figure.sequences.get(one.vehicle, (None, None)) if figure else (None, None)
+    if figure is None or rows is None or readings is None or not {one.began, one.found} <= {*rows.flight}:
+        return None
+    began, alarm = rows.flight.index(one.began), rows.flight.index(one.found)
+    near = {*range(began - NEAR, began + NEAR), *range(alarm - NEAR + 1, alarm + NEAR + 1)}
+    values = readings.values + figure.model.coefficients[0]
+    place = one.causes[0].place
+    serials = parts.serials(place, rows.vehicle, rows.time)
+    lines: list[tuple[str, ...]] = [(*FLIGHTS, place, "change")]
+    for before, k in pairwise([-1, *sorted(near & {*range(len(values))}), len(values)]):
+        if k - before > 1:
+            lines.append((count(k - before - 1, "more flight"), *[""] * len(FLIGHTS), ""))
+        if k < len(values):
+            marks = ", ".join(["began"] * (k == began) + ["found"] * (k == alarm))
+            value = _interval(float(values[k]), float(rows.std_error[k]))
+            lines.append(
+                (rows.flight[k], str(day(rows.time[k])), value, rows.software[k], serials[k] or "", marks)
+            )
+    head, *body = zip(*(column for column in zip(*lines, strict=True) if any(column[1:])), strict=True)
+    caption = f"{one.figure}{shown_unit(rows.unit[-1])} at the mean conditions of the fleet"
+    return Table(caption, head, tuple(body), ("",) * len(head))
+
+
+def _unlike(found: FleetAnalysis, marks: Marks) -> Iterator[tuple[str, ...]]:
+    """Yield a row for each vehicle, or part with the vehicle that flew it last, that differs from the others, clearest first."""
+    every = [(figure, one) for figure in found.figures.values() for one in figure.outliers]
+    for figure, one in sorted(every, key=lambda pair: -abs(pair[1].ratio))[:OUTLYING]:
+        own = figure.sequences
+        flown = sorted(
+            (rows.time[span.end - 1], span.name, vehicle)
+            for vehicle, (rows, _) in own.items()
+            for span in marks.fitted(rows, one.group)
+        )
+        last = {serial: vehicle for _, serial, vehicle in flown}
+        name = sorted(own if one.group == VEHICLE else last)[one.level]
+        where = (name, NOTHING) if one.group == VEHICLE else (last[name], f"{one.group}: {name}")
+        difference = _interval(one.difference, one.error) + shown_unit(figure.rows.unit[-1])
+        yield *where, figure.rows.figure[0], difference
+
+
+def _panels(vehicle: str, found: FleetAnalysis, marks: Marks, most: int) -> Iterator[Panel]:
     for name, figure in found.figures.items():
         if vehicle in figure.sequences:
             own = [one for one in found.alarms if (one.vehicle, one.figure) == (vehicle, name)]
-            drawn = _drawn(figure, vehicle, own, parts, places, most)
             rows = figure.sequences[vehicle][0]
-            yield Panel(name, drawn, unit=shown_unit(rows.unit[-1]).strip(), note=_ends(rows))
+            spans = marks.spans(rows)
+            drawn = _drawn(figure, vehicle, own, marks.places, [*spans.values()], most)
+            unit, places = shown_unit(rows.unit[-1]).strip(), ", ".join([*spans][:-1])
+            yield Panel(name, drawn, unit, places, _ends(rows.time))
 
 
-def _ends(rows: FigureTable) -> str:
-    return f"{day(rows.time[0])} to {day(rows.time[-1])}"
+def _ends(time: FloatArray) -> str:
+    return f"{day(time[0])} to {day(time[-1])}"
 
 
 def _drawn(
-    figure: FigureModel, vehicle: str, alarms: Sequence[Alarm], parts: Parts, places: Places, most: int
+    figure: FigureModel,
+    vehicle: str,
+    alarms: Sequence[Alarm],
+    places: Places,
+    spans: Sequence[Sequence[Span]],
+    most: int,
 ) -> Markup:
     rows, readings = figure.sequences[vehicle]
     values = readings.values + figure.model.coefficients[0]
@@ -101,39 +239,41 @@ def _drawn(
     reach = NORMAL_95 * readings.deviations
     x = Scale(-0.5, len(values) - 0.5, MARGIN, WIDTH - MARGIN)
     y = Scale(*spanning([values, level + reach, level - reach], 0.04), HEIGHT - LABEL, LABEL)
-    drawn = list(_spans(rows, vehicle, parts, x))
+    # of spans, what is narrower than a point is left out
+    wide = [[one for one in own if (one.end - one.first) * most >= len(values)] for own in spans]
+    behind, strips = wide[: len(wide) > 1], [own for own in wide[len(wide) > 1 :] if own]
+    drawn = [mark for own in behind for mark in _strip(own, x, 0.0, HEIGHT, "fleet-span")]
     at, middle, half, shown = _thinned(np.array([np.arange(float(len(values))), level, reach, values]), most)
     around, edges = np.append(at, at[::-1]), np.append(middle + half, (middle - half)[::-1])
     drawn.append(element("path", d=f"M{' '.join(_points(x, y, around, edges))}Z", class_="fleet-band"))
     drawn.append(element("path", d=f"M{' '.join(_points(x, y, at, middle))}", class_="fleet-level"))
     dots = "".join(f"M{point}h0" for point in _points(x, y, at, shown))
     drawn.append(element("path", d=dots, class_="fleet-points"))
+    height = HEIGHT
+    for own in strips:
+        drawn += _strip(own, x, height + GAP, STRIP, "fleet-strip")
+        height += GAP + STRIP
     for one in alarms:
-        place = x.at(one.change.first - 0.5)
+        place, began = x.at(one.change.first - 0.5), str(day(rows.time[one.change.first]))
         name = places[vehicle, one.figure, one.began]
-        drawn.append(element("line", x1=place, x2=place, y1=0.0, y2=HEIGHT, class_="edge", id=name))
+        drawn.append(
+            element("line", x1=place, x2=place, y1=0.0, y2=height, class_="edge", id=name, data_began=began)
+        )
     for value, line in ((y.high, 9.0), (y.low, HEIGHT - 3.0)):  # above and below the flights
         drawn.append(element("text", number(value), x=MARGIN, y=line, class_="tick"))
     return drawing(
-        WIDTH, HEIGHT, f"{rows.figure[0]} of {vehicle} over {count(len(values), 'flight')}.", drawn
+        WIDTH, height, f"{rows.figure[0]} of {vehicle} over {count(len(values), 'flight')}.", drawn
     )
 
 
-def _spans(rows: FigureTable, vehicle: str, parts: Parts, x: Scale) -> Iterator[Markup]:
-    """Yield the stretches of flights with one part, every second one colored; of a figure of one place only."""
-    places = sorted({place for text in set(rows.parts) for place in text.split()})
-    if len(places) != 1:
-        return
-    serials = parts.serials(places[0], [vehicle] * len(rows.flight), rows.time)
-    begin = 0
-    for k, (serial, group) in enumerate(groupby(serials)):
-        end = begin + len(list(group))
-        left, right = x.at(begin - 0.5), x.at(end - 0.5)
-        if serial and k % 2 == 0:
-            yield element("rect", x=left, y=0.0, width=right - left, height=HEIGHT, class_="fleet-span")
-        if serial and right - left > NAMED * len(serial):
-            yield element("text", serial, x=right - 4.0, y=9.0, class_="tick end part")
-        begin = end
+def _strip(spans: Sequence[Span], x: Scale, top: float, height: float, kind: str) -> Iterator[Markup]:
+    """Yield spans in their colors, with their names where there is room."""
+    for one in spans:
+        left, right = x.at(one.first - 0.5), x.at(one.end - 0.5)
+        color, told = f"{kind} hue{one.hue}", element("title", one.told)
+        yield element("rect", told, x=left, y=top, width=right - left, height=height, class_=color)
+        if height > LABEL and right - left > NAMED * len(one.name):
+            yield element("text", one.name, x=right - 4.0, y=9.0, class_="tick end")
 
 
 def _thinned(rows: FloatArray, most: int) -> FloatArray:
