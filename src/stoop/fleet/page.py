@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import groupby, pairwise
 from typing import Final
 
 import numpy as np
@@ -14,7 +13,7 @@ from markupsafe import Markup
 from stoop.assessment.covariance import NORMAL_95
 from stoop.base.arrays import FloatArray
 from stoop.base.numbers import NOTHING, count, number, rounded_to_error
-from stoop.fleet.analysis import VEHICLE, Alarm, FigureModel, FleetAnalysis
+from stoop.fleet.analysis import Alarm, FigureModel, FleetAnalysis
 from stoop.fleet.causes import SOFTWARE
 from stoop.fleet.parts import Fitting, Parts, day
 from stoop.fleet.store import Fleet, ToldAlarm, shown_unit
@@ -29,13 +28,14 @@ POINTS, FEWEST = 200_000, 20  #: of all panels, about; of a panel in any case
 NAMED: Final = 7.0  #: px for a letter of a part's serial
 STRIP, GAP = 5.0, 1.5  #: px, of a place below the panel
 HUES: Final = 8  #: colors of parts, `.hue0` and so on of the style sheet
-OPENED, NEAR = (
-    200,
-    5,
-)  #: alarms that show their flights, the newest; flights before and after beginning and alarm
+OPENED, NEAR = 200, 5  #: newest alarms that show their flights; flights before and after its beginning
 OUTLYING: Final = 20  #: levels in the table, at most
 #: vehicle, figure and first flight of a change -> its name in the page
 Places = Mapping[tuple[str, str, str], str]
+#: serial or version, with place and days, color, first flight, and that after the last
+Span = tuple[str, str, int, int, int]
+#: by place, in the order in which the figure depends on them, and last the software
+Spans = dict[str, list[Span]]
 HEAD: Final = ("vehicle", "figure", "change (95 %)", "since when, and why")
 FLIGHTS: Final = ("flight", "day", "value (95 %)", "software")
 UNLIKE: Final = ("vehicle", "part", "figure", "difference (95 %)")
@@ -45,23 +45,11 @@ LEGEND: Final = (
 )  # fmt: skip
 READ: Final = """\
 Each panel has the flights of the vehicle side by side, in order of time; values are those at the mean conditions of the fleet. \
-The line is the level of the vehicle with the changes that were found. Each part has its color, one of eight, in all panels: \
-behind the flights that in the first place on which the figure depends, in strips below those in its other places in order, and \
-last the software."""
+The line is the level of the vehicle with the changes that were found. A part has one of eight colors, the same in all panels: \
+that in the first place on which the figure depends stands behind the flights, its other places below, and last the software."""
 APART: Final = """\
-Levels that differ from the mean of the fleet by more than vehicles, or parts in this place, differ from each other by chance; \
-changes that were found are taken off."""
-
-
-@dataclass(frozen=True)
-class Span:
-    """Flights of a vehicle, from one to before another, with one part in a place, or with one software."""
-
-    name: str  #: serial or version
-    told: str  #: with place and days, which a pointer shows and the filter finds
-    hue: int
-    first: int
-    end: int
+These differ from the mean of the fleet by more than vehicles, or parts in this place, differ by chance; changes that were found \
+are taken off."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,36 +64,26 @@ class Marks:
     def of(cls, fleet: Fleet, found: FleetAnalysis) -> Marks:
         """Return the marks of a fleet; parts that are next to each other in the table differ in color."""
         places = {(one.vehicle, one.figure, one.began): f"change-{i}" for i, one in enumerate(found.alarms)}
-        own, named = defaultdict(list), dict[tuple[str, str], None]()
-        for one in fleet.parts.fittings:
-            own[one.vehicle].append(one)
-            named[one.kind, one.serial] = None
-        named |= {(SOFTWARE, version): None for version in sorted(set(fleet.table.software))}
+        fittings = fleet.parts.fittings
+        own = {vehicle: list(group) for vehicle, group in groupby(fittings, lambda one: one.vehicle)}
+        named = dict.fromkeys((one.kind, one.serial) for one in fittings)
+        named |= dict.fromkeys((SOFTWARE, version) for version in sorted(set(fleet.table.software)))
         return cls(places, own, {key: i % HUES for i, key in enumerate(named)})
 
-    def fitted(self, rows: FigureTable, place: str) -> Iterator[Span]:
-        """Yield the spans of the parts in a place, of the rows of one vehicle."""
+    def spans(self, rows: FigureTable, most: int) -> Spans:
+        """Return the spans of a vehicle, those narrower than one of `most` points left out."""
+        places, count = " ".join(dict.fromkeys(rows.parts)).split(), len(rows.flight)
+        out: Spans = {place: [] for place in [*(one for one in places if one != SOFTWARE), SOFTWARE]}
+        updates = [k for k, (before, after) in enumerate(pairwise(rows.software), 1) if before != after]
+        found = [(SOFTWARE, SOFTWARE, rows.software[k], k, end) for k, end in pairwise([0, *updates, count])]
         for one in self.fittings.get(rows.vehicle[0], ()):
-            if one.part == place:
-                first, end = rows.time.searchsorted([one.begin, one.end]).tolist()
-                if first < end:
-                    yield self._span(rows, place, (one.kind, one.serial), first, end)
-
-    def spans(self, rows: FigureTable) -> dict[str, list[Span]]:
-        """Return the spans in each place on which the figure depends, and last those of the software."""
-        places = dict.fromkeys(" ".join(dict.fromkeys(rows.parts)).split())
-        updates = [k for k, pair in enumerate(pairwise(rows.software), 1) if pair[0] != pair[1]]
-        flown = [
-            self._span(rows, SOFTWARE, (SOFTWARE, rows.software[first]), first, end)
-            for first, end in pairwise([0, *updates, len(rows.software)])
-            if rows.software[first]
-        ]
-        parts = {place: list(self.fitted(rows, place)) for place in places if place != SOFTWARE}
-        return {**parts, SOFTWARE: flown}
-
-    def _span(self, rows: FigureTable, place: str, key: tuple[str, str], first: int, end: int) -> Span:
-        told = f"{place}: {key[1]}, {_ends(rows.time[first:end])}"
-        return Span(key[1], told, self.hues[key], first, end)
+            first, end = rows.time.searchsorted([one.begin, one.end]).tolist()
+            found.append((one.part, one.kind, one.serial, first, end))
+        for place, kind, name, first, end in found:
+            if place in out and name and (end - first) * most >= count:
+                told = f"{place}: {name}, {_ends(rows.time[first:end])}"
+                out[place].append((name, told, self.hues[kind, name], first, end))
+        return out
 
 
 def fleet_page(fleet: Fleet, found: FleetAnalysis, command: str = "") -> Page:
@@ -118,7 +96,7 @@ def fleet_page(fleet: Fleet, found: FleetAnalysis, command: str = "") -> Page:
     )
     marks = Marks.of(fleet, found)
     sections = [Section("Alarms", tuple(_tables(fleet, found, marks.places)))]
-    if unlike := tuple(_unlike(found, marks)):
+    if unlike := tuple(_unlike(found, fleet.parts)):
         table = Table("", UNLIKE, unlike, ("",) * len(UNLIKE), ("told",) * len(unlike))
         sections.append(Section("Unlike the fleet", (Prose(APART, muted=True), table)))
     most = POINTS // max(sum(len(one.sequences) for one in found.figures.values()), 1)
@@ -140,13 +118,11 @@ def _interval(value: float, error: float) -> str:
 
 
 def _tables(fleet: Fleet, found: FleetAnalysis, places: Places) -> Iterator[Table | Prose]:
-    newest = set(sorted(fleet.alarms, key=lambda one: one.found_time)[-OPENED:])
+    newest = sorted(fleet.alarms, key=lambda one: one.found_time)[-OPENED:]
+    flights = {one: _flights(one, found, fleet.parts) for one in newest}
     for caption, withdrawn in (("Standing", False), ("Withdrawn: later flights no longer show them", True)):
-        own = tuple(
-            _row(one, places, _flights(one, found, fleet.parts) if one in newest else None)
-            for one in fleet.alarms
-            if one.withdrawn is withdrawn
-        )
+        listed = [one for one in fleet.alarms if one.withdrawn is withdrawn]
+        own = tuple(_row(one, places, flights.get(one)) for one in listed)
         if own:
             yield Table(caption, HEAD, own, ("", "", "", "wrap fold"), ("told",) * len(own))
         elif not withdrawn:
@@ -167,82 +143,70 @@ def _row(one: ToldAlarm, places: Places, flights: Table | None) -> tuple[str | D
 
 def _flights(one: ToldAlarm, found: FleetAnalysis, parts: Parts) -> Table | None:
     """Return the flights near the beginning and the alarm, the others counted; None where the tables no longer have them."""
-    figure = found.figures.get(one.figure)
-    rows, readings = figure.sequences.get(one.vehicle, (None, None)) if figure else (None, None)
-    if figure is None or rows is None or readings is None or not {one.began, one.found} <= {*rows.flight}:
+    try:
+        figure = found.figures[one.figure]
+        rows, readings = figure.sequences[one.vehicle]
+        began, alarm = map(rows.flight.index, (one.began, one.found))
+    except (KeyError, ValueError):
         return None
-    began, alarm = rows.flight.index(one.began), rows.flight.index(one.found)
     near = {*range(began - NEAR, began + NEAR), *range(alarm - NEAR + 1, alarm + NEAR + 1)}
-    values = readings.values + figure.model.coefficients[0]
-    place = one.causes[0].place
+    values, place = readings.values + figure.model.coefficients[0], one.causes[0].place
     serials = parts.serials(place, rows.vehicle, rows.time)
     lines: list[tuple[str, ...]] = [(*FLIGHTS, place, "change")]
     for before, k in pairwise([-1, *sorted(near & {*range(len(values))}), len(values)]):
         if k - before > 1:
             lines.append((count(k - before - 1, "more flight"), *[""] * len(FLIGHTS), ""))
         if k < len(values):
-            marks = ", ".join(["began"] * (k == began) + ["found"] * (k == alarm))
-            value = _interval(float(values[k]), float(rows.std_error[k]))
-            lines.append(
-                (rows.flight[k], str(day(rows.time[k])), value, rows.software[k], serials[k] or "", marks)
-            )
+            value = _interval(values[k], rows.std_error[k]) + shown_unit(rows.unit[k])
+            change = ", ".join(["began"] * (k == began) + ["found"] * (k == alarm))
+            told = str(day(rows.time[k])), value, rows.software[k], serials[k] or "", change
+            lines.append((rows.flight[k], *told))
     head, *body = zip(*(column for column in zip(*lines, strict=True) if any(column[1:])), strict=True)
-    caption = f"{one.figure}{shown_unit(rows.unit[-1])} at the mean conditions of the fleet"
-    return Table(caption, head, tuple(body), ("",) * len(head))
+    caption = f"{one.figure} at the mean conditions of the fleet"
+    kinds = tuple("" if any(line[1:]) else "unsure" for line in body)
+    return Table(caption, head, tuple(body), ("",) * len(head), kinds)
 
 
-def _unlike(found: FleetAnalysis, marks: Marks) -> Iterator[tuple[str, ...]]:
-    """Yield a row for each vehicle, or part with the vehicle that flew it last, that differs from the others, clearest first."""
-    every = [(figure, one) for figure in found.figures.values() for one in figure.outliers]
-    for figure, one in sorted(every, key=lambda pair: -abs(pair[1].ratio))[:OUTLYING]:
-        own = figure.sequences
-        flown = sorted(
-            (rows.time[span.end - 1], span.name, vehicle)
-            for vehicle, (rows, _) in own.items()
-            for span in marks.fitted(rows, one.group)
-        )
-        last = {serial: vehicle for _, serial, vehicle in flown}
-        name = sorted(own if one.group == VEHICLE else last)[one.level]
-        where = (name, NOTHING) if one.group == VEHICLE else (last[name], f"{one.group}: {name}")
-        difference = _interval(one.difference, one.error) + shown_unit(figure.rows.unit[-1])
-        yield *where, figure.rows.figure[0], difference
+def _unlike(found: FleetAnalysis, parts: Parts) -> Iterator[tuple[str, ...]]:
+    """Yield a row for each level unlike the others, the clearest first; a part with the vehicle that flew it last."""
+    every = [
+        (one, figure.rows, int(np.flatnonzero(own)[-1]))  # the last columns are the levels, see `with_apart`
+        for figure in found.figures.values()
+        for one, own in zip(figure.outliers[::-1], figure.model.design.fixed.T[::-1], strict=False)
+    ]
+    for one, rows, k in sorted(every, key=lambda level: -abs(level[0].ratio))[:OUTLYING]:
+        (serial,) = parts.serials(one.group, [rows.vehicle[k]], rows.time[k : k + 1])
+        part = f"{one.group}: {serial}" if serial else NOTHING
+        difference = _interval(one.difference, one.error) + shown_unit(rows.unit[-1])
+        yield rows.vehicle[k], part, rows.figure[k], difference
 
 
 def _panels(vehicle: str, found: FleetAnalysis, marks: Marks, most: int) -> Iterator[Panel]:
     for name, figure in found.figures.items():
         if vehicle in figure.sequences:
-            own = [one for one in found.alarms if (one.vehicle, one.figure) == (vehicle, name)]
+            alarms = (one for one in found.alarms if (one.vehicle, one.figure) == (vehicle, name))
+            own = {marks.places[vehicle, name, one.began]: one for one in alarms}
             rows = figure.sequences[vehicle][0]
-            spans = marks.spans(rows)
-            drawn = _drawn(figure, vehicle, own, marks.places, [*spans.values()], most)
-            unit, places = shown_unit(rows.unit[-1]).strip(), ", ".join([*spans][:-1])
-            yield Panel(name, drawn, unit, places, _ends(rows.time))
+            spans = marks.spans(rows, most)
+            drawn, unit = _drawn(figure, vehicle, own, spans, most), shown_unit(rows.unit[-1]).strip()
+            yield Panel(name, drawn, unit, ", ".join([*spans][:-1]), _ends(rows.time))
 
 
 def _ends(time: FloatArray) -> str:
     return f"{day(time[0])} to {day(time[-1])}"
 
 
-def _drawn(
-    figure: FigureModel,
-    vehicle: str,
-    alarms: Sequence[Alarm],
-    places: Places,
-    spans: Sequence[Sequence[Span]],
-    most: int,
-) -> Markup:
+def _drawn(figure: FigureModel, vehicle: str, alarms: Mapping[str, Alarm], spans: Spans, most: int) -> Markup:
     rows, readings = figure.sequences[vehicle]
     values = readings.values + figure.model.coefficients[0]
-    course = sum((one.change.course(readings.times) for one in alarms), np.zeros(len(values)))
+    course = sum((one.change.course(readings.times) for one in alarms.values()), np.zeros(len(values)))
     weights = readings.deviations**-2.0
     level = course + weights @ (values - course) / weights.sum()
     reach = NORMAL_95 * readings.deviations
     x = Scale(-0.5, len(values) - 0.5, MARGIN, WIDTH - MARGIN)
     y = Scale(*spanning([values, level + reach, level - reach], 0.04), HEIGHT - LABEL, LABEL)
-    # of spans, what is narrower than a point is left out
-    wide = [[one for one in own if (one.end - one.first) * most >= len(values)] for own in spans]
-    behind, strips = wide[: len(wide) > 1], [own for own in wide[len(wide) > 1 :] if own]
-    drawn = [mark for own in behind for mark in _strip(own, x, 0.0, HEIGHT, "fleet-span")]
+    *places, software = spans.values()
+    drawn = [mark for own in places[:1] for mark in _strip(own, x, 0.0, HEIGHT, "fleet-span")]
     at, middle, half, shown = _thinned(np.array([np.arange(float(len(values))), level, reach, values]), most)
     around, edges = np.append(at, at[::-1]), np.append(middle + half, (middle - half)[::-1])
     drawn.append(element("path", d=f"M{' '.join(_points(x, y, around, edges))}Z", class_="fleet-band"))
@@ -250,15 +214,13 @@ def _drawn(
     dots = "".join(f"M{point}h0" for point in _points(x, y, at, shown))
     drawn.append(element("path", d=dots, class_="fleet-points"))
     height = HEIGHT
-    for own in strips:
+    for own in filter(None, [*places[1:], software]):
         drawn += _strip(own, x, height + GAP, STRIP, "fleet-strip")
         height += GAP + STRIP
-    for one in alarms:
+    for name, one in alarms.items():
         place, began = x.at(one.change.first - 0.5), str(day(rows.time[one.change.first]))
-        name = places[vehicle, one.figure, one.began]
-        drawn.append(
-            element("line", x1=place, x2=place, y1=0.0, y2=height, class_="edge", id=name, data_began=began)
-        )
+        told = {"class_": "edge", "id": name, "data_began": began}
+        drawn.append(element("line", x1=place, x2=place, y1=0.0, y2=height, **told))
     for value, line in ((y.high, 9.0), (y.low, HEIGHT - 3.0)):  # above and below the flights
         drawn.append(element("text", number(value), x=MARGIN, y=line, class_="tick"))
     return drawing(
@@ -268,12 +230,12 @@ def _drawn(
 
 def _strip(spans: Sequence[Span], x: Scale, top: float, height: float, kind: str) -> Iterator[Markup]:
     """Yield spans in their colors, with their names where there is room."""
-    for one in spans:
-        left, right = x.at(one.first - 0.5), x.at(one.end - 0.5)
-        color, told = f"{kind} hue{one.hue}", element("title", one.told)
-        yield element("rect", told, x=left, y=top, width=right - left, height=height, class_=color)
-        if height > LABEL and right - left > NAMED * len(one.name):
-            yield element("text", one.name, x=right - 4.0, y=9.0, class_="tick end")
+    for name, told, hue, first, end in spans:
+        left, right, color = x.at(first - 0.5), x.at(end - 0.5), f"{kind} hue{hue}"
+        box = {"x": left, "y": top, "width": right - left, "height": height}
+        yield element("rect", element("title", told), **box, class_=color)
+        if height > LABEL and right - left > NAMED * len(name):
+            yield element("text", name, x=right - 4.0, y=9.0, class_="tick end")
 
 
 def _thinned(rows: FloatArray, most: int) -> FloatArray:

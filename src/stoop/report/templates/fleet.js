@@ -20,8 +20,8 @@
       one.node.hidden = (dated && !one.begun.some(late)) || !wanted.every(word => own().includes(word));
       return !one.node.hidden;
     };
-    const listed = rows.filter(one => shows(one, one.begun.length, () => one.text ??= texts(one.node, "th, td"))).length;
     const dated = alarms.checked || since.value, found = [];
+    const listed = rows.filter(one => shows(one, dated, () => one.text ??= texts(one.node, "th, td"))).length;
     let shown = 0;
     for (const {block, panels, title} of vehicles) {
       const own = panels.filter(one => shows(one, dated, () => one.text ??= title + " " + texts(one.node, ".title, .score, title")));
