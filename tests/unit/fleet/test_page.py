@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -13,18 +14,26 @@ from unit.fleet.made_up import EXCHANGED, FLIGHTS, changed, fleet
 from stoop.fleet import page as of_page
 from stoop.fleet.analysis import FleetAnalysis, analyze
 from stoop.fleet.mixed_model import Outlier, indices
-from stoop.fleet.page import HUES, MOST, NEAR, _thinned, fleet_page
+from stoop.fleet.page import HUES, MOST, NEAR, Marks, _thinned, fleet_page
 from stoop.fleet.parts import Fitting, Parts, day
 from stoop.fleet.store import Fleet, ToldAlarm
 from stoop.fleet.table import FigureTable
 from stoop.report.sheet import render_sheet
 
 
+@cache
+def exchanged() -> tuple[FigureTable, Parts, FleetAnalysis, ToldAlarm]:
+    """Return a fleet with a weak new part, its analysis, and the alarm."""
+    table, parts = fleet()
+    worn = changed(table, "thrust", EXCHANGED, -0.15)
+    found = analyze(worn, parts, 0.1)
+    (alarm,) = (ToldAlarm.of(one, worn) for one in found.alarms)
+    return worn, parts, found, alarm
+
+
 def page(table: FigureTable, parts: Parts) -> str:
     found = analyze(table, parts, 0.1)
-    alarms = tuple(ToldAlarm.of(one, table) for one in found.alarms)
-    withdrawn = tuple(replace(one, figure="drag", withdrawn=True) for one in alarms)
-    return rendered(table, parts, found, alarms + withdrawn)
+    return rendered(table, parts, found, tuple(ToldAlarm.of(one, table) for one in found.alarms))
 
 
 def rendered(
@@ -53,8 +62,8 @@ def spans(html: str, vehicle: str, figure: str) -> dict[str, int]:
 
 
 def test_alarms_come_first_and_their_vehicles_are_open() -> None:
-    table, parts = fleet()
-    html = page(changed(table, "thrust", EXCHANGED, -0.15), parts)
+    worn, parts, found, alarm = exchanged()
+    html = rendered(worn, parts, found, (alarm, replace(alarm, figure="drag", withdrawn=True)))
     assert html.index("rotor_1: v3b for v3a") < html.index("Withdrawn") < html.index('id="v3"')
     assert html.index('id="v3"') < html.index('id="v0"')
     assert html.count("<svg") == 2 * 8
@@ -81,10 +90,7 @@ def test_figures_are_shown_in_their_units() -> None:
 
 def test_an_alarm_opens_the_flights_around_it() -> None:
     """Five before it began to five after it was found, the others counted; a withdrawn one, too, as long as they are there."""
-    table, parts = fleet()
-    worn = changed(table, "thrust", EXCHANGED, -0.15)
-    found = analyze(worn, parts, 0.1)
-    (alarm,) = (ToldAlarm.of(one, worn) for one in found.alarms)
+    worn, parts, found, alarm = exchanged()
     assert (alarm.began, alarm.found) == ("v3-20", "v3-20")
     late = replace(alarm, found="v3-40", withdrawn=True)
     gone = replace(alarm, found="v3-99", withdrawn=True)
@@ -114,10 +120,7 @@ def test_an_alarm_opens_the_flights_around_it() -> None:
 
 
 def test_the_newest_alarms_open_their_flights(monkeypatch: pytest.MonkeyPatch) -> None:
-    table, parts = fleet()
-    worn = changed(table, "thrust", EXCHANGED, -0.15)
-    found = analyze(worn, parts, 0.1)
-    (alarm,) = (ToldAlarm.of(one, worn) for one in found.alarms)
+    worn, parts, found, alarm = exchanged()
     several = tuple(replace(alarm, found=f"v3-{k}", found_time=float(k)) for k in range(EXCHANGED, 30))
     monkeypatch.setattr(of_page, "OPENED", 3)
     shown = opened(rendered(worn, parts, found, several))
@@ -129,10 +132,7 @@ def test_the_newest_alarms_open_their_flights(monkeypatch: pytest.MonkeyPatch) -
 
 
 def test_the_change_has_its_interval() -> None:
-    table, parts = fleet()
-    worn = changed(table, "thrust", EXCHANGED, -0.15)
-    found = analyze(worn, parts, 0.1)
-    (alarm,) = (ToldAlarm.of(one, worn) for one in found.alarms)
+    worn, parts, found, alarm = exchanged()
     known = replace(alarm, size=-0.15, std_error=0.02, unit="N")
     assert "<td>−0.150 (−0.189 to −0.111) N</td>" in rendered(worn, parts, found, (known,))
 
@@ -159,12 +159,17 @@ def test_a_part_has_one_color_wherever_it_is() -> None:
 
 
 def test_what_is_narrower_than_a_point_is_left_out() -> None:
-    n = 10 * MOST
+    n, most = 40, 4
     texts = {"flight": [f"f{i}" for i in range(n)], "vehicle": ["a"] * n, "figure": ["drag"] * n}
-    texts["software"] = ["1", "2"] * (n // 4) + ["3"] * (n // 2)
-    numbers = {"time": 86400.0 * np.arange(n), "value": np.cos(np.arange(n)), "std_error": np.ones(n)}
-    html = page(FigureTable.of_columns(texts, numbers, {}), Parts())
-    assert list(spans(html, "a", "drag")) == ["software: 3"]
+    texts |= {"software": ["1", "2"] * (n // 4) + ["3"] * (n // 2), "parts": ["pitot"] * n}
+    numbers = {"time": np.arange(float(n)), "value": np.ones(n), "std_error": np.ones(n)}
+    fittings = [Fitting("a", "pitot", "A", -np.inf, 10.0), Fitting("a", "pitot", "B", 10.0, 19.0)]
+    hues = {("software", "3"): 0, ("pitot", "A"): 1}
+    found = Marks({}, {"a": fittings}, hues).spans(FigureTable.of_columns(texts, numbers, {}), most)
+    assert [[(span[0], *span[2:]) for span in own] for own in found.values()] == [
+        [("A", 1, 0, 10)], [("3", 0, 20, 40)],
+    ]  # fmt: skip
+    assert list(found) == ["pitot", "software"]
 
 
 def test_what_is_unlike_the_fleet_is_told() -> None:
@@ -185,7 +190,8 @@ def test_what_is_unlike_the_fleet_is_told() -> None:
     apart = replace(thrust, model=model, outliers=(Outlier("rotor_1", level, -0.2, 0.01, -9.0),))
     html = rendered(far, parts, replace(found, figures={"thrust": apart}))
     assert ["v2", "rotor_1: v2b", "thrust", "−0.200 (−0.220 to −0.180)"] in cells(html)
-    assert "Unlike the fleet" not in page(table, parts)
+    worn, parts, found, _ = exchanged()
+    assert "Unlike the fleet" not in rendered(worn, parts, found)
 
 
 def test_names_are_text() -> None:
