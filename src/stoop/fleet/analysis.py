@@ -55,7 +55,8 @@ class Alarm:
 class FigureModel:
     """A figure over the fleet: the mixed model, what differs from the others, and for each vehicle its rows and readings.
 
-    The first coefficients of the model are those of `fixed`: empty for the mean, levels of software, conditions.
+    The first coefficients of the model are those of `fixed`: empty for the mean, levels of software, conditions; `software` has
+    the level of each version that is not of level zero.
     """
 
     rows: FigureTable
@@ -63,10 +64,17 @@ class FigureModel:
     outliers: tuple[Outlier, ...]
     sequences: Mapping[str, tuple[FigureTable, Readings]]
     fixed: tuple[str | int, ...]
+    software: Mapping[str, int]
 
-    def step(self, before: int, after: int) -> tuple[float, float]:
-        """Return the step from one level of the software to another, and its standard error."""
-        contrast = np.array([float(one == after) - float(one == before) for one in self.fixed])
+    def mean(self, software: Sequence[str]) -> FloatArray:
+        """Return the mean of the fleet (n,) with these versions, at mean conditions."""
+        known = dict(zip(self.fixed, self.model.coefficients.tolist(), strict=False))
+        return np.array([known[""] + known.get(self.software.get(one, 0), 0.0) for one in software])
+
+    def step(self, before: str, after: str) -> tuple[float, float]:
+        """Return the step from one version to another, and its standard error."""
+        levels = [self.software.get(one, 0) for one in (before, after)]
+        contrast = np.array([float(one == levels[1]) - float(one == levels[0]) for one in self.fixed])
         own = slice(len(contrast))
         variance = contrast @ self.model.covariance[own, own] @ contrast
         return float(contrast @ self.model.coefficients[own]), float(np.sqrt(variance))
@@ -120,11 +128,7 @@ def analyze(table: FigureTable, parts: Parts, alarms_a_year: float = 1.0, seed: 
             }
             for name, one in models.items()
         }
-    alarms = [
-        _of_update(name, models[name], step, versions[name])
-        for name, several in updates.items()
-        for step in several
-    ]
+    alarms = [_of_update(name, models[name], step) for name, several in updates.items() for step in several]
     alarms += [
         alarm
         for name, by_vehicle in found.items()
@@ -168,7 +172,7 @@ def figure_model(
         own_rows = rows.rows(which)
         onsets = Stretch(own_rows, readings).onsets([*events(own_rows, parts, vehicle)])
         sequences[vehicle] = own_rows, replace(readings, onsets=onsets)
-    return FigureModel(rows, model, outliers, sequences, tuple(columns))
+    return FigureModel(rows, model, outliers, sequences, tuple(columns), software)
 
 
 def _fixed(rows: FigureTable, software: Mapping[str, int]) -> dict[str | int, FloatArray]:
@@ -225,9 +229,9 @@ def _alarms(
         own, begin, before = own.since(replace(change, first=change.first - begin)), change.first, change
 
 
-def _of_update(name: str, figure: FigureModel, step: CommonStep, levels: Mapping[str, int]) -> Alarm:
+def _of_update(name: str, figure: FigureModel, step: CommonStep) -> Alarm:
     """Return what an update changed, its size beside the conditions and the changes of vehicles."""
-    size, error = figure.step(levels[step.before], levels[step.after])
+    size, error = figure.step(step.before, step.after)
     first, found = np.searchsorted(figure.rows.time, [step.began, step.found]).tolist()
     change = Change("step", first, found, size, max(error, step.error), (step.size / step.error) ** 2)
     flights = (figure.rows.flight[first], figure.rows.flight[found])

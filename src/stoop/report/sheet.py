@@ -102,7 +102,8 @@ class Table:
     template: ClassVar = "table"
     caption: str
     head: tuple[str, ...]  #: one per column
-    rows: tuple[tuple[str, ...], ...]  #: each as long as the head; the first cell names the row
+    #: each as long as the head; the first cell names the row; one may be opened
+    rows: tuple[tuple[str | Details, ...], ...]
     kinds: tuple[str, ...] = ()  #: class of each column ("n": flush right); by default as its cells look
     row_kinds: tuple[str, ...] = ()  #: class of each row, if any
     label: str = "Table"  #: for who cannot see it, where there is no caption
@@ -110,7 +111,7 @@ class Table:
     @property
     def numeric(self) -> tuple[bool, ...]:
         """Whether each column holds numbers, nothing but dashes between them."""
-        columns = [[row[i] for row in self.rows if row[i] not in EMPTY] for i in range(len(self.head))]
+        columns = [[cell for cell in cells if cell not in EMPTY] for cells in self._columns]
         return tuple(
             bool(cells) and all(NUMERIC.match(cell) and not WORD.search(cell) for cell in cells)
             for cells in columns
@@ -119,8 +120,12 @@ class Table:
     @property
     def wraps(self) -> tuple[bool, ...]:
         """Whether each column holds text so long that it may go on in further lines."""
-        longest = [max((len(row[i]) for row in self.rows), default=0) for i in range(len(self.head))]
-        return tuple(n > MAX_UNWRAPPED for n in longest)
+        return tuple(max(map(len, cells), default=0) > MAX_UNWRAPPED for cells in self._columns)
+
+    @property
+    def _columns(self) -> list[list[str]]:
+        rows = [[one.summary if isinstance(one, Details) else one for one in row] for row in self.rows]
+        return [[row[i] for row in rows] for i in range(len(self.head))]
 
     @property
     def classes(self) -> tuple[str, ...]:

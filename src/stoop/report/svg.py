@@ -30,7 +30,7 @@ class Scale:
 def element(name: str, content: str = "", **attributes: str | float) -> Markup:
     """Return one element; numbers are rounded, text is escaped, ``class_`` is class, ``_`` is ``-``."""
     written = "".join(
-        f' {key.rstrip("_").replace("_", "-")}="{escape(_short(value))}"' for key, value in attributes.items()
+        f' {key.rstrip("_").replace("_", "-")}="{_short(value)}"' for key, value in attributes.items()
     )
     if not content and name != "text":
         return Markup(f"<{name}{written}/>")  # noqa: S704 (values are escaped)
@@ -45,4 +45,5 @@ def drawing(width: float, height: float, description: str, parts: Sequence[Marku
 
 
 def _short(value: str | float) -> str:
-    return value if isinstance(value, str) else f"{value:.2f}".rstrip("0").rstrip(".")
+    """Return a number rounded, a text escaped."""
+    return escape(value) if isinstance(value, str) else f"{value:.2f}".rstrip("0").rstrip(".")

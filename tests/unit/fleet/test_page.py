@@ -2,38 +2,76 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pytest
-from unit.fleet.made_up import EXCHANGED, changed, fleet
+from unit.fleet.made_up import EXCHANGED, FLIGHTS, changed, fleet
 
-from stoop.fleet.analysis import analyze
-from stoop.fleet.page import MOST, _thinned, fleet_page
-from stoop.fleet.parts import Parts
+from stoop.fleet import page as of_page
+from stoop.fleet.analysis import FleetAnalysis, analyze
+from stoop.fleet.mixed_model import Outlier, indices
+from stoop.fleet.page import HUES, MOST, NEAR, Marks, _thinned, fleet_page
+from stoop.fleet.parts import Fitting, Parts, day
 from stoop.fleet.store import Fleet, ToldAlarm
 from stoop.fleet.table import FigureTable
 from stoop.report.sheet import render_sheet
 
 
+@cache
+def exchanged() -> tuple[FigureTable, Parts, FleetAnalysis, ToldAlarm]:
+    """Return a fleet with a weak new part, its analysis, and the alarm."""
+    table, parts = fleet()
+    worn = changed(table, "thrust", EXCHANGED, -0.15)
+    found = analyze(worn, parts, 0.1)
+    (alarm,) = (ToldAlarm.of(one, worn.of(one.figure).unit[-1]) for one in found.alarms)
+    return worn, parts, found, alarm
+
+
 def page(table: FigureTable, parts: Parts) -> str:
     found = analyze(table, parts, 0.1)
-    alarms = tuple(ToldAlarm.of(one, table.of(one.figure).unit[-1]) for one in found.alarms)
-    withdrawn = tuple(replace(one, figure="drag", withdrawn=True) for one in alarms)
-    one = Fleet(Path("store"), table, parts, 0.1, found.threshold, alarms + withdrawn)
+    return rendered(
+        table, parts, found, tuple(ToldAlarm.of(one, table.of(one.figure).unit[-1]) for one in found.alarms)
+    )
+
+
+def rendered(
+    table: FigureTable, parts: Parts, found: FleetAnalysis, alarms: tuple[ToldAlarm, ...] = ()
+) -> str:
+    one = Fleet(Path("store"), table, parts, 0.1, found.threshold, alarms)
     return render_sheet(fleet_page(one, found, "stoop fleet x.csv").content)
 
 
+def cells(html: str) -> list[list[str]]:
+    """Return the texts of the rows of a table."""
+    rows = re.findall(r"<tr[^>]*>(.*?)</tr>", html, re.DOTALL)
+    return [re.findall(r"<t[hd][^>]*>(.*?)</t[hd]>", row) for row in rows]
+
+
+def opened(html: str) -> list[list[list[str]]]:
+    """Return the rows of flights that each alarm opens."""
+    return [cells(one) for one in re.findall(r"<details>(.*?)</details>", html, re.DOTALL)]
+
+
+def spans(html: str, vehicle: str, figure: str) -> dict[str, int]:
+    """Return the color of each part and software in a panel."""
+    panel = html[html.index(f"{figure} of {vehicle} over") :]
+    found = re.findall(r"hue(\d)\"><title>(.*?), ", panel[: panel.index("</svg>")])
+    return {name: int(hue) for hue, name in found}
+
+
 def test_alarms_come_first_and_their_vehicles_are_open() -> None:
-    table, parts = fleet()
-    html = page(changed(table, "thrust", EXCHANGED, -0.15), parts)
+    worn, parts, found, alarm = exchanged()
+    html = rendered(worn, parts, found, (alarm, replace(alarm, figure="drag", withdrawn=True)))
     assert html.index("rotor_1: v3b for v3a") < html.index("Withdrawn") < html.index('id="v3"')
     assert html.index('id="v3"') < html.index('id="v0"')
     assert html.count("<svg") == 2 * 8
     assert html.count('class="edge"') == 1, "the change of v3"
     assert "v3a</text>" in html, "serials of the part"
-    assert html.count('<a href="#change-0">since v3-20') == 1, "an alarm leads to its panel"
+    assert html.count('<a href="#change-0">thrust</a>') == 1, "an alarm leads to its panel"
     assert html.count('id="change-0"') == 1
     assert "alarms only" in html
 
@@ -52,13 +90,126 @@ def test_figures_are_shown_in_their_units() -> None:
     assert " N</td>" in html
 
 
+def test_an_alarm_opens_the_flights_around_it() -> None:
+    """Five before it began to five after it was found, the others counted; a withdrawn one, too, as long as they are there."""
+    worn, parts, found, alarm = exchanged()
+    assert (alarm.began, alarm.found) == ("v3-20", "v3-20")
+    late = replace(alarm, found="v3-40", withdrawn=True)
+    gone = replace(alarm, found="v3-99", withdrawn=True)
+    html = rendered(worn, parts, found, (alarm, late, gone))
+    (head, first, *rows, last), whole = opened(html)
+    assert head == ["flight", "day", "value (95 %)", "software", "rotor_1", "change"]
+    assert first == [f"{EXCHANGED - NEAR} more flights", *[""] * 5]
+    assert last == [f"{FLIGHTS - EXCHANGED - NEAR - 1} more flights", *[""] * 5]
+    own = worn.of("thrust").rows(np.array([v == "v3" for v in worn.of("thrust").vehicle]))
+    numbers = range(EXCHANGED - NEAR, EXCHANGED + NEAR + 1)
+    assert [row[0] for row in rows] == [f"v3-{k}" for k in numbers]
+    assert [row[1] for row in rows] == [str(day(own.time[k])) for k in numbers]
+    assert [row[3:] for row in rows] == [
+        ["1.0", "v3a" if k < EXCHANGED else "v3b", "began, found" if k == EXCHANGED else ""] for k in numbers
+    ]
+    for k, row in zip(numbers, rows, strict=True):
+        value, low, high = map(float, re.findall(r"[\d.]+", row[2]))
+        assert 0.5 * (high - low) == pytest.approx(1.96 * own.std_error[k], abs=0.002)
+        assert 0.5 * (high + low) == pytest.approx(value, abs=0.002)
+        assert abs(value - own.value[k]) < 0.05, "but for the season"
+    assert [row[0] for row in whole if "more" in row[0]] == [
+        "15 more flights",
+        "11 more flights",
+        "4 more flights",
+    ]
+    assert len(whole) == 1 + 4 * NEAR + 3
+
+
+def test_the_newest_alarms_open_their_flights(monkeypatch: pytest.MonkeyPatch) -> None:
+    worn, parts, found, alarm = exchanged()
+    several = tuple(replace(alarm, found=f"v3-{k}", found_time=float(k)) for k in range(EXCHANGED, 30))
+    monkeypatch.setattr(of_page, "OPENED", 3)
+    shown = opened(rendered(worn, parts, found, several))
+    assert [next(row[0] for row in rows if "found" in row[-1]) for rows in shown] == [
+        "v3-27",
+        "v3-28",
+        "v3-29",
+    ]
+
+
+def test_the_change_has_its_interval() -> None:
+    worn, parts, found, alarm = exchanged()
+    known = replace(alarm, size=-0.15, std_error=0.02, unit="N")
+    assert "<td>−0.150 (−0.189 to −0.111) N</td>" in rendered(worn, parts, found, (known,))
+
+
+def test_a_part_has_one_color_wherever_it_is() -> None:
+    """The part of v3 moves to v5; the figure of two rotors has a strip of its second place; versions differ in color."""
+    table, parts = fleet()
+    moment = max(one.begin for one in parts.fittings if one.vehicle in ("v3", "v5"))
+    last = [table.time[-1] - 1.0, np.inf]
+    kept = [one for one in parts.fittings if one.vehicle != "v5"]
+    kept = [replace(one, end=min(one.end, moment)) if one.vehicle == "v3" else one for one in kept]
+    moved = [Fitting("v5", "rotor_2", "v3b", moment, last[0]), Fitting("v5", "rotor_2", "v3c", *last)]
+    both = replace(table, parts=tuple("rotor_1 rotor_2" if p else "" for p in table.parts))
+    html = page(both, Parts((*kept, *moved)))
+    v3, v5, v0 = (spans(html, vehicle, "thrust") for vehicle in ("v3", "v5", "v0"))
+    assert list(v3) == ["rotor_1: v3a", "rotor_1: v3b", "software: 1.0", "software: 1.1"]
+    assert v3["rotor_1: v3b"] == v5["rotor_2: v3b"]
+    assert v3["rotor_1: v3a"] != v3["rotor_1: v3b"]
+    assert v3["software: 1.0"] == v0["software: 1.0"] != v0["software: 1.1"]
+    assert spans(html, "v3", "drag") == {name: hue for name, hue in v3.items() if "software" in name}
+    assert html.count('class="fleet-span ') == 7 * 2, "the first place is behind the flights"
+    style = html[: html.index("</style>")]
+    assert all(f".hue{k} {{" in style for k in range(HUES))
+
+
+def test_what_is_narrower_than_a_point_is_left_out() -> None:
+    n, most = 40, 4
+    texts = {"flight": [f"f{i}" for i in range(n)], "vehicle": ["a"] * n, "figure": ["drag"] * n}
+    texts |= {"software": ["1", "2"] * (n // 4) + ["3"] * (n // 2), "parts": ["pitot"] * n}
+    numbers = {"time": np.arange(float(n)), "value": np.ones(n), "std_error": np.ones(n)}
+    fittings = [Fitting("a", "pitot", "A", -np.inf, 10.0), Fitting("a", "pitot", "B", 10.0, 19.0)]
+    hues = {("software", "3"): 0, ("pitot", "A"): 1}
+    found = Marks({}, {"a": fittings}, hues).spans(FigureTable.of_columns(texts, numbers, {}), most)
+    assert [[(span[0], *span[2:]) for span in own] for own in found.values()] == [
+        [("A", 1, 0, 10)], [("3", 0, 20, 40)],
+    ]  # fmt: skip
+    assert list(found) == ["pitot", "software"]
+
+
+def test_what_is_unlike_the_fleet_is_told() -> None:
+    """A vehicle by its figures; a part by its serial, with the vehicle that flew it last."""
+    table, parts = fleet()
+    own = np.array([v == "v5" and f == "drag" for v, f in zip(table.vehicle, table.figure, strict=True)])
+    far = replace(table, value=table.value + 0.6 * own)
+    found = analyze(far, parts, 0.1)
+    (row,) = cells(
+        rendered(far, parts, found).partition('id="unlike-the-fleet"')[2].partition("</table>")[0]
+    )[1:]
+    assert row[:3] == ["v5", "–", "drag"]
+    assert float(row[3].split()[0]) == pytest.approx(0.6, abs=0.2)
+    thrust = found.figures["thrust"]
+    names = indices(parts.serials("rotor_1", thrust.rows.vehicle, thrust.rows.time))[1]
+    level = names.index("v2b")
+    model = replace(thrust.model, design=thrust.model.design.with_apart("rotor_1", level))
+    apart = replace(thrust, model=model, outliers=(Outlier("rotor_1", level, -0.2, 0.01, -9.0),))
+    html = rendered(far, parts, replace(found, figures={"thrust": apart}))
+    assert ["v2", "rotor_1: v2b", "thrust", "−0.200 (−0.220 to −0.180)"] in cells(html)
+    worn, parts, found, _ = exchanged()
+    assert "Unlike the fleet" not in rendered(worn, parts, found)
+
+
 def test_names_are_text() -> None:
     table, parts = fleet()
     bad = "<script>alert(1)</script>"
-    named = replace(table, vehicle=tuple(bad if v == "v0" else v for v in table.vehicle))
-    html = page(named, parts)
+    worn = changed(table, "thrust", EXCHANGED, -0.15)
+    named = replace(
+        worn,
+        vehicle=tuple(bad if v == "v0" else v for v in worn.vehicle),
+        flight=tuple(f + bad for f in worn.flight),
+        software=tuple(s + bad for s in worn.software),
+    )
+    html = page(named, Parts(tuple(replace(one, serial=one.serial + bad) for one in parts.fittings)))
     assert bad not in html
-    assert "&lt;script&gt;alert" in html
+    for name in ("", "v3-20", "1.0", "v3b"):
+        assert f">{name}&lt;script&gt;alert" in html
 
 
 def test_a_panel_of_few_points_has_the_means_of_neighbors() -> None:

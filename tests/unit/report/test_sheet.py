@@ -10,7 +10,7 @@ import pytest
 from stoop.errors import OutputError
 from stoop.report.plots import plot
 from stoop.report.series import Series
-from stoop.report.sheet import Code, Figure, Prose, Section, Sheet, Table, render_sheet, write_sheet
+from stoop.report.sheet import Code, Details, Figure, Prose, Section, Sheet, Table, render_sheet, write_sheet
 
 HOSTILE = '<script>alert("x")</script>&amp;'
 
@@ -129,3 +129,12 @@ def test_a_long_last_column_stands_below_the_others_where_the_page_is_narrow(
     (drawn,) = body(render_sheet(sheet(table))).iter("table")
     assert ("folds" in str(drawn.get("class"))) == folds
     assert drawn.get("style") == (f"--beside: {len(row) - 1}" if folds else None)
+
+
+def test_a_cell_opens_a_table_of_its_own() -> None:
+    """It looks as its summary does, and folds as a text does."""
+    inner = Table("", ("flight",), (("<b>",), ("2",)))
+    table = Table("", ("n", "why"), (("1", Details("long " * 9, (inner,))),))
+    (cell,) = (one for one in body(render_sheet(sheet(table))).iter("td") if one.find("details") is not None)
+    assert cell.get("class") == "wrap"
+    assert [one.text for one in cell.iter("th")] == ["flight", "<b>", "2"]

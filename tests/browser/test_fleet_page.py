@@ -1,0 +1,73 @@
+"""The page of a fleet in a browser: words and a day filter alarms and panels; an alarm opens its flights without scripts."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from playwright.sync_api import Browser, Page
+from unit.fleet.made_up import EXCHANGED, changed, fleet
+
+from stoop.fleet.analysis import analyze
+from stoop.fleet.page import fleet_page
+from stoop.fleet.parts import day
+from stoop.fleet.store import Fleet, ToldAlarm
+
+PANELS, ROWS = ".panels > figure:not([hidden])", "tr.told:not([hidden])"
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, ToldAlarm]:
+    """Return the page of eight vehicles, of which one has a weak new part, and the alarm."""
+    table, parts = fleet()
+    worn = changed(table, "thrust", EXCHANGED, -0.15)
+    found = analyze(worn, parts, 0.1)
+    (alarm,) = (ToldAlarm.of(one, "") for one in found.alarms)
+    one = Fleet(Path("store"), worn, parts, 0.1, found.threshold, (alarm,))
+    return fleet_page(one, found).save(tmp_path_factory.mktemp("fleet") / "fleet.html"), alarm
+
+
+@pytest.fixture
+def page(browser: Browser, written: tuple[Path, ToldAlarm], request: pytest.FixtureRequest) -> Iterator[Page]:
+    options: dict[str, Any] = getattr(request, "param", {})
+    opened = browser.new_page(viewport={"width": 420, "height": 900}, **options)
+    opened.goto(written[0].as_uri())
+    yield opened
+    opened.close()
+
+
+@pytest.mark.parametrize("page", [{}, {"java_script_enabled": False}], indirect=True)
+def test_an_alarm_opens_its_flights(page: Page) -> None:
+    flights = page.locator("td details tbody tr")
+    assert not flights.first.is_visible()
+    page.locator("td summary").click()
+    assert flights.first.is_visible()
+    assert page.evaluate("document.documentElement.scrollWidth") <= 420
+
+
+def test_words_filter_alarms_and_panels(page: Page) -> None:
+    words = page.locator(".filter input[type=search]")
+    for text, rows, panels in (
+        ("", 1, 16),
+        ("v3", 1, 2),
+        ("v3b", 1, 1),
+        ("V3-18", 1, 0),
+        ("drag", 0, 8),
+        ("1.1", 0, 16),
+        ("thrust rotor_1 1.1", 0, 8),
+        ("v9", 0, 0),
+    ):
+        words.fill(text)
+        assert (page.locator(ROWS).count(), page.locator(PANELS).count()) == (rows, panels), text
+
+
+def test_a_day_filters_the_alarms(page: Page, written: tuple[Path, ToldAlarm]) -> None:
+    began = written[1].began_time
+    for seconds, shown in ((began, 1), (began + 86400.0, 0)):
+        page.locator(".filter input[type=date]").fill(str(day(seconds)))
+        assert (page.locator(ROWS).count(), page.locator(PANELS).count()) == (shown, shown)
+    page.locator(".filter input[type=date]").fill("")
+    page.locator(".filter input[type=checkbox]").check()
+    assert (page.locator(ROWS).count(), page.locator(PANELS).count()) == (1, 1)
