@@ -131,23 +131,41 @@ def rotors(flight: Flight, vehicle: Vehicle | None) -> Iterator[FlightFigure]:
     for name, share, error in zip(vehicle.rotors, blocks[1:].mean(axis=1), errors[1:], strict=True):
         others = (one for one in vehicle.rotors if one != name)
         yield FlightFigure(f"share.{name}", float(share), float(error), "1", " ".join((name, *others)))
-    parts, volts = " ".join(vehicle.rotors), _charge(flight, inside)
-    nominal = vehicle.value("rotors.nominal_voltage", float(volts.mean()))
-    X = np.column_stack([np.ones_like(volts), volts - nominal])
-    (at_nominal, slope), (error, slope_error) = _regression(X, blocks[0], LIMITS.block)
-    told = bool(slope_error * nominal < LIMITS.slope_std * at_nominal)
-    level, own = (at_nominal, error) if told else (lift.mean(), errors[0])
-    yield FlightFigure("hover.lift", float(level), float(own), "N", parts)
-    if not told:
+    parts, level, error = " ".join(vehicle.rotors), float(lift.mean()), float(errors[0])
+    over = _over_voltage(flight, inside, blocks[0])
+    if over is not None:
+        shift = vehicle.value("rotors.nominal_voltage", over.voltage) - over.voltage
+        level, error = level + over.slope * shift, float(np.hypot(over.error, over.slope_error * shift))
+    yield FlightFigure("hover.lift", level, error, "N", parts)
+    if over is None:
         raise FlightError("the voltage was not recorded, or hardly changed")
-    yield FlightFigure("hover.voltage_slope", float(slope), float(slope_error), "N/V", f"{parts} battery")
+    yield FlightFigure("hover.voltage_slope", over.slope, over.slope_error, "N/V", f"{parts} battery")
 
 
-def _charge(flight: Flight, where: BoolArray) -> FloatArray:
-    """Return the voltage (m,) that the charge makes, over blocks: a parabola in time, for thrust makes the voltage sag, too."""
+@dataclass(frozen=True)
+class OverVoltage:
+    """Lift near hover over the voltage: N, V."""
+
+    voltage: float  #: mean
+    error: float  #: of the lift there
+    slope: float
+    slope_error: float
+
+
+def _over_voltage(flight: Flight, where: BoolArray, lift: FloatArray) -> OverVoltage | None:
+    """Return how the lift (m,) of blocks goes with the voltage; None where that tells less than its prior.
+
+    The voltage is that of the charge, a parabola in time: thrust makes it sag, too.
+    """
     volts = flight.column("voltage") if "voltage" in flight.names else np.full(flight.time.size, np.nan)
     time, read = block_means(np.vstack([flight.time, volts])[:, where], flight.rate)
-    return np.asarray(np.polynomial.Polynomial.fit(time, read, 2)(time))
+    if not np.isfinite(read).all():
+        return None
+    charge, mean = np.polynomial.Polynomial.fit(time, read, 2)(time), float(read.mean())
+    X = np.column_stack([np.ones_like(charge), charge - charge.mean()])
+    (level, slope), (error, slope_error) = _regression(X, lift, LIMITS.block)
+    told = 0.0 < slope_error * mean < LIMITS.slope_std * level
+    return OverVoltage(mean, float(error), float(slope), float(slope_error)) if told else None
 
 
 def throttle(flight: Flight, vehicle: Vehicle | None) -> Iterator[FlightFigure]:
