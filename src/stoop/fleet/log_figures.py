@@ -82,9 +82,10 @@ def instruments(flight: Flight, vehicle: Vehicle | None) -> Iterator[FlightFigur
         which = name.partition(".")[0]
         if which == "wind":
             continue
-        own = list(without_prior(name, with_attenuation(found, name), INSTRUMENTS[which]))
-        yield from own if one.identifiable else ()
-        unknown += [] if one.identifiable and own else [name]
+        widened = with_attenuation(found, name)
+        own = list(without_prior(name, widened, INSTRUMENTS[which])) if one.identifiable else []
+        yield from own
+        unknown += [] if own else [name]
     if unknown:
         raise FlightError(f"not determined: {', '.join(unknown)}")
 
@@ -219,14 +220,17 @@ def trims(flight: Flight, vehicle: Vehicle | None) -> Iterator[FlightFigure]:
     for name, values in zip(recorded, read, strict=True):
         (value, slope), (error, slope_error) = _regression(X, values, STEADY)
         unit, parts = VARIABLES[name].unit, f"{INSTRUMENTS.get(name, name)} {INSTRUMENTS['V']}"
-        if moved := np.ptp(values) > EXACT * np.abs(values).max():
-            yield FlightFigure(f"trim.{name}", float(value), float(error), unit, parts)
+        left, explained = np.var(values - slope * ratio), np.var(slope * ratio)
+        if np.ptp(values) <= EXACT * np.abs(values).max():
+            unknown.append(f"trim.{name}")
+            continue
+        yield FlightFigure(f"trim.{name}", float(value), float(error), unit, parts)
+        if explained <= left:
+            unknown.append(f"trim_slope.{name}")
+            continue
         # gusts are in the lift, too: see `with_attenuation`
-        attenuation = np.var(values - slope * ratio) / np.var(slope * ratio) if moved else np.inf
-        if attenuation < 1.0:
-            slope_error = np.hypot(slope_error, slope * attenuation)
-            yield FlightFigure(f"trim_slope.{name}", float(slope), float(slope_error), unit, parts)
-        unknown += [f"trim.{name}"] if not moved else [f"trim_slope.{name}"] if attenuation >= 1.0 else []
+        slope_error = np.hypot(slope_error, slope * left / explained)
+        yield FlightFigure(f"trim_slope.{name}", float(slope), float(slope_error), unit, parts)
     if unknown:
         raise FlightError(f"not determined: {', '.join(unknown)}")
 
@@ -303,7 +307,7 @@ def command_delay(vehicle: Vehicle, flights: Mapping[str, Flight], windows: Sequ
     best = int(np.clip(np.argmax(likelihood), 1, len(likelihood) - 2))
     before, at, after = likelihood[best - 1 : best + 2]
     curvature, slope = 2.0 * at - before - after, 0.5 * (after - before)
-    if not abs(slope) <= BEYOND * curvature:
+    if not abs(slope) < BEYOND * curvature:
         raise FlightError("the delay of commands is not determined")
     step = float(scan.delays[1])
     value, error = scan.delays[best] + step * slope / curvature, step * curvature**-0.5
