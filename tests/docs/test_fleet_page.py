@@ -14,6 +14,8 @@ import pytest
 import stoop
 from docs.pages import DOCS
 from stoop.cli.main import main
+from stoop.fleet.log_figures import groups
+from stoop.fleet.vibration import NO_VIBRATION
 
 TEXT = (DOCS / "fleet.md").read_text("utf-8")
 NUMBER = re.compile(r"[-+]?\d+\.\d+")
@@ -92,6 +94,13 @@ def test_the_made_up_fleet(
     assert first.since.startswith("V2-006 ")
     assert first.causes[0].what == "m1: m1-2-2 for m1-2-1"
     assert abs(first.size - SHARE) < 3.0 * first.std_error
+
+
+def test_the_table_of_figures_is_the_registry() -> None:
+    (table,) = re.findall(r"^\| group .*\n\|[-| ]+\|\n((?:\|.*\n)+)", TEXT, re.MULTILINE)
+    rows = [[cell.strip() for cell in row.split("|")[1:-1]] for row in table.splitlines()]
+    assert [row[0] for row in rows] == list(groups(NO_VIBRATION))
+    assert all(len(row) == 4 and all(row[:3]) for row in rows)
 
 
 def test_the_example_of_the_statistics() -> None:

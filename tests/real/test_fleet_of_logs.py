@@ -47,7 +47,7 @@ def test_the_cut_propeller_of_a_real_quadrotor_is_a_change(
 ) -> None:
     assert main(command(tmp_path, logs)) == 3
     head, *told = capsys.readouterr().out.splitlines()
-    assert head == "2 vehicles, 17 flights, 5 figures; 1 false alarms a year"
+    assert head == "2 vehicles, 17 flights, 7 figures; 1 false alarms a year"
     (alarm,) = [line for line in told if line.startswith("E")]
     assert alarm.startswith("E8 share.M3: drift of 0.0"), "it was cut shorter and shorter"
     assert "found in cut_propeller_M3_2mm_2mm_43mm__E8_log03: " in alarm, (

@@ -203,7 +203,8 @@ def fit_robust_model(design: Design) -> tuple[MixedModel, tuple[Outlier, ...]]:
     own, as long as it differs by more than chance would let the largest of all levels do (Bonferroni, `LEVEL`).
     """
     model, out = fit_mixed_model(design, True), list[Outlier]()
-    for _ in range(int(MOST_OUTLYING * sum(design.sizes))):
+    room = len(design.errors) - design.fixed.shape[1] - 1  # for effects beside which readings are left
+    for _ in range(min(int(MOST_OUTLYING * sum(design.sizes)), room)):
         ratios = {
             (group, int(k)): abs(levels[k]) / (model.deviations[group] or np.inf)
             for group, levels in model.levels.items()

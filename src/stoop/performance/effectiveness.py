@@ -31,7 +31,7 @@ from typing import Final
 import numpy as np
 from scipy import stats
 
-from stoop.base.arrays import FloatArray, run_slices
+from stoop.base.arrays import BoolArray, FloatArray, run_slices
 from stoop.base.notices import Notice, notice
 from stoop.errors import FlightError, VehicleError
 from stoop.flight import Flight
@@ -153,8 +153,8 @@ class Hover:
     duration: float  #: s
 
 
-def hover_commands(flight: Flight, balance: Balance) -> tuple[FloatArray, FloatArray, float]:
-    """Return commanded thrust, N, and torque, N m, of each rotor (n, k) at the samples near hover, and the mean voltage.
+def hover_commands(flight: Flight, balance: Balance) -> tuple[FloatArray, FloatArray, BoolArray]:
+    """Return commanded thrust, N, and torque, N m, of each rotor (n, k) at the samples near hover, and which those are.
 
     A FlightError says that a command is missing, the flight too short or too fast.
     """
@@ -165,7 +165,7 @@ def hover_commands(flight: Flight, balance: Balance) -> tuple[FloatArray, FloatA
         raise FlightError(
             f"{flight.name}: {', '.join(missing)} not recorded; log the commands of all rotors, or name them in a mapping"
         )
-    commands = {name: flight.column(name) for name in {*needed, *({"voltage"} & recorded)}}
+    commands = {name: flight.column(name) for name in needed}
     if empty := [name for name in needed if not np.isfinite(commands[name]).any()]:
         raise FlightError(
             f"{flight.name}: {', '.join(empty)} holds no number throughout; look at the column that the mapping names for it"
@@ -193,8 +193,7 @@ def hover_commands(flight: Flight, balance: Balance) -> tuple[FloatArray, FloatA
                 f"{flight.name}: half of it is faster than {np.nanmedian(speed):.1f} m/s; choose a flight near hover, "
                 f"below {LIMITS.max_speed:g} m/s"
             )
-    voltage = float(np.mean(commands["voltage"][inside])) if "voltage" in commands else np.nan
-    return thrust[:, inside], torque[:, inside], voltage
+    return thrust[:, inside], torque[:, inside], inside
 
 
 def block_means(values: FloatArray, rate: float, block: float = LIMITS.block) -> FloatArray:
@@ -210,7 +209,8 @@ def hover(flight: Flight, balance: Balance) -> Hover:
     Between start and end of a stretch near hover the velocity hardly changes, so mean forces and moments are those of rest,
     whatever the motion in between.
     """
-    thrust, torque, voltage = hover_commands(flight, balance)
+    thrust, torque, inside = hover_commands(flight, balance)
+    voltage = float(np.mean(flight.column("voltage")[inside])) if "voltage" in flight.names else np.nan
     blocks = block_means(balance.of_thrust @ thrust + balance.of_torque @ torque, flight.rate)
     means, covariance = (
         (thrust.mean(axis=1), torque.mean(axis=1)),

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -10,17 +12,41 @@ import pytest
 from scipy.signal import lfilter
 
 from stoop.base.arrays import FloatArray
+from stoop.errors import FlightError
 from stoop.fleet import log_figures
-from stoop.fleet.log_figures import FlightFigure, conditions, figures_of, groups
+from stoop.fleet.log_figures import (
+    INSTRUMENTS,
+    FlightFigure,
+    command_delay,
+    conditions,
+    figures_of,
+    groups,
+    with_attenuation,
+)
 from stoop.fleet.vibration import NO_VIBRATION, vibration
 from stoop.flight import Flight, from_columns
+from stoop.flight.flight import AirData
 from stoop.flight.gridding import Channels
+from stoop.flight.instrument_errors import INSTRUMENT_ERRORS
+from stoop.performance.effectiveness import Balance
+from stoop.reconstruction.compatibility import Compatibility, Consistency, Finding, Trace
 from stoop.simulation.fly import simulate_flight
 from stoop.simulation.maneuver import load_maneuver
+from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import builtin_vehicle
+from stoop.vehicle.extensions import with_free_number
 
 RATE, SECONDS, RESISTANCE = 20.0, 240.0, 0.05
 GROUPS = groups(NO_VIBRATION)
+
+
+def told(group: str, flight: Flight, vehicle: Vehicle | None = None) -> dict[str, FlightFigure]:
+    """Return the figures of a group by name; the reason for others is left alone."""
+    found = {}
+    with suppress(FlightError):
+        for one in GROUPS[group].evaluate(flight, vehicle):
+            found[one.name] = one
+    return found
 
 
 def drawn(rng: np.random.Generator) -> Flight:
@@ -71,6 +97,9 @@ def test_what_a_flight_cannot_tell_is_absent_with_the_reason() -> None:
     assert figures_of(flight)[1]["rotors"] == "no vehicle with rotors was given"
 
 
+ERROR = Finding(0.0, 1.0, 0.0, 1.0, 0.0, 1.0, True, "", "1", "")
+
+
 def test_the_prior_of_an_instrument_error_is_taken_off(monkeypatch: pytest.MonkeyPatch) -> None:
     """As if the reading, 0.02 with an error of 0.03, had stood alone; what no reading told has no figure."""
     precisions = 0.03**-2.0, 0.04**-2.0
@@ -84,20 +113,103 @@ def test_the_prior_of_an_instrument_error_is_taken_off(monkeypatch: pytest.Monke
             estimate=0.0, std_error=0.03, prior_mean=0.0, prior_std=0.03, identifiable=True, unit="rad/s"
         ),
     }  # fmt: skip
-    monkeypatch.setattr(log_figures, "check", lambda flight: (SimpleNamespace(findings=found), None))
-    (one,) = GROUPS["instruments"].evaluate(drawn(np.random.default_rng(0)), None)
+    findings = {name: replace(ERROR, **vars(one)) for name, one in found.items()}
+    checked = SimpleNamespace(findings=findings, channels={})
+    monkeypatch.setattr(log_figures, "check", lambda flight: (checked, None))
+    flight = drawn(np.random.default_rng(0))
+    (one,) = told("instruments", flight).values()
     assert (one.name, one.parts) == ("V.scale", "pitot")
+    assert figures_of(flight)[1]["rest of instruments"] == "not determined: p.bias"
     assert one.value == pytest.approx(1.02)
     assert one.std_error == pytest.approx(0.03)
+
+
+@pytest.mark.parametrize(("gusts", "grows"), [(0.1, 1.1), (1.0, np.inf)])
+def test_the_error_of_a_scale_reaches_to_what_the_reverse_regression_finds(
+    gusts: float, grows: float
+) -> None:
+    """Of a vane that reads gusts, which the reconstruction does not know; the regression on it is too flat."""
+    rng, time = np.random.default_rng(2), np.arange(0.0, 100.0, 0.01)
+    alpha = 0.1 + 0.05 * rng.standard_normal(time.size)
+    known = alpha + 0.05 * gusts * rng.standard_normal(time.size)
+    vane = alpha + 0.005 * rng.standard_normal(time.size)
+    slope, level = np.polyfit(known, vane, 1)
+    read = level + slope * known
+    channels = {"alpha": Consistency(float(np.std(vane - read)), float(np.std(vane)), "rad")}
+    bare = {
+        "scale": replace(ERROR, estimate=slope, std_error=0.05),
+        "bias": replace(ERROR, estimate=level, std_error=0.05),
+    }
+    findings = {f"alpha.{kind}": one for kind, one in bare.items()}
+    traces = (Trace(time, {"alpha": vane}, {"alpha": read}),)
+    scale, bias = (
+        with_attenuation(Compatibility("f", findings, channels, traces, ()), name) for name in findings
+    )
+    reverse = 1.0 / np.polyfit(vane, known, 1)[0]
+    assert np.hypot(0.05, reverse - slope) == pytest.approx(scale.std_error, rel=1e-3)
+    assert scale.std_error <= 0.05 * grows
+    assert abs(scale.estimate - 1.0) < scale.std_error
+    assert abs(bias.estimate) < bias.std_error
+
+
+def test_every_instrument_has_a_place() -> None:
+    assert {one.name.partition(".")[0] for one in INSTRUMENT_ERRORS} - {"wind"} <= INSTRUMENTS.keys()
+
+
+def test_commands_that_never_moved_are_no_trims() -> None:
+    flight = glide(np.random.default_rng(0), rudder=np.full(round(300.0 * RATE), 0.02))
+    found, absent = figures_of(flight, builtin_vehicle("twin-boom"))
+    assert {one.name for one in found} >= {"trim.elevator", "trim_slope.elevator", "trim.alpha"}
+    assert absent["rest of trims"] == "not determined: trim.rudder"
+
+
+def hovering(rng: np.random.Generator, slope: float) -> Flight:
+    """Return a hover of a quadrotor whose lift goes with the voltage of the charge, N/V; thrust makes that sag."""
+    balance, time = Balance(builtin_vehicle("quad-x")), np.arange(0.0, 300.0, 1.0 / RATE)
+    commands = np.linspace(0.2, 1.0, 500)
+    lifts = balance.of_thrust[0] @ balance.drive({f"motor_{i}": commands for i in range(1, 5)})[0]
+    charge = 16.0 - 2.0 * time / time[-1]
+    effort = lfilter([0.3], [1.0, -0.95], rng.standard_normal(time.size))
+    lift = 12.0 + slope * (charge - 15.0) + 0.1 * effort
+    command = np.interp(lift, lifts, commands)
+    return from_columns(
+        "f", time, {"voltage": charge - 0.2 * effort} | {f"motor_{i}": command for i in range(1, 5)}
+    )
+
+
+def test_lift_over_the_voltage_of_the_charge_with_an_error_that_holds() -> None:
+    """A regression on the measured voltage, which sags under thrust, would be off by many errors."""
+    rng, ratios = np.random.default_rng(0), []
+    for _ in range(40):
+        found = told("rotors", hovering(rng, -0.3), builtin_vehicle("quad-x"))
+        assert found["hover.voltage_slope"].parts == "m1 m2 m3 m4 battery"
+        for name, true in (("hover.voltage_slope", -0.3), ("hover.lift", 12.0)):
+            ratios.append((found[name].value - true) / found[name].std_error)
+    assert np.sqrt(np.mean(np.square(ratios))) == pytest.approx(1.0, abs=0.35)
+
+
+def test_the_hover_throttle_needs_no_vehicle() -> None:
+    flight = hovering(np.random.default_rng(0), 0.0)
+    (one,) = told("hover", flight).values()
+    assert one.value == pytest.approx(flight.column("motor_1").mean(), rel=0.01)
+    assert told("hover", flight, builtin_vehicle("quad-x"))["hover.throttle"].parts == "m1 m2 m3 m4 battery"
+    assert "rest of rotors" not in figures_of(flight, builtin_vehicle("quad-x"))[1]
+    assert figures_of(glide(np.random.default_rng(0)))[1]["hover"].startswith("no commands of motors")
 
 
 MASS, AREA, SPEED, DENSITY = 189.40, 2.8667, 35.0, 1.20165  #: of the built-in airplane
 
 
-def glide(rng: np.random.Generator, noise: float = 0.02, mass: float = MASS) -> Flight:
+def glide(
+    rng: np.random.Generator,
+    noise: float = 0.02,
+    swing: float = 4.0,
+    mass: float = MASS,
+    **others: FloatArray,
+) -> Flight:
     """Return a glide at a load factor of one, its polar and its trims known, the motor off."""
     time = np.arange(0.0, 300.0, 1.0 / RATE)
-    V = SPEED + 4.0 * np.sin(0.05 * time)
+    V = SPEED + swing * np.sin(0.05 * time)
     pressure_area = 0.5 * DENSITY * V**2 * AREA
     CL = mass * 9.80665 / pressure_area
     falling = (0.05 + 0.06 * CL**2) * pressure_area / (mass * 9.80665) * V
@@ -112,33 +224,41 @@ def glide(rng: np.random.Generator, noise: float = 0.02, mass: float = MASS) -> 
     }  # fmt: skip
     for name in ("alpha", "elevator"):
         columns[name] = columns[name] + noise * lfilter([0.3], [1.0, -0.9], rng.standard_normal(time.size))
-    return from_columns("f", time, columns)
+    return from_columns("f", time, columns | others)
 
 
 def test_trims_are_those_at_the_airspeed_of_reference_with_errors_that_hold() -> None:
     rng, vehicle, ratios = np.random.default_rng(0), builtin_vehicle("twin-boom"), []
     level = MASS * 9.80665 / (0.5 * DENSITY * SPEED**2 * AREA)
     truth = {"trim.elevator": 0.01, "trim.alpha": -0.08 + level / 4.8}
+    slopes = {"trim_slope.elevator": -0.3 * level, "trim_slope.alpha": level / 4.8}
     for _ in range(60):
-        found = {one.name: one for one in GROUPS["trims"].evaluate(glide(rng), vehicle)}
+        found = told("trims", glide(rng), vehicle)
         assert {name: found[name].parts for name in truth} == {
             "trim.elevator": "elevator pitot", "trim.alpha": "vanes pitot",
         }  # fmt: skip
         ratios += [(found[name].value - true) / found[name].std_error for name, true in truth.items()]
+        assert all(
+            abs(found[name].value - true) < 3.0 * found[name].std_error for name, true in slopes.items()
+        )
     assert np.sqrt(np.mean(np.square(ratios))) == pytest.approx(1.0, abs=0.3)
 
 
 def test_the_drag_coefficient_is_that_of_level_flight_at_the_airspeed_of_reference() -> None:
     rng, vehicle = np.random.default_rng(0), builtin_vehicle("twin-boom")
     level = MASS * 9.80665 / (0.5 * DENSITY * SPEED**2 * AREA)
-    (one,) = GROUPS["drag"].evaluate(glide(rng), vehicle)
+    (one,) = told("drag", glide(rng), vehicle).values()
     assert one.value == pytest.approx(0.05 + 0.06 * level**2, rel=0.01)
     assert one.std_error < 0.05 * one.value
     assert one.parts == "pitot vanes"
+    assert figures_of(glide(rng), vehicle)[1]["rest of drag"].startswith("flown at lift coefficients from 0.")
+    points = told("drag", glide(rng, noise=0.005, swing=13.0), vehicle)
+    for name, over in (("drag.CD_slow", 0.8), ("drag.CD", 1.0), ("drag.CD_fast", 1.3)):
+        assert points[name].value == pytest.approx(0.05 + 0.06 * (level / over**2) ** 2, rel=0.02)
 
 
 def test_a_flight_of_another_mass_has_the_same_drag_and_trims_at_the_same_lift_coefficient() -> None:
-    flight = glide(np.random.default_rng(0), 0.002, 1.3 * MASS)
+    flight = glide(np.random.default_rng(0), 0.002, mass=1.3 * MASS)
     vehicle = builtin_vehicle("twin-boom").with_numbers({"mass.mass": {"value": 1.3 * MASS}})
     level = MASS * 9.80665 / (0.5 * DENSITY * SPEED**2 * AREA)
     found = {
@@ -171,10 +291,35 @@ def test_wind_and_density_are_conditions() -> None:
     assert conditions(flight) == {"wind": 5.0}
 
 
+def test_conditions_that_were_not_logged_follow_from_others() -> None:
+    columns = {"pressure": np.full(100, 95e3), "temperature": np.full(100, 300.0)}
+    flight = from_columns("f", np.arange(0.0, 10.0, 0.1), columns)
+    air = AirData("pitot", wind_n=3.0, wind_e=4.0, wind_n_std=0.5, wind_e_std=0.5)
+    weather = {"density": 95e3 / (287.05287 * 300.0), "temperature": 300.0}
+    assert conditions(flight) == pytest.approx(weather)
+    assert conditions(replace(flight, air=air)) == pytest.approx({**weather, "wind": 5.0})
+    assert "wind" not in conditions(replace(flight, air=replace(air, wind_e_std=5.0))), "hardly known"
+
+
 def test_the_numbers_of_the_vehicle_are_those_that_flew() -> None:
     vehicle, examples = builtin_vehicle("twin-boom"), Path(__file__).parents[3] / "examples"
     flight = simulate_flight(vehicle, load_maneuver(examples / "maneuver_3211.toml"), seed=1)
-    found = list(GROUPS["parameters"].evaluate(flight, vehicle))
-    ratios = [(one.value - vehicle.value(one.name)) / one.std_error for one in found]
-    assert {"CLalpha", "Cmalpha", "Cmq"} <= {one.name for one in found}
+    found = told("parameters", flight, vehicle)
+    found.pop("delay.commands", None)
+    ratios = [(one.value - vehicle.value(name)) / one.std_error for name, one in found.items()]
+    assert {"CLalpha", "Cmalpha", "Cmq"} <= found.keys()
     assert np.mean(np.abs(ratios) < 3.0) > 0.8
+
+
+def test_the_delay_of_commands_is_that_which_flew() -> None:
+    vehicle, examples = builtin_vehicle("twin-boom"), Path(__file__).parents[3] / "examples"
+    flown = vehicle
+    for control in vehicle.controls:
+        found = with_free_number(flown, f"controls.{control}.delay")
+        assert found is not None
+        flown = found[0].with_numbers({f"controls.{control}.delay": {"value": 0.05}})
+    flight = simulate_flight(flown, load_maneuver(examples / "maneuver_3211.toml"), seed=1)
+    one = command_delay(vehicle, {flight.name: flight}, [f"{flight.name}@0.5:25"])
+    assert one.value == pytest.approx(0.05, abs=4.0 * one.std_error)
+    assert one.std_error < 0.003
+    assert one.parts == "elevator aileron rudder software"

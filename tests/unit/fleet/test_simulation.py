@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -102,7 +103,7 @@ def test_the_logs_say_what_flew_and_a_weak_rotor_asks_for_more(
         said = header(read_mapped(folder / f"{name}.ulg", None, CLOCKS)[0])
         assert (said.vehicle, said.software) == (row.vehicle, "1.1" if str(name).endswith("3") else "1.0")
         assert said.zero == pytest.approx(pd.Timestamp(row.time).timestamp(), abs=0.51)
-        found = {f.name: f.value for f in rotors(load(folder / f"{name}.ulg"), QUAD)}
+        found = {f.name: f.value for f in islice(rotors(load(folder / f"{name}.ulg"), QUAD), 4)}
         shares[name] = np.array([found[f"share.m{i}"] for i in range(1, 5)])
     assert shares["V2-001"] == pytest.approx(shares["V1-003"], abs=1e-5)
     weak = shares["V2-001"] / [0.97, 1.0, 1.0, 1.0]
