@@ -94,7 +94,10 @@ def test_accelerations_that_are_too_slow_and_rotors_that_stand_tell_nothing() ->
 
 MAPPING = """
 [variables]
-motor_1 = {column = "motor_1", unit = "1"}
+motor_1 = {column = "motor", unit = "1"}
+motor_2 = {column = "motor", unit = "1"}
+motor_3 = {column = "motor", unit = "1"}
+motor_4 = {column = "motor", unit = "1"}
 
 [group.force]
 variables = ["ax", "ay", "az"]
@@ -113,14 +116,14 @@ def test_a_log_has_the_vibration_of_its_rotors_by_their_names(tmp_path: Path) ->
     imu, esc = shaken(np.random.default_rng(5))
     speeds = {name: np.interp(imu.time, esc.time, x) for name, x in esc.values.items()}
     log, mapping = tmp_path / "log.csv", tmp_path / "m.toml"
-    pd.DataFrame({"time": imu.time, **imu.values, **speeds, "motor_1": 0.5}).to_csv(log, index=False)
+    pd.DataFrame({"time": imu.time, **imu.values, **speeds, "motor": 0.5}).to_csv(log, index=False)
     mapping.write_text(MAPPING)
-    (run,) = plan([log], "quad-x", mapping).runs
-    (found,) = read(run.arguments, [])
+    (run,) = plan([log], "quad-x", mapping, None, tmp_path / "store").campaign.runs
+    (found,) = read({**run.arguments, **run.places}, [])
     assert isinstance(found, dict)
     rows = {name: (value, error, parts) for name, value, error, parts, _ in found["figures"]}
     names = [f"vibration.m{n}" for n in range(1, 5)]
-    assert set(rows) == {*names, "vibration.ax", "vibration.ay", "vibration.az", "hover.throttle"}
+    assert set(rows) == {*names, "vibration.ax", "vibration.ay", "vibration.az"}
     assert [rows[name][2] for name in names] == ["m1", "m2", "m3", "m4"]
     values = np.array([rows[name][0] for name in names])
     assert np.exp(values) == pytest.approx(SHAKES, rel=0.15)
