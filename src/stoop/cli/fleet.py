@@ -130,6 +130,7 @@ def _print(
 def _print_absent(absent: Sequence[tuple[str, str, str]], folder: Path) -> None:
     """Print the logs that are of no use, with the reasons, and how many flights lack each group of figures."""
     from stoop.fleet.logs import ABSENT
+    from stoop.fleet.table import REST
 
     out, file = page(), folder / ABSENT
     for group, what in UNUSABLE.items():
@@ -138,7 +139,8 @@ def _print_absent(absent: Sequence[tuple[str, str, str]], folder: Path) -> None:
             out.line(text)
         if len(own) > MOST:
             out.line(f"{what} {count(len(own) - MOST, 'more flight')} ({file} says why)")
-    groups = Counter(group for _, group, _ in absent if group not in UNUSABLE)
+    whole = (group for _, group, _ in absent if group not in UNUSABLE and not group.startswith(REST))
+    groups = Counter(whole)
     if groups:
         told = ", ".join(f"{group} in {count(n, 'flight')}" for group, n in groups.items())
         out.line(f"absent: {told} ({file} says why)")

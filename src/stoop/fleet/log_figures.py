@@ -23,6 +23,7 @@ from stoop.base.variables import EULER, RATES, SPECIFIC_FORCE, VARIABLES
 from stoop.errors import FlightError, StoopError
 from stoop.estimate.regression.command_delay import scan_delays
 from stoop.estimate.regression.least_squares import TimeDomain
+from stoop.fleet.table import REST
 from stoop.fleet.vibration import NO_VIBRATION, Vibration, Windows
 from stoop.flight import Flight, without_faults
 from stoop.flight.air_data import LIMITS as AIR_DATA
@@ -394,5 +395,5 @@ def figures_of(
         if not own:
             absent[name] = reason or f"needs {group.needs}"
         elif reason:
-            absent[f"rest of {name}"] = reason
+            absent[f"{REST}{name}"] = reason
     return found, absent

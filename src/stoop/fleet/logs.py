@@ -58,9 +58,7 @@ class Reading:
 
     campaign: Plan
     runs: Mapping[str, Run]  #: of the campaign
-    copies: Mapping[
-        str, str
-    ]  #: flight -> earlier one of the store, of which its log is a copy; it has no run
+    copies: Mapping[str, str]  #: flight without a run -> earlier one of the store, of which its log is a copy
     flights: Path | None  #: table of flights
     given: Mapping[str, Mapping[str, Any]]  #: what it tells of each
 

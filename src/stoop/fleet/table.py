@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 FIGURES: Final = "figures"  #: folder of the tables of a store
 LOGS: Final = f"{FIGURES}/logs.parquet"  #: figures of logs
+REST: Final = "rest of "  #: what a flight does not tell of a group of figures, beside what it tells
 TEXTS: Final = ("flight", "vehicle", "figure")
 NUMBERS: Final = ("value", "std_error")
 NEEDED: Final = (*TEXTS, "time", *NUMBERS)
