@@ -40,7 +40,7 @@ def peak():
     lines = Path("/proc/self/status").read_text().splitlines()
     return 1024 * int(next(x for x in lines if x.startswith("VmHWM")).split()[1])
 before = peak()
-logs.read({"log": sys.argv[1], "mapping": None, "vehicle": sys.argv[2]}, [None])
+logs.read({"log": sys.argv[1], "mapping": None, "mass": None, "vehicle": sys.argv[2]}, [None])
 print(before, peak())
 """
 
