@@ -51,9 +51,8 @@ SAME: Final = 1e-6  #: standard deviation of what is the same in all flights
 MOVED: Final = 0.02  #: A, rms of its changes that tells it
 EXACT: Final = 1e-9  #: of a value; less is round-off of readings that stood still
 POINTS: Final = {"CD_slow": 0.8, "CD": 1.0, "CD_fast": 1.3}  #: of the polar: airspeeds over that of reference
-BEYOND: Final = (
-    2.0  #: steps of a scan from its last but one delay, up to which a parabola tells the likeliest
-)
+#: steps of a scan from its last but one delay, up to which a parabola tells the likeliest
+BEYOND: Final = 2.0
 
 
 @dataclass(frozen=True)
@@ -317,9 +316,8 @@ def _level_flight(vehicle: Vehicle | None) -> LevelFlight:
         raise FlightError("no airplane was given")
     mass, area, speed = (vehicle.value(n) for n in ("mass.mass", "reference.area", "reference.airspeed"))
     pressure = 0.5 * vehicle.value("environment.density", SEA_LEVEL_DENSITY) * speed**2
-    usual = parse_vehicle(vehicle.text, vehicle.where).value(
-        "mass.mass"
-    )  # one lift coefficient for all flights
+    # one lift coefficient for all flights, whatever their mass
+    usual = parse_vehicle(vehicle.text, vehicle.where).value("mass.mass")
     coefficient = usual * STANDARD_GRAVITY / (pressure * area)
     return LevelFlight(mass, area, speed * (mass / usual) ** 0.5, coefficient)
 
@@ -366,11 +364,8 @@ def conditions(flight: Flight) -> Mapping[str, float]:
         read["density"] = density[0]
     means: dict[str, float] = {n: float(np.nanmean(x)) for n, x in read.items() if np.isfinite(x).any()}
     air = flight.air
-    if (
-        air is not None
-        and air.method != "still air"
-        and max(air.wind_n_std, air.wind_e_std) < AIR_DATA.poor_wind
-    ):
+    known = air is not None and max(air.wind_n_std, air.wind_e_std) < AIR_DATA.poor_wind
+    if air is not None and known and air.method != "still air":
         means = {"wind_n": air.wind_n, "wind_e": air.wind_e} | means
     if {"wind_n", "wind_e"} <= means.keys():
         means["wind"] = float(np.hypot(means["wind_n"], means["wind_e"]))

@@ -62,7 +62,7 @@ def common_steps(sequences: Mapping[str, tuple[FigureTable, Readings]]) -> list[
 
 
 def _steps(rows: FigureTable, readings: Readings) -> Iterator[tuple[tuple[str, str], FloatArray]]:
-    """Yield the first time (s since 1970), size and variance of each update of a vehicle, that it had once or first."""
+    """Yield the versions of each update of a vehicle, and time (s since 1970), size and variance when it first had it."""
     pairs = list(pairwise(rows.software))
     at = [k for k, (before, after) in enumerate(pairs, 1) if before and after and before != after]
     limits = [-np.inf, *rows.time[at].tolist(), np.inf]
