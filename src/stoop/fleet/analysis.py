@@ -14,8 +14,8 @@ from stoop.fleet.causes import EVERY, SOFTWARE, Cause, Stretch, causes, events, 
 from stoop.fleet.changes import LEAST, Change, Readings, changes, peaks, threshold
 from stoop.fleet.mixed_model import Design, MixedModel, Outlier, fit_robust_model, indices
 from stoop.fleet.parts import Parts
+from stoop.fleet.software_updates import CommonStep, common_steps, significant, version_levels
 from stoop.fleet.table import FigureTable
-from stoop.fleet.updates import CommonStep, common_steps, significant, version_levels
 
 DAY: Final = 86400.0  #: s
 YEAR: Final = 365.25 * DAY
@@ -104,19 +104,19 @@ def analyze(table: FigureTable, parts: Parts, alarms_a_year: float = 1.0, seed: 
     years, own = float(np.ptp(table.time)) / YEAR, {name: table.of(name) for name in table.figures()}
     sequences = len(set(zip(table.figure, table.vehicle, strict=True)))
     draws = math.ceil(min(EXPECTED / max(alarms_a_year * years, LEAST), DRAWS / sequences))
-    models: dict[str, FigureModel] = {}
     most: dict[str, dict[str, FloatArray]] = {}
     found: dict[str, dict[str, list[Change]]] = {name: {} for name in own}
-    alike = {name: figure_model(rows, parts, np.zeros(len(rows.value))) for name, rows in own.items()}
-    steps = {name: common_steps(model.sequences) for name, model in alike.items()}
+    models = {name: figure_model(rows, parts, np.zeros(len(rows.value))) for name, rows in own.items()}
+    steps = {name: common_steps(model.sequences) for name, model in models.items()}
     updates = significant(steps)
     versions = {name: version_levels(several, updates[name]) for name, several in steps.items()}
     for _ in range(ROUNDS):
         for i, (name, rows) in enumerate(own.items()):
-            if name not in models or any(found[name].values()):
-                rng, shift = np.random.default_rng([seed, i]), _shift(rows, found[name])
-                same = name not in models and not updates[name]
-                models[name] = alike[name] if same else figure_model(rows, parts, shift, versions[name])
+            changed = any(found[name].values())
+            if changed or (updates[name] and name not in most):
+                models[name] = figure_model(rows, parts, _shift(rows, found[name]), versions[name])
+            if changed or name not in most:
+                rng = np.random.default_rng([seed, i])
                 most[name] = {v: peaks(one, draws, rng) for v, (_, one) in models[name].sequences.items()}
         drawn = np.concatenate([one[1:] for by_vehicle in most.values() for one in by_vehicle.values()])
         limit = threshold(drawn, alarms_a_year * years * draws)

@@ -162,9 +162,15 @@ def events(rows: FigureTable, parts: Parts, vehicle: str) -> Iterator[Event]:
     """Yield what was exchanged or updated on a vehicle."""
     for old, new in parts.exchanges(vehicle):
         yield Event(f"{new.part}: {new.serial} for {old.serial}", new.part, new.begin)
-    for (before, after), time in zip(pairwise(rows.software), rows.time[1:].tolist(), strict=True):
+    for k, before, after in updates(rows):
+        yield Event(software_event(before, after), SOFTWARE, float(rows.time[k]))
+
+
+def updates(rows: FigureTable) -> Iterator[tuple[int, str, str]]:
+    """Yield the first flight with each update of a vehicle, and the versions before and after."""
+    for k, (before, after) in enumerate(pairwise(rows.software), 1):
         if before and after and before != after:
-            yield Event(software_event(before, after), SOFTWARE, time)
+            yield k, before, after
 
 
 def software_event(before: str, after: str) -> str:

@@ -86,11 +86,6 @@ class FigureTable:
             {name: getattr(self, name) for name in (*NEEDED, *OPTIONAL)} | dict(self.conditions)
         )
 
-    def time_of(self, vehicle: str, flight: str) -> float:
-        """Return when a flight began, s since 1970."""
-        places = zip(self.vehicle, self.flight, strict=True)
-        return float(next(self.time[i] for i, place in enumerate(places) if place == (vehicle, flight)))
-
     def figures(self) -> tuple[str, ...]:
         """Return the names of the figures, sorted."""
         return tuple(sorted(set(self.figure)))

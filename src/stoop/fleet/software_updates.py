@@ -15,14 +15,13 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Final
 
 import numpy as np
 from scipy.stats import t
 
 from stoop.base.arrays import FloatArray
-from stoop.fleet.causes import Stretch
+from stoop.fleet.causes import Stretch, updates
 from stoop.fleet.changes import Readings, sizes
 from stoop.fleet.table import FigureTable
 
@@ -63,17 +62,16 @@ def common_steps(sequences: Mapping[str, tuple[FigureTable, Readings]]) -> list[
 
 def _steps(rows: FigureTable, readings: Readings) -> Iterator[tuple[tuple[str, str], FloatArray]]:
     """Yield the versions of each update of a vehicle, and time (s since 1970), size and variance when it first had it."""
-    pairs = list(pairwise(rows.software))
-    at = [k for k, (before, after) in enumerate(pairs, 1) if before and after and before != after]
-    limits = [-np.inf, *rows.time[at].tolist(), np.inf]
+    every = [*updates(rows)]
+    limits = [-np.inf, *(float(rows.time[k]) for k, *_ in every), np.inf]
     told = set[tuple[str, str]]()
-    for k, begin, end in zip(at, limits, limits[2:], strict=False):
-        own = Stretch(rows, readings).between(begin, end)
-        if own is not None and pairs[k - 1] not in told:
-            told.add(pairs[k - 1])
+    for (k, before, after), begin, end in zip(every, limits, limits[2:], strict=False):
+        pair, own = (before, after), Stretch(rows, readings).between(begin, end)
+        if own is not None and pair not in told:
+            told.add(pair)
             size, variance = sizes(own.readings, "step")
             place = k - 1 - int(np.searchsorted(rows.time, begin))
-            yield pairs[k - 1], np.array([rows.time[k], size[place], variance[place]])
+            yield pair, np.array([rows.time[k], size[place], variance[place]])
 
 
 def _mean(before: str, after: str, steps: FloatArray) -> CommonStep:

@@ -13,8 +13,8 @@ from stoop.base.arrays import FloatArray
 from stoop.fleet.analysis import analyze
 from stoop.fleet.causes import EVERY
 from stoop.fleet.changes import Readings
+from stoop.fleet.software_updates import CommonStep, common_steps, significant, version_levels
 from stoop.fleet.table import FigureTable
-from stoop.fleet.updates import CommonStep, common_steps, significant, version_levels
 
 BEFORE, AFTER = 12, 8  #: flights
 
