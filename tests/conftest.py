@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import json
 import os
 import shutil
 import signal
-from collections import Counter
 from collections.abc import Generator, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -14,6 +12,7 @@ from typing import TYPE_CHECKING
 import pytest
 import tiers
 from hypothesis import HealthCheck, settings
+from tier_rule import Meter, Rule
 
 from stoop.base import notices
 
@@ -22,6 +21,7 @@ if TYPE_CHECKING:
 
 SHARED = Path(os.environ.get("STOOP_SHARED", Path(__file__).parents[2] / "shared"))
 LONG_TEXT = 4000  #: characters
+WORDS = tiers.listed()
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 BROWSER_ARGUMENTS = [
     "--headless=new", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run",
@@ -30,8 +30,7 @@ BROWSER_ARGUMENTS = [
 # how fast a busy machine draws is no matter of the code
 settings.register_profile("stoop", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("stoop")
-seconds: Counter[str] = Counter()  #: test -> processor time, s, of its set-up, call and clean-up
-spent = 0.0  #: processor time, s, of this process and its children until the last report
+meter = Meter()
 
 
 if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:  # started in the background of a script
@@ -83,24 +82,11 @@ def pytest_assertrepr_compare(op: str, left: object, right: object) -> list[str]
     return None
 
 
-def processor_time() -> float:
-    """Return the processor time of this process and of its children that have ended, s: a busy machine leaves it as it is."""
-    return sum(os.times()[:4])
-
-
-def pytest_runtest_logstart() -> None:
-    """Begin to count the processor time of a test."""
-    global spent
-    spent = processor_time()
-
-
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_makereport() -> Generator[None, pytest.TestReport, pytest.TestReport]:
-    """Note the processor time. In CI a skipped test has failed: nobody would notice that it was not run."""
-    global spent
+    """Add the processor time of a phase to its report. In CI a skipped test has failed: nobody would notice it."""
     report = yield
-    before, spent = spent, processor_time()
-    report.processor_time = spent - before
+    meter.read(report)
     if os.environ.get("CI") and report.skipped and not hasattr(report, "wasxfail"):
         report.outcome = "failed"
         report.longrepr = f"skipped in CI: {report.longrepr}"
@@ -117,11 +103,22 @@ def pytest_make_collect_report() -> Generator[None, pytest.CollectReport, pytest
     return report
 
 
+@pytest.hookimpl(wrapper=True)
+def pytest_fixture_setup(fixturedef: pytest.FixtureDef[object]) -> Generator[None, object, object]:
+    """Count fixtures that several tests share apart from the test that happens to be the first."""
+    before = tiers.processor_time()
+    try:
+        return (yield)
+    finally:
+        if fixturedef.scope != "function":
+            meter.shared += tiers.processor_time() - before
+
+
 def pytest_addoption(parser: pytest.Parser) -> None:
     """Add the options of this project."""
     parser.addoption(
-        "--tier", choices=tiers.CHOICES, default="all", help="quick: what takes seconds, as tests/long_tests.txt says; "
-        "standard: what protects correctness; full: campaigns and distributions, as tests/tiers.txt says (default: all)",
+        "--tier", choices=(*tiers.TIERS, "all"), default="all",
+        help="the tests to run, as tests/tiers.txt has them (default: all)",
     )  # fmt: skip
     parser.addoption("--screenshots", metavar="DIR", help="keep pictures of the app, at 1280 and 420 px")
     parser.addoption(
@@ -129,31 +126,29 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     )
 
 
+def pytest_configure(config: pytest.Config) -> None:
+    """Hold a run of the standard tier to the rule of its times."""
+    if not hasattr(config, "workerinput"):
+        config.pluginmanager.register(Rule(config.getoption("--tier"), config.getoption("--durations-file")))
+
+
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """Import no file without a test of the chosen tier, unless the command names it."""
+    if collection_path.suffix != ".py" or any(
+        collection_path == Path(a.partition("::")[0]).resolve() for a in config.args
+    ):
+        return None
+    file = collection_path.relative_to(config.rootpath).as_posix()
+    return tiers.left_out(file, config.getoption("--tier"), WORDS) or None
+
+
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Mark the tests of the full tier; leave out those of other tiers than the chosen one; in workers, begin with long files."""
+    """Leave out tests of other tiers than the chosen one, and refuse entries of the list that name no test."""
+    if not any("::" in argument for argument in config.args) and (
+        gone := tiers.stale(WORDS, [item.nodeid for item in items])
+    ):
+        raise pytest.UsageError(f"tests/tiers.txt names tests that do not exist: {', '.join(gone)}")
     chosen = config.getoption("--tier")
-    long = tiers.listed(tiers.LONG)
-    tests = [i.nodeid for i in items]
-    tier = tiers.listed(tiers.TIERS)
-    found = config.stash[tiers.COLLECTED] = {test: tiers.tier_of(test, tier, long) for test in tests}
-    for item in items:
-        if found[item.nodeid] == "full":
-            item.add_marker(pytest.mark.full)
-    config.hook.pytest_deselected(items=[i for i in items if not tiers.runs(chosen, found[i.nodeid])])
-    items[:] = [i for i in items if tiers.runs(chosen, found[i.nodeid])]
-    if hasattr(config, "workerinput"):  # of xdist: a long file that begins last would keep one worker alone
-        total = tiers.seconds_of_files((i.nodeid for i in items), long)
-        items.sort(key=lambda i: -total[i.nodeid.partition("::")[0]])
-
-
-def pytest_runtest_logreport(report: pytest.TestReport) -> None:
-    """Add up the time of a test; workers of xdist send theirs with the report."""
-    seconds[report.nodeid] += getattr(report, "processor_time", 0.0)
-
-
-def pytest_sessionfinish(session: pytest.Session) -> None:
-    """Write the times, once: workers of xdist report theirs to the session that started them."""
-    target = session.config.getoption("--durations-file")
-    if target and not hasattr(session.config, "workerinput"):
-        rounded = {test: round(s, 3) for test, s in seconds.most_common()}
-        Path(target).write_text(json.dumps(rounded, indent=0), encoding="utf-8")
+    others = [i for i in items if chosen not in ("all", tiers.tier_of(i.nodeid, WORDS))]
+    config.hook.pytest_deselected(items=others)
+    items[:] = [i for i in items if i not in set(others)]

@@ -1,27 +1,31 @@
-"""The tiers of the tests: each test belongs to standard or to full; those of standard that are quick belong to quick too.
+"""The tiers of the tests: standard protects correctness; full and studies hold what takes longer or more packages.
 
-``tiers.txt`` names the tests of the full tier, and a few that are always quick, by hand. ``long_tests.txt`` names those that
-the quick tier leaves out, with their seconds; ``scripts/durations.py`` writes it.
+``tiers.txt`` is the only list. A test that it does not name is of the standard tier. A guard is a standard test that may
+take longer than `LIMIT`.
 """
 
 from __future__ import annotations
 
-from collections import Counter
+import os
+import sys
+import time
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Final
 
-import pytest
-
 HERE: Final = Path(__file__).parent
-TIERS: Final = HERE / "tiers.txt"
-LONG: Final = HERE / "long_tests.txt"
-CHOICES: Final = ("quick", "standard", "full", "all")
-#: test -> smallest tier that runs it, of all tests that were collected, those that are left out too
-COLLECTED: Final = pytest.StashKey[dict[str, str]]()
+LIST: Final = HERE / "tiers.txt"
+TIERS: Final = ("standard", "full", "studies")
+WORDS: Final = (*TIERS, "guard")
+LIMIT: Final = 0.7  #: s of processor time of a standard test, with kernels compiled and modules imported
+GUARDS: Final = 40  #: standard tests that may take longer, at most
+TOTAL: Final = 200.0  #: s of processor time of all standard tests, likewise
+CALIBRATION: Final = (
+    0.008  #: s that `pace` takes where these limits were set, a virtual core of a Zen 5 server
+)
 
 
-def listed(file: Path) -> dict[str, str]:
+def listed(file: Path = LIST) -> dict[str, str]:
     """Return test -> first word of its line."""
     lines = (line.strip() for line in file.read_text("utf-8").splitlines())
     rows = (line.split(maxsplit=1) for line in lines if line and not line.startswith("#"))
@@ -29,26 +33,55 @@ def listed(file: Path) -> dict[str, str]:
 
 
 def names(test: str) -> tuple[str, ...]:
-    """Return the names by which a list can name a test, the most specific first: with its parameter, without, its file."""
+    """Return the names by which the list can name a test, the most specific first: with its parameter, without, its file."""
     return test, test.partition("[")[0], test.partition("::")[0]
 
 
-def tier_of(test: str, tiers: Mapping[str, str], long: Mapping[str, str]) -> str:
-    """Return the smallest tier that runs a test: quick, standard or full."""
-    by_hand = next((tiers[name] for name in names(test) if name in tiers), "")
-    if by_hand:
-        return by_hand
-    return "standard" if any(name in long for name in names(test)) else "quick"
+def word_of(test: str, words: Mapping[str, str]) -> str:
+    """Return standard, guard, full or studies."""
+    return next((words[name] for name in names(test) if name in words), "standard")
 
 
-def runs(tier: str, smallest: str) -> bool:
-    """Return whether a tier runs a test whose smallest tier is given."""
-    return tier in ("all", smallest) or (tier, smallest) == ("standard", "quick")
+def tier_of(test: str, words: Mapping[str, str]) -> str:
+    """Return the tier of a test."""
+    return "standard" if (word := word_of(test, words)) == "guard" else word
 
 
-def seconds_of_files(tests: Iterable[str], long: Mapping[str, str]) -> Counter[str]:
-    """Return file -> seconds that its long tests take, of the tests given, summed in their order: workers must agree."""
-    total: Counter[str] = Counter()
-    for name in dict.fromkeys(name for test in tests for name in names(test) if name in long):
-        total[name.partition("::")[0]] += float(long[name])
-    return total
+def left_out(file: str, tier: str, words: Mapping[str, str]) -> bool:
+    """Return whether no test of a file belongs to a tier, so that the file need not be imported."""
+    if file not in words or tier == "all":
+        return False
+    exceptions = (tier_of(test, words) for test in words if test.startswith(f"{file}::"))
+    return tier not in (tier_of(file, words), *exceptions)
+
+
+def stale(words: Mapping[str, str], collected: Iterable[str]) -> list[str]:
+    """Return entries of the files collected that name no test, and those of files that do not exist."""
+    known = {name for test in collected for name in names(test)}
+    files = {name for name in known if "::" not in name}
+    gone = {name for name in words if not (HERE.parent / name.partition("::")[0]).is_file()}
+    return sorted(gone | {name for name in words if name.partition("::")[0] in files} - known)
+
+
+def processor_time() -> float:
+    """Return the processor time of this process and of its children that have ended, s."""
+    return sum(os.times()[:4])
+
+
+def pace() -> float:
+    """Return by how much this processor is slower now than where the limits were set; at least 1."""
+    best = min(_calibration() for _ in range(3))
+    return max(1.0, best / CALIBRATION)
+
+
+def _calibration() -> float:
+    began = time.process_time()
+    total = 0
+    for i in range(200_000):
+        total += i % 7
+    return time.process_time() - began
+
+
+def state(cache: Path) -> tuple[int, int]:
+    """Return what changes where a kernel is compiled into the cache or a module is imported."""
+    return (cache.stat().st_mtime_ns if cache.is_dir() else 0), len(sys.modules)
