@@ -100,25 +100,26 @@ class Upload(tornado.web.RequestHandler):
         """Move the whole file to its place."""
         if self.file is None:
             return
-        name, into = self.name, self.into
         try:
-            place = inside(self.folder, safe_name(into)) if into else self.folder
+            place = inside(self.folder, safe_name(self.into)) if self.into else self.folder
+            self.file.flush()
+            os.fsync(self.file.fileno())  # else a crash soon after the move can leave an empty file
             self.file.close()
             place.mkdir(exist_ok=True)
-            target = place / safe_name(name)
+            target = place / safe_name(self.name)
             if os.path.lexists(target) and not filecmp.cmp(self.file.name, target, shallow=False):
-                if into:
+                if self.into:
                     self.refuse(409, f"{place.name} holds another table {target.name}; rename the folder")
                     return
-                names = (target.with_name(f"{n}-{target.name}") for n in itertools.count(1))
-                target = next(other for other in names if not os.path.lexists(other))
+                others = (place / f"{n}-{target.name}" for n in itertools.count(1))
+                target = next(itertools.filterfalse(os.path.lexists, others))
             Path(self.file.name).replace(target)
         except (OSError, StoopError) as error:
             self.refuse(507, f"the log cannot be kept ({getattr(error, 'strerror', None) or error})")
             return
         self.file = None
         self.set_header("Content-Type", "text/plain; charset=utf-8")
-        self.finish(printable(str((place if into else target).relative_to(self.folder.parent))))
+        self.finish(printable(str((place if self.into else target).relative_to(self.folder.parent))))
 
     def on_connection_close(self) -> None:
         """Throw away what a browser that went away has sent."""

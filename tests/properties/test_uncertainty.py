@@ -1,0 +1,28 @@
+"""One uncertainty: each error of the table is the square root of its variance in the covariance matrix."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from stoop.workflow import FittedModel
+
+
+@pytest.mark.xfail(
+    strict=True, reason="one uncertainty: std_error becomes the root of the covariance's diagonal"
+)
+def test_errors_of_the_table_are_those_of_the_covariance(lacking: FittedModel, tmp_path: Path) -> None:
+    """By definition; of a model that lacks a term, so that all that widens an error bar takes part."""
+    lacking.result.save(tmp_path / "result.json")
+    written = json.loads((tmp_path / "result.json").read_text(encoding="utf-8"))
+    names = written["covariance"]["names"]
+    roots = np.sqrt(np.diag(np.array(written["covariance"]["matrix"], dtype=float)))
+    table = lacking.to_dataframe()
+    assert len(names) == 3
+    for name, root in zip(names, roots, strict=True):
+        assert written["parameters"][name]["std_error"] == pytest.approx(root, rel=1e-9), name
+        assert table.loc[name, "std_error"] == pytest.approx(root, rel=1e-9), name
+        assert lacking.parameters[name].std_error == pytest.approx(root, rel=1e-9), name

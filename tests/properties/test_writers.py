@@ -1,0 +1,216 @@
+"""Every file that users get is written beside its place, put on the disk (fsync) and then moved there (os.replace).
+
+One writer does so, `stoop.base.files`. The source is searched for others; what verbs and functions write is watched.
+"""
+
+from __future__ import annotations
+
+import ast
+import builtins
+import io
+import os
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+import stoop
+from stoop.base.files import SCRATCH, write_files
+from stoop.cli.main import main
+from stoop.optimize.state import save_state
+from stoop.vehicle.builtin import builtin_text
+from stoop.workflow import FittedModel
+
+SOURCE = Path(stoop.__file__).parents[1]
+WRITING = {
+    "write_text",
+    "write_bytes",
+    "to_netcdf",
+    "copytree",
+    "copyfile",
+    "copy2",
+    "NamedTemporaryFile",
+    "mkstemp",
+    "touch",
+}
+#: module -> why it may write a file by itself
+ALLOWED = {
+    "base/files.py": "the writer",
+    "base/cache.py": "kernels, in a hidden folder that is moved when it is whole and has checksums",
+    "kernels/generated.py": "source of kernels, into such a folder", "kernels/kernel.py": "likewise",
+    "logs/compiled.py": "likewise",
+    "base/streams.py": "the null device",
+    "logs/guard.py": "between two processes, in a temporary folder",
+    "assessment/posterior.py": "read back from a temporary folder", "results/labelled.py": "likewise",
+    "exporters/fmu.py": "source that is compiled in a temporary folder",
+    "app/steps.py": "output of a running process, its lock, and the list of commands, which grows",
+    "app/uploads.py": "parts as they come, then fsync and one move",
+}  # fmt: skip
+MOVE = re.compile(r"\.(replace|rename)\([^,*=\n]*\)|os\.re\w+\(|shutil\.move")
+OPENS = re.compile(rf"\b({'|'.join(WRITING)})\(|open\(.*(['\"][wax]|O_W|O_R|nonblock|opener|mode)")
+MANEUVER = 'duration = 2.0\nrate = 50.0\nairspeed = 35.0\naltitude = 200.0\n[[input]]\ncontrol = "elevator"\n' \
+    'shape = "doublet"\nstart = 0.5\nstep = 0.3\namplitude = 0.05\n'  # fmt: skip
+
+
+def calls(tree: ast.AST) -> Iterator[tuple[str, ast.Call]]:
+    """Yield the calls of a source with the last part of what is called."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute | ast.Name):
+            yield node.func.attr if isinstance(node.func, ast.Attribute) else node.func.id, node
+
+
+def writes(name: str, call: ast.Call) -> bool:
+    """Return whether a call opens a file for writing."""
+    if name == "open" and isinstance(call.func, ast.Attribute) and getattr(call.func.value, "id", "") == "os":
+        return "O_W" in ast.unparse(call) or "O_RDWR" in ast.unparse(call)
+    modes = [n.value for n in (*call.args, *(k.value for k in call.keywords)) if isinstance(n, ast.Constant)]
+    opened = name in ("open", "fdopen") and any(
+        isinstance(m, str) and len(m) < 4 and {*m} & {*"wax+"} for m in modes
+    )
+    return opened or name in WRITING
+
+
+def moves(name: str, call: ast.Call) -> bool:
+    """Return whether a call moves a file: `Path.replace`, `os.replace`, `shutil.move` and the like; not `str.replace`."""
+    of_path = (
+        isinstance(call.func, ast.Attribute)
+        and len(call.args) == 1
+        and not call.keywords
+        and not isinstance(call.args[0], ast.Starred)
+    )
+    of_module = isinstance(call.func, ast.Attribute) and getattr(call.func.value, "id", "") in (
+        "os",
+        "shutil",
+    )
+    return (name in ("replace", "rename") and of_path) or (
+        name in ("replace", "rename", "move") and of_module
+    )
+
+
+def test_no_other_module_writes_files() -> None:
+    found, unsynced = set(), set()
+    for path in sorted((SOURCE / "stoop").rglob("*.py")):
+        text, module = path.read_text(encoding="utf-8"), path.relative_to(SOURCE / "stoop").as_posix()
+        if not OPENS.search(text) and not MOVE.search(text):
+            continue
+        tree = ast.parse(text)
+        found |= {module for name, call in calls(tree) if writes(name, call)}
+        for function in (
+            (n for n in ast.walk(tree) if isinstance(n, ast.FunctionDef)) if MOVE.search(text) else ()
+        ):
+            made = [*calls(function)]
+            if any(moves(*one) for one in made) and not any(name == "fsync" for name, _ in made):
+                unsynced.add(f"{module} {function.name}")
+    assert found == {*ALLOWED}
+    # a file that lay there before, kernels with checksums, a file between two processes
+    assert unsynced == {
+        "base/files.py write_files", "app/folder.py _turn_to", "base/cache.py seal", "base/cache.py discard",
+        "logs/guard.py _write_json",
+    }  # fmt: skip
+
+
+@contextmanager
+def watched(monkeypatch: pytest.MonkeyPatch, root: Path) -> Iterator[None]:
+    """Fail where a file below a folder is opened for writing in its place, or moved there before it is on the disk."""
+    synced: dict[int, int] = {}
+    opened, os_open, fsync, replace = io.open, os.open, os.fsync, os.replace
+
+    def in_place(path: object, writing: bool) -> None:
+        inside = (
+            writing and not isinstance(path, int) and Path(os.fsdecode(path)).absolute().is_relative_to(root)
+        )  # type: ignore[arg-type]
+        assert not inside or SCRATCH in str(path), f"{path} is written in its place"
+
+    def watched_open(path: object, mode: str = "r", *more: object, **named: object) -> object:
+        in_place(path, bool({*mode} & {*"wax+"}))
+        return opened(path, mode, *more, **named)  # type: ignore[call-overload]
+
+    def watched_os_open(path: str, flags: int, *more: object, **named: object) -> int:
+        in_place(path, bool(flags & (os.O_WRONLY | os.O_RDWR)))
+        return os_open(path, flags, *more, **named)  # type: ignore[arg-type]
+
+    def watched_fsync(handle: int) -> None:
+        fsync(handle)
+        synced[os.fstat(handle).st_ino] = os.fstat(handle).st_size
+
+    def watched_replace(source: Path, target: Path, **named: object) -> None:
+        state = Path(source).stat()
+        assert synced.get(state.st_ino) == state.st_size, f"{target} was moved before it was on the disk"
+        replace(source, target, **named)  # type: ignore[arg-type]
+        moved.add(Path(target).absolute())
+
+    moved: set[Path] = set()
+    for place, function in ((builtins, watched_open), (io, watched_open)):
+        monkeypatch.setattr(place, "open", function)
+    monkeypatch.setattr(os, "open", watched_os_open)
+    monkeypatch.setattr(os, "fsync", watched_fsync)
+    monkeypatch.setattr(os, "replace", watched_replace)
+    before = {path for path in root.rglob("*") if path.is_file()}
+    yield
+    new = {path for path in root.rglob("*") if path.is_file()} - before
+    assert new, "nothing was written"
+    assert new <= moved
+
+
+def test_what_is_written_in_its_place_is_seen(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    with pytest.raises(AssertionError, match="in its place"), watched(monkeypatch, tmp_path):
+        (tmp_path / "a").write_text("x")
+    monkeypatch.undo()
+    monkeypatch.setattr("stoop.base.files._write_through", lambda path, content: path.write_bytes(content))
+    with pytest.raises(AssertionError, match="before it was on the disk"), watched(monkeypatch, tmp_path):
+        write_files(tmp_path, {"a": "x"})
+
+
+@pytest.fixture(scope="module")
+def inputs(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder with a vehicle, a maneuver, its flight and the flight as a table."""
+    folder = tmp_path_factory.mktemp("inputs")
+    (folder / "v.toml").write_text(
+        builtin_text("twin-boom").replace("notes = [", 'model = { reduce = "longitudinal" }\nnotes = [')
+    )
+    (folder / "m.toml").write_text(MANEUVER)
+    for name in ("sim.nc", "t.csv"):
+        assert (
+            main(
+                [
+                    "simulate",
+                    str(folder / "v.toml"),
+                    "--maneuver",
+                    str(folder / "m.toml"),
+                    "-o",
+                    str(folder / name),
+                ]
+            )
+            == 0
+        )
+    return folder
+
+
+VERBS = [
+    *(f"simulate v.toml --maneuver m.toml -o out/flight.{e}" for e in ("nc", "csv", "mat", "ulg", "bin", "usd")),
+    "export quad-x --to isaac -o out", "linearize v.toml --json out/linear.json", "map t.csv -o out/map.toml",
+    "vehicle quad-x -o out/v.toml", "vehicle new --template glider --mass 2.1 --span 2.5 --area 0.4 -o out/n.toml",
+    "info sim.nc --save out/i.nc",
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("words", VERBS)
+def test_what_a_verb_writes_is_whole_or_not_there(
+    words: str, inputs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "out").mkdir()
+    for path in inputs.iterdir():
+        (tmp_path / path.name).symlink_to(path)
+    with watched(monkeypatch, tmp_path):
+        monkeypatch.chdir(tmp_path)
+        assert main(words.split()) == 0
+
+
+def test_what_a_result_writes_is_whole_or_not_there(
+    lacking: FittedModel, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with watched(monkeypatch, tmp_path):
+        lacking.result.save(tmp_path / "result.json")
+        save_state(tmp_path / "state.npz", lacking.estimate.outcome.state)
