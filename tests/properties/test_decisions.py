@@ -1,0 +1,197 @@
+"""Each decision of a fit applies where the data call for it, and is not needed where they do not.
+
+The truth is how the flights were made: a defect is put into a simulated flight, or into the file, or it is not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from stoop.base.notices import notice
+from stoop.estimate.fit import Options
+from stoop.flight import Flight
+from stoop.flight.faults import Fault
+from stoop.problem.windows import Window
+from stoop.simulation.fly import simulate_flight
+from stoop.simulation.maneuver import Maneuver
+from stoop.strategy import DECISIONS, Strategy, fit
+from stoop.strategy.run import setup_of
+from stoop.vehicle import Vehicle
+from stoop.vehicle.builtin import builtin_vehicle
+from stoop.vehicle.document import with_entries
+from stoop.vehicle.load import parse_vehicle
+
+DOUBLET = {"control": "elevator", "shape": "doublet", "start": 0.5, "step": 0.5, "amplitude": 0.05}
+WINDOWS = Window("a", 0.0, 5.0), Window("b", 0.0, 5.0)
+FREE = ("Cmalpha", "Cmq", "Cmelevator")
+Case = tuple[Vehicle, Mapping[str, Flight]]
+
+
+@cache
+def whole() -> Vehicle:
+    """Return an airplane with three free numbers, and a servo without lag."""
+    vehicle = with_entries(builtin_vehicle("twin-boom"), {("controls", "elevator", "lag"): 0.0})
+    return freed(vehicle)
+
+
+@cache
+def known() -> Vehicle:
+    return whole().reduced("longitudinal")
+
+
+def freed(vehicle: Vehicle, *more: str) -> Vehicle:
+    return vehicle.with_numbers(
+        {p.name: {"free": p.name in (*FREE, *more)} for p in vehicle.parameters if p.free or p.name in more}
+    )
+
+
+@cache
+def flights(reduced: bool = True) -> Mapping[str, Flight]:
+    maneuver = Maneuver.model_validate({"duration": 5.0, "rate": 50.0, "altitude": 200.0, "input": [DOUBLET]})
+    vehicle = known() if reduced else whole()
+    return {name: simulate_flight(vehicle, maneuver, seed=i, name=name) for i, name in enumerate("ab")}
+
+
+def changed(
+    channel: str, change: Callable[[np.ndarray, int], np.ndarray], names: str = "ab"
+) -> Mapping[str, Flight]:
+    """Return the flights with one channel of some of them changed."""
+    out = dict(flights())
+    for k, name in enumerate(names):
+        column = change(out[name].column(channel).copy(), k)
+        data = out[name].data.assign({channel: ("time", column, out[name].data[channel].attrs)})
+        out[name] = replace(out[name], data=data)
+    return out
+
+
+def random(y: np.ndarray, seed: int) -> np.ndarray:
+    return np.random.default_rng(seed).standard_normal(len(y))
+
+
+def spiked(y: np.ndarray, seed: int) -> np.ndarray:
+    rng = np.random.default_rng(seed)
+    y[rng.choice(len(y), len(y) // 12, replace=False)] += 0.1 * rng.choice([-1.0, 1.0], len(y) // 12)
+    return y
+
+
+def faulty() -> Mapping[str, Flight]:
+    fault = Fault("stuck", "q", 0.0, 1.0, 2.0, notice("samples-not-measured", variables=("q",)))
+    return {**flights(), "a": replace(flights()["a"], faults=(fault,))}
+
+
+def gusty() -> Mapping[str, Flight]:
+    """Return flights whose angle of attack is that of gusts of 1 m/s, which turn and lift nothing."""
+    return changed("alpha", lambda y, k: y + 0.03 * lfilter([0.2], [1.0, -0.98], random(y, k)))
+
+
+def of_pitch(share: float, **numbers: object) -> Vehicle:
+    """Return a vehicle whose inertia in pitch is free, from a share of the truth."""
+    truth = known().value("mass.inertia.yy")
+    held = known().with_numbers({n: {"free": False} for n in FREE})
+    return held.with_numbers({"mass.inertia.yy": {"value": share * truth, "free": True, **numbers}})
+
+
+def of_no_body(scale: float) -> Vehicle:
+    """Return a vehicle whose elevator turns it more than the true one, its inertia free."""
+    held = known().with_numbers({"Cmelevator": {"value": scale * known().value("Cmelevator"), "free": False}})
+    return held.with_numbers({"mass.inertia.yy": {"free": True}})
+
+
+def with_prior(share: float) -> Vehicle:
+    """Return a vehicle whose static stability has a prior of 10 % about a share of the truth."""
+    truth = known().value("Cmalpha")
+    return known().with_numbers(
+        {"Cmalpha": {"value": share * truth, "prior": 0.1 * abs(truth), "free": True}}
+    )
+
+
+def late(samples: int) -> Mapping[str, Flight]:
+    return changed("alpha", lambda y, k: np.concatenate([np.full(samples, y[0]), y[: len(y) - samples]]))
+
+
+def held_wrong(share: float) -> Vehicle:
+    """Return a vehicle whose lift slope is held at a share of the truth."""
+    return known().with_numbers({"CLalpha": {"value": share * known().value("CLalpha"), "free": False}})
+
+
+def of_plain_thrust() -> Vehicle:
+    """Return a vehicle whose file does not say how well its thrust is known."""
+    text = known().text
+    assert "thrust = { value = 220.87, free = false }" in text
+    return freed(parse_vehicle(text.replace("{ value = 220.87, free = false }", "220.87"), "plain")).reduced(
+        "longitudinal"
+    )
+
+
+@cache
+def unstable() -> Case:
+    """Return a vehicle without static stability, and its flights of 3 s, in which errors grow by four powers of ten."""
+    vehicle = known().with_numbers({"Cmalpha": {"value": 4.0}})
+    small = DOUBLET | {"amplitude": 1e-3}
+    maneuver = Maneuver.model_validate({"duration": 3.0, "rate": 50.0, "altitude": 200.0, "input": [small]})
+    return vehicle, {
+        name: simulate_flight(vehicle, maneuver, seed=i, name=name) for i, name in enumerate("ab")
+    }
+
+
+OF_SEVERAL = ("maneuver-noise",)  #: decisions that compare flights; one is enough for the others
+#: decision -> a case in which it applies, and one in which it must not
+CASES: dict[str, tuple[Callable[[], Case], Callable[[], Case]]] = {
+    "faults": (lambda: (known(), faulty()), lambda: (known(), flights())),
+    "bounds": (lambda: (of_pitch(0.35), flights()), lambda: (of_pitch(0.8), flights())),
+    "assumptions": (lambda: (of_plain_thrust(), flights()), lambda: (known(), flights())),
+    "recorded-motion": (lambda: (known(), flights(reduced=False)), lambda: (whole(), flights(reduced=False))),
+    "held-numbers": (lambda: (of_no_body(8.0), flights()), lambda: (of_no_body(1.0), flights())),
+    "stuck-channels": (lambda: (known(), changed("theta", lambda y, k: np.full_like(y, 0.05))), lambda: (known(), flights())),
+    "noise-shape": (lambda: (known(), changed("q", spiked)), lambda: (known(), flights())),
+    "maneuver-noise": (
+        lambda: (known(), changed("q", lambda y, k: y + 0.02 * random(y, 1), "b")), lambda: (known(), flights())),
+    "noise-color": (
+        lambda: (known(), changed("theta", lambda y, k: y + 0.003 * lfilter([1.0], [1.0, -0.95], random(y, k)))),
+        lambda: (known(), flights())),
+    "sensor-delays": (lambda: (known(), late(3)), lambda: (known(), flights())),
+    "priors": (lambda: (with_prior(0.5), flights()), lambda: (with_prior(1.0), flights())),
+    "extensions": (lambda: (held_wrong(0.8), flights()), lambda: (held_wrong(1.0), flights())),
+}  # fmt: skip
+#: likewise of those that choose a method, whose fits are not made
+METHODS: dict[str, tuple[Callable[[], Case], Callable[[], Case]]] = {
+    "method": (lambda: (builtin_vehicle("quad-x"), {}), lambda: (known(), flights())),
+    "instability": (unstable, lambda: (known(), flights())),
+    "gusts": (lambda: (known(), gusty()), lambda: (known(), flights())),
+}  # fmt: skip
+
+
+def test_every_decision_has_two_cases() -> None:
+    assert {*CASES, *METHODS} == {one.name for one in DECISIONS}
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_a_decision_applies_where_the_data_call_for_it_alone(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("stoop.strategy.extensions.MAX_ROUNDS", 1)
+    monkeypatch.setattr("stoop.strategy.extensions.MAX_RIVALS", 0)
+    windows = WINDOWS if name in OF_SEVERAL else WINDOWS[:1]
+    for case, state in zip(CASES[name], ("applied", "not needed"), strict=True):
+        vehicle, flown = case()
+        done = fit(Strategy.only(name), vehicle, flown, windows, options=Options(seed=1, budget=4000.0))
+        assert {one.name: one.state for one in done.decisions}[name] == state
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_a_method_is_chosen_where_the_data_call_for_it_alone(name: str) -> None:
+    (decision,) = (one for one in DECISIONS if one.name == name)
+    assert decision.problem is not None
+    for case, applies in zip(METHODS[name], (True, False), strict=True):
+        vehicle, flown = case()
+        windows = [Window(n, 0.0, float(one.time[-1])) for n, one in flown.items()]
+        setup = setup_of(Strategy.only(name), vehicle, flown, windows)
+        change = decision.problem(setup)
+        assert (change is not None) == applies
+        assert change is None or change.setup.options.method != setup.options.method
