@@ -141,57 +141,74 @@ def unstable() -> Case:
 
 
 OF_SEVERAL = ("maneuver-noise",)  #: decisions that compare flights; one is enough for the others
-#: decision -> a case in which it applies, and one in which it must not
-CASES: dict[str, tuple[Callable[[], Case], Callable[[], Case]]] = {
-    "faults": (lambda: (known(), faulty()), lambda: (known(), flights())),
-    "bounds": (lambda: (of_pitch(0.35), flights()), lambda: (of_pitch(0.8), flights())),
-    "assumptions": (lambda: (of_plain_thrust(), flights()), lambda: (known(), flights())),
-    "recorded-motion": (lambda: (known(), flights(reduced=False)), lambda: (whole(), flights(reduced=False))),
-    "held-numbers": (lambda: (of_no_body(8.0), flights()), lambda: (of_no_body(1.0), flights())),
-    "stuck-channels": (lambda: (known(), changed("theta", lambda y, k: np.full_like(y, 0.05))), lambda: (known(), flights())),
-    "noise-shape": (lambda: (known(), changed("q", spiked)), lambda: (known(), flights())),
-    "maneuver-noise": (
-        lambda: (known(), changed("q", lambda y, k: y + 0.02 * random(y, 1), "b")), lambda: (known(), flights())),
-    "noise-color": (
-        lambda: (known(), changed("theta", lambda y, k: y + 0.003 * lfilter([1.0], [1.0, -0.95], random(y, k)))),
-        lambda: (known(), flights())),
-    "sensor-delays": (lambda: (known(), late(3)), lambda: (known(), flights())),
-    "priors": (lambda: (with_prior(0.5), flights()), lambda: (with_prior(1.0), flights())),
-    "extensions": (lambda: (held_wrong(0.8), flights()), lambda: (held_wrong(1.0), flights())),
-}  # fmt: skip
-#: likewise of those that choose a method, whose fits are not made
-METHODS: dict[str, tuple[Callable[[], Case], Callable[[], Case]]] = {
-    "method": (lambda: (builtin_vehicle("quad-x"), {}), lambda: (known(), flights())),
-    "instability": (unstable, lambda: (known(), flights())),
-    "gusts": (lambda: (known(), gusty()), lambda: (known(), flights())),
-}  # fmt: skip
+CASES: dict[str, Callable[[], Case]] = {
+    "faults": lambda: (known(), faulty()),
+    "bounds": lambda: (of_pitch(0.35), flights()),
+    "assumptions": lambda: (of_plain_thrust(), flights()),
+    "recorded-motion": lambda: (known(), flights(reduced=False)),
+    "held-numbers": lambda: (of_no_body(8.0), flights()),
+    "stuck-channels": lambda: (known(), changed("theta", lambda y, k: np.full_like(y, 0.05))),
+    "noise-shape": lambda: (known(), changed("q", spiked)),
+    "maneuver-noise": lambda: (known(), changed("q", lambda y, k: y + 0.02 * random(y, 1), "b")),
+    "noise-color": lambda: (
+        known(), changed("theta", lambda y, k: y + 0.003 * lfilter([1.0], [1.0, -0.95], random(y, k)))),
+    "sensor-delays": lambda: (known(), late(3)),
+    "priors": lambda: (with_prior(0.5), flights()),
+    "extensions": lambda: (held_wrong(0.8), flights()),
+    "method": lambda: (builtin_vehicle("quad-x"), {}),
+    "instability": unstable,
+    "gusts": lambda: (known(), gusty()),
+}  #: decision -> a case in which it applies  # fmt: skip
+NEVER: dict[str, Callable[[], Case]] = {
+    "bounds": lambda: (of_pitch(0.8), flights()),
+    "held-numbers": lambda: (of_no_body(1.0), flights()),
+    "recorded-motion": lambda: (whole(), flights(reduced=False)),
+}  #: cases near those in which they must not
+CHOICES = ("method", "instability", "gusts", "extensions")  #: decisions before a fit, which is not made here
 
 
-def test_every_decision_has_two_cases() -> None:
-    assert {*CASES, *METHODS} == {one.name for one in DECISIONS}
+def state(name: str, case: Case) -> str:
+    """Return the state of a decision after a fit that takes it alone."""
+    windows = WINDOWS if name in OF_SEVERAL else WINDOWS[:1]
+    done = fit(Strategy.only(name), *case, windows, options=Options(seed=1, budget=4000.0))
+    return {one.name: one.state for one in done.decisions}[name]
 
 
-@pytest.mark.parametrize("name", CASES)
-def test_a_decision_applies_where_the_data_call_for_it_alone(
+def test_every_decision_has_a_case() -> None:
+    assert {*CASES} == {one.name for one in DECISIONS}
+
+
+@pytest.mark.parametrize("name", [name for name in CASES if name not in CHOICES])
+def test_a_decision_applies_where_the_data_call_for_it(name: str) -> None:
+    assert state(name, CASES[name]()) == "applied"
+    if name in NEVER:
+        assert state(name, NEVER[name]()) == "not needed"
+
+
+@pytest.mark.parametrize("name", CHOICES)
+def test_method_or_model_change_before_a_fit_where_the_data_call_for_it(
     name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("stoop.strategy.extensions.MAX_ROUNDS", 1)
     monkeypatch.setattr("stoop.strategy.extensions.MAX_RIVALS", 0)
-    windows = WINDOWS if name in OF_SEVERAL else WINDOWS[:1]
-    for case, state in zip(CASES[name], ("applied", "not needed"), strict=True):
-        vehicle, flown = case()
-        done = fit(Strategy.only(name), vehicle, flown, windows, options=Options(seed=1, budget=4000.0))
-        assert {one.name: one.state for one in done.decisions}[name] == state
-
-
-@pytest.mark.parametrize("name", METHODS)
-def test_a_method_is_chosen_where_the_data_call_for_it_alone(name: str) -> None:
     (decision,) = (one for one in DECISIONS if one.name == name)
     assert decision.problem is not None
-    for case, applies in zip(METHODS[name], (True, False), strict=True):
-        vehicle, flown = case()
+    for vehicle, flown in (CASES[name](), (known(), flights())):
         windows = [Window(n, 0.0, float(one.time[-1])) for n, one in flown.items()]
-        setup = setup_of(Strategy.only(name), vehicle, flown, windows)
+        setup = setup_of(Strategy.only(name), vehicle, flown, windows[: 1 + (name in CHOICES[:3])])
         change = decision.problem(setup)
-        assert (change is not None) == applies
-        assert change is None or change.setup.options.method != setup.options.method
+        if flown is flights() and vehicle is known():
+            assert change is None
+        elif name == "extensions":
+            assert change is not None
+            assert change.done == "CLalpha added"
+        else:
+            assert change is not None
+            assert change.setup.options.method != setup.options.method
+
+
+def test_no_decision_applies_to_a_right_vehicle_and_clean_flights() -> None:
+    """All decisions, those included that are off by default; of a vehicle with a right prior."""
+    every = Strategy(frozenset(CASES))
+    done = fit(every, with_prior(1.0), flights(), WINDOWS, options=Options(seed=1, budget=4000.0))
+    assert {one.name: one.state for one in done.decisions} == dict.fromkeys(CASES, "not needed")
