@@ -1,0 +1,19 @@
+"""The planted defects fit the sources, and every room has one."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+MUTANTS = tomllib.loads((Path(__file__).parent / "mutants.toml").read_text("utf-8"))["mutant"]
+
+
+def test_every_defect_can_be_planted_and_every_room_has_one() -> None:
+    names = [one["name"] for one in MUTANTS]
+    assert len(set(names)) == len(names) >= 60
+    sources = {file: (ROOT / file).read_text("utf-8") for file in {one["file"] for one in MUTANTS}}
+    lost = [one["name"] for one in MUTANTS if sources[one["file"]].count(one["old"]) != 1]
+    assert not lost, f"plant these elsewhere, or remove them: {', '.join(lost)}"
+    rooms = {path.parent.name for path in (ROOT / "src" / "stoop").glob("*/__init__.py")}
+    assert rooms <= {Path(one["file"]).parts[2] for one in MUTANTS}
