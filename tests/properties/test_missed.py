@@ -1,0 +1,237 @@
+"""Properties that no quick test held: each test kills a planted defect of `tests/mutants` that others missed."""
+
+from __future__ import annotations
+
+import math
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+import sympy as sp
+from scipy.linalg import solve_continuous_lyapunov
+
+from stoop.assessment.covariance import NEIGHBORS, window_scatter
+from stoop.cli.options import windows
+from stoop.estimate.filter_gains import Gains
+from stoop.estimate.filter_likelihood import Innovations
+from stoop.exporters.jsbsim_model import air_density
+from stoop.fleet.changes import Change, Readings, sizes
+from stoop.flight.flight import from_columns
+from stoop.input_design.inputs import SHAPES, Frame
+from stoop.performance.polar import Polar
+from stoop.reconstruction.compatibility import corrected_flight
+from stoop.report.charts import correlation_map
+from stoop.report.sheet import mathml
+from stoop.simulation import trajectories
+from stoop.strategy.extensions import Trial
+from stoop.tuning.margins import margins
+from stoop.vehicle import parse_vehicle
+from stoop.vehicle.builtin import resolve_vehicle
+from stoop.vehicle.symbolic import forces, frames
+from stoop.workflow import outputs
+
+PROPELLER = """
+[propulsion]
+kind = "propeller"
+channel = "throttle"
+speed_gain = 120.0
+diameter = 0.6
+CT0 = 0.1
+inertia = 0.02
+
+[ground_effect]
+channel = "altitude"
+lift = 0.4
+"""
+
+
+def airplane() -> Any:
+    """Return the twin-boom aircraft with a propeller and a ground effect."""
+    text = resolve_vehicle("twin-boom").text
+    head, rest = text.split("[propulsion]")
+    return parse_vehicle(head + PROPELLER + rest[rest.index("[aerodynamics") :], "test")
+
+
+def numbers(vehicle: Any, expressions: Any) -> np.ndarray:
+    """Return the values of expressions in the numbers of a vehicle."""
+    known = {s: vehicle.value(s.name) for s in frames.Numbers(vehicle).symbols}
+    return np.array([float(sp.sympify(one).xreplace(known)) for one in expressions])
+
+
+def test_the_momentum_of_a_propeller_is_conserved() -> None:
+    """The moment on the body is minus the rate of change of the angular momentum of the disc, which turns with it."""
+    vehicle, omega = airplane(), np.array([0.3, -0.5, 0.7])
+    air = frames.air((30.0, 0.0, 0.0))
+    around = forces.Surroundings(frames.Numbers(vehicle), air, 1.2, tuple(omega), {}, {"throttle": 0.5})
+    momentum = np.array([0.02 * 2.0 * math.pi * 60.0, 0.0, 0.0])
+    np.testing.assert_allclose(numbers(vehicle, forces.propulsion(around).moment), -np.cross(omega, momentum))
+
+
+def test_half_of_the_ground_effect_of_a_wing_is_left_at_a_sixteenth_of_its_span() -> None:
+    """McCormick's factor (16 h / b)^2 / (1 + (16 h / b)^2)."""
+    vehicle = airplane()
+    span = vehicle.value("reference.span")
+    gains = [forces.lift_gain(frames.Numbers(vehicle), {"altitude": h}) for h in (0.0, span / 16.0, span)]
+    np.testing.assert_allclose(numbers(vehicle, gains), 1.0 + 0.4 * np.array([1.0, 0.5, 1.0 / 257.0]))
+
+
+def test_the_covariance_of_scores_is_that_of_each_pair_of_windows() -> None:
+    rng = np.random.default_rng(0)
+    residuals, S = rng.standard_normal((7, 4)), rng.standard_normal((7, 4, 3))
+    total = np.zeros((3, 3))
+    for v in range(7):
+        for w in range(7):
+            if abs(v - w) <= NEIGHBORS:
+                first = range(max(0, v - w), 7 - max(0, w - v))
+                scores = [np.outer(residuals[g] @ S[v], residuals[g + w - v] @ S[w]) for g in first]
+                total += (1.0 - abs(v - w) / (NEIGHBORS + 1.0)) * np.sum(scores, axis=0)
+    np.testing.assert_allclose(window_scatter(residuals, S), total / 7.0)
+
+
+@pytest.mark.parametrize("samples", [1, 50])
+def test_the_information_about_a_standard_deviation_is_two_a_sample(samples: int) -> None:
+    """Fisher's information of a normal distribution about the logarithm of its standard deviation."""
+    step, channels = 1e-6, 2
+    spread = np.exp(2.0 * step * np.eye(channels))[:, None] * np.eye(channels)
+    covariance = np.concatenate([np.eye(channels)[None], spread])[:, None]
+    gains = Gains(np.zeros((1, 0, 3)), covariance, np.zeros(samples, dtype=np.int64))
+    v = np.repeat(np.random.default_rng(1).standard_normal((1, samples, channels)), 3, axis=0)
+    found = Innovations.of(v, gains, np.arange(channels), np.full(channels, step))
+    np.testing.assert_allclose(found.spread_information, 2.0 * samples * np.eye(channels), rtol=1e-5)
+
+
+def test_an_extension_falls_for_a_significantly_worse_prediction_only() -> None:
+    test: Any = SimpleNamespace(name="n", line="l")
+    rows = {  # rise of the likelihood, gain ahead, and its spread -> whether it is kept
+        (1.0, 1.0, 1.0): True, (1.0, -1.0, 1.0): True, (1.0, -3.0, 1.0): False, (-1.0, 5.0, 1.0): False,
+    }  # fmt: skip
+    for row, kept in rows.items():
+        assert (Trial(test, test, *row).decided(True).code == "extension-kept") is kept, row
+    assert Trial(test, test, 1.0, -9.0, 1.0).decided(False).code == "extension-kept-unchecked"
+
+
+def test_colors_of_correlations_are_those_of_their_signs() -> None:
+    drawn = str(correlation_map(["a", "b"], np.array([[1.0, -0.8], [-0.8, 1.0]])))
+    assert 'class="below"' in drawn
+    assert 'class="above"' not in drawn
+
+
+def test_text_within_formulas_is_text() -> None:
+    assert "<mo>&lt;</mo>" in mathml("a < b")
+
+
+def test_a_result_is_moved_into_place_after_what_it_describes(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Any
+) -> None:
+    model: Any = SimpleNamespace(
+        attachments={"posterior.nc": b""}, vehicle=None, parameters={}, flights=(), archive=b"x", files=(),
+        traces=(), convergence=None, command="", result=None,
+    )  # fmt: skip
+    written: list[str] = []
+    for name in ("with_values", "packed_curves", "to_json"):
+        monkeypatch.setattr(outputs, name, lambda *_: "")
+    monkeypatch.setattr("stoop.report.identification.render", lambda _: "")
+    monkeypatch.setattr(outputs, "write_files", lambda folder, files, obsolete: written.extend(files))
+    outputs.place_outputs(model, tmp_path)
+    assert written[-1] == outputs.RESULT
+    assert len(written) == 6
+
+
+def test_an_estimate_at_its_bound_is_rounded_into_the_bounds() -> None:
+    bound = 0.12345678906
+    vehicle = resolve_vehicle("twin-boom").with_numbers({"Cm0": {"free": True, "bounds": (0.0, bound)}})
+    text = outputs.with_values(vehicle, {"Cm0": bound})
+    assert parse_vehicle(text, "test").value("Cm0") == bound
+
+
+def test_windows_may_touch() -> None:
+    assert windows(["3:4", "1:2", "2:3"]) == ((1.0, 2.0), (2.0, 3.0), (3.0, 4.0))
+
+
+def test_the_best_glide_is_the_largest_ratio_of_a_polar() -> None:
+    c = np.array([0.03, -0.02, 0.05])
+    polar = Polar(*[None] * 3, ("c0", "c1", "c2"), c, np.eye(3) * 1e-9, *[np.zeros(3)] * 4)  # type: ignore[arg-type]
+    CL = np.linspace(0.01, 3.0, 100_000)
+    best, error = polar.summary["best glide"]
+    assert best == pytest.approx(np.max(CL / (c[0] + c[1] * CL + c[2] * CL**2)), rel=1e-6)
+    assert error > 0.0
+
+
+def test_a_multisine_begins_and_ends_at_zero() -> None:
+    family = SHAPES["multisine"](Frame({"elevator": 0.05, "rudder": 0.02}, {}, 12.0, 2.0, 0.1))
+    for one in family.inputs(np.random.default_rng(3).uniform(size=family.dimension)):
+        spec: Any = one
+        assert np.array(spec.amplitudes) @ np.sin(spec.phases) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_calibrated_readings_are_the_truth() -> None:
+    """Readings are scale times truth plus bias; the vanes stand off the reference point and turn with the vehicle."""
+    n, arm, bias, scale = 50, np.array([1.5, 0.3, -0.2]), 0.1, 1.25
+    time = 0.01 * np.arange(n)
+    omega = np.column_stack([np.sin(3.0 * time), 0.5 * np.cos(time), 0.2 * np.sin(2.0 * time)])
+    at = np.array([20.0, 1.0, 2.0]) + np.cross(omega, arm)
+    V = np.linalg.norm(at, axis=1)
+    read = {"V": scale * V + bias, "alpha": np.arctan2(at[:, 2], at[:, 0]), "beta": np.arcsin(at[:, 1] / V)}
+    flight = from_columns("f", time, read | dict(zip("pqr", omega.T, strict=True)))
+    values = {"V.bias": bias, "V.scale": scale, **dict(zip(("vane.x", "vane.y", "vane.z"), arm, strict=True))}
+    made: Any = SimpleNamespace(
+        pieces=SimpleNamespace(flight=flight), values=values, identifiability=(), errors={}
+    )
+    found = corrected_flight(made)
+    np.testing.assert_allclose(found.column("V"), math.sqrt(405.0), rtol=1e-9)
+    np.testing.assert_allclose(found.column("alpha"), math.atan2(2.0, 20.0), rtol=1e-9)
+
+
+def test_jsbsim_has_the_density_of_the_standard_atmosphere() -> None:
+    """0.0023769 slugs a cubic foot at sea level."""
+    text = resolve_vehicle("twin-boom").text.replace("density = 1.20165", 'density = "standard"')
+    (factor,) = (float(one.text or "") for one in air_density(parse_vehicle(text, "test")).iter("value"))
+    assert 0.0023768924 * factor == pytest.approx(1.225, rel=1e-4)
+
+
+@pytest.mark.parametrize("angle", [-170.0, 170.0, -120.0])
+def test_a_phase_margin_is_the_least_turn_to_either_side(angle: float) -> None:
+    frequency = np.geomspace(0.1, 100.0, 400)
+    loop = (5.0 / frequency) * np.exp(1j * np.radians(angle)) * np.ones((1, 1))
+    assert np.degrees(margins(frequency, loop).phase[0]) == pytest.approx(180.0 - abs(angle), abs=1e-6)
+
+
+def test_a_drift_begins_at_the_last_flight_before_it() -> None:
+    times = np.array([0.0, 1.0, 3.0, 4.5, 5.0, 8.0])
+    drift = 2.0 * np.maximum(times - times[2], 0.0)
+    found = sizes(Readings.about_a_level(7.0 + drift, np.full(6, 0.1), times), "drift")[0][2]
+    change = Change("drift", 3, 5, float(found), 0.1, 9.0)
+    np.testing.assert_allclose(change.course(times), drift, atol=1e-9)
+
+
+def test_a_gust_has_the_intensity_of_its_axis_and_begins_as_it_goes_on() -> None:
+    """Variances of the shaping filters by Lyapunov's equation; the start has their covariance."""
+    table = {a: {"intensity": s, "length": 30.0} for a, s in zip("uvw", (1.0, 2.0, 3.0), strict=True)}
+    rows = "".join(f"{a} = {{ intensity = {t['intensity']}, length = 30.0 }}\n" for a, t in table.items())
+    vehicle = parse_vehicle(resolve_vehicle("twin-boom").text + f"\n[turbulence]\n{rows}", "test")
+    n, names = frames.Numbers(vehicle), [s for a in "uvw" for s in frames.GUST_STATES[a]]
+    states = {s: sp.Symbol(s) for s in names}
+    noise = {frames.noise_input(a): sp.Symbol(f"w{a}") for a in "uvw"}
+    rates = frames.gust_rates(n, states, noise)
+    known = {s: vehicle.value(s.name) for s in n.symbols}
+    slopes = [
+        [sp.diff(rates[s], x).xreplace(known) for x in (*states.values(), *noise.values())] for s in names
+    ]
+    both = np.array(slopes, dtype=float)
+    A, B = both[:, : len(names)], both[:, len(names) :]
+    P = solve_continuous_lyapunov(A, -B @ B.T)
+    read = [[sp.diff(g, x) for x in states.values()] for g in frames.gust(n, states)]
+    C = np.array(read, dtype=float)
+    np.testing.assert_allclose(np.sqrt(np.diag(C @ P @ C.T)), [1.0, 2.0, 3.0], rtol=1e-9)
+    for axis in "uvw":
+        own = [names.index(s) for s in frames.GUST_STATES[axis]]
+        columns = []
+        for unit in np.eye(len(own)):
+            rng: Any = SimpleNamespace(
+                standard_normal=lambda size, e=unit: e[:size] if size == len(e) else np.zeros(size)
+            )
+            start = trajectories.gust_start(vehicle, rng)
+            columns.append([start[s] for s in frames.GUST_STATES[axis]])
+        root = np.array(columns).T
+        np.testing.assert_allclose(root @ root.T, P[np.ix_(own, own)], rtol=1e-9)
