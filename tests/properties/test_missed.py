@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -10,8 +11,14 @@ import numpy as np
 import pytest
 import sympy as sp
 from scipy.linalg import solve_continuous_lyapunov
+from scipy.spatial.transform import Rotation
+from scipy.stats import norm
+from tornado.httputil import HTTPHeaders
 
+from stoop.app.folder import VEHICLE, Project
+from stoop.app.server import FILE_POLICY, Gate
 from stoop.assessment.covariance import NEIGHBORS, window_scatter
+from stoop.checks.motors import rotor_edits
 from stoop.cli.options import windows
 from stoop.estimate.filter_gains import Gains
 from stoop.estimate.filter_likelihood import Innovations
@@ -20,10 +27,15 @@ from stoop.fleet.changes import Change, Readings, sizes
 from stoop.flight.flight import from_columns
 from stoop.input_design.inputs import SHAPES, Frame
 from stoop.performance.polar import Polar
+from stoop.prediction.open_loop import _near
+from stoop.problem.evidence import unknowns_of
+from stoop.problem.layout import Layout
+from stoop.propagation.wing_figures import full_deflection
 from stoop.reconstruction.compatibility import corrected_flight
 from stoop.report.charts import correlation_map
 from stoop.report.sheet import mathml
-from stoop.simulation import trajectories
+from stoop.simulation import parameter_rows, trajectories
+from stoop.simulation.rotors import channel_range, effects
 from stoop.strategy.extensions import Trial
 from stoop.tuning.margins import margins
 from stoop.vehicle import parse_vehicle
@@ -235,3 +247,89 @@ def test_a_gust_has_the_intensity_of_its_axis_and_begins_as_it_goes_on() -> None
             columns.append([start[s] for s in frames.GUST_STATES[axis]])
         root = np.array(columns).T
         np.testing.assert_allclose(root @ root.T, P[np.ix_(own, own)], rtol=1e-9)
+
+
+def test_readings_of_a_mounted_instrument_are_those_of_its_axes() -> None:
+    """Angles in the order of yaw, pitch and roll turn the body axes into those of the instrument."""
+    angles, body = np.array([0.3, -0.2, 0.5]), np.array([1.0, -2.0, 3.0])
+    text = resolve_vehicle("twin-boom").text + f"\n[sensors]\nimu_alignment = {angles.tolist()}\n"
+    vehicle = parse_vehicle(text, "test")
+    read = frames.along_imu(frames.Numbers(vehicle), tuple(body))
+    turned = Rotation.from_euler("ZYX", angles[::-1]).inv().apply(body)
+    np.testing.assert_allclose(numbers(vehicle, read), turned, rtol=1e-7)
+
+
+def test_the_error_by_a_prior_alone_is_its_distance_from_the_estimate() -> None:
+    vehicle = resolve_vehicle("twin-boom").with_numbers({"Cm0": {"free": True, "prior": 0.1, "mean": 0.3}})
+    layout = Layout.of(vehicle, ())
+    unknowns = {u.name: u for u in unknowns_of(layout, layout.start)}
+    own = unknowns["Cm0"]
+    square = norm.expect(lambda x: (x - own.estimate) ** 2, loc=0.3, scale=0.1)
+    assert own.prior_error == pytest.approx(math.sqrt(square), rel=1e-6)
+
+
+def test_a_predicted_angle_is_moved_by_whole_turns_only() -> None:
+    measured = np.array([[0.5, 0.5], [0.6, 0.6]])
+    for turns, off in ((0.0, 2.0), (1.0, 2.0), (-2.0, -3.0)):
+        predicted = measured + off + 2.0 * np.pi * turns
+        found = _near(predicted, measured, [True, False])
+        np.testing.assert_allclose(found[:, 0], measured[:, 0] + off)
+        np.testing.assert_array_equal(found[:, 1], predicted[:, 1])
+
+
+def test_the_power_of_level_flight_is_that_of_an_ideal_propeller() -> None:
+    """Momentum theory: the disc of area A at V + v gives the thrust 2 rho A (V + v) v."""
+    names = ("c0", "c1", "c2", "airspeed", "efficiency", "diameter")
+    values, area, lift = np.array([0.03, -0.02, 0.05, 1.0, 0.7, math.log(0.4)]), 0.6, 25.0
+    blocks: Any = SimpleNamespace(density=np.array([1.1]), lift=np.array([lift]))
+    polar = Polar(blocks, area, 2.5, names, values, np.eye(6), *[np.zeros(1)] * 4)
+    for V in (9.0, 20.0):
+        pressure_area = 0.5 * 1.1 * V**2 * area
+        CL = lift / pressure_area
+        drag = pressure_area * (0.03 - 0.02 * CL + 0.05 * CL**2)
+        v = 0.7 * float(polar.level_power(np.array([V]))[0][0]) / drag - V
+        assert 2.0 * 1.1 * 0.25 * math.pi * 0.4**2 * (V + v) * v == pytest.approx(drag)
+
+
+def test_full_deflection_is_counted_from_the_center_of_the_channel() -> None:
+    text = resolve_vehicle("twin-boom").text + (
+        "\n[controls.aileron]\n[controls.rudder]\n[controls.elevator]\nmix = { servo_1 = 0.4, pwm_2 = -0.001 }\ncenter = { servo_1 = 0.1, pwm_2 = 1550.0 }\n"
+    )
+    vehicle = parse_vehicle(text, "test")
+    found = full_deflection(vehicle, parameter_rows(vehicle), "elevator")
+    assert found is not None
+    assert found[0] == pytest.approx(0.4 * 0.9 + 0.001 * 450.0)
+
+
+def test_a_rotor_that_turns_the_other_way_yaws_the_other_way() -> None:
+    vehicle = resolve_vehicle("quad-x")
+    area, inputs = channel_range(vehicle), np.zeros(len(vehicle.inputs))
+    inputs[area.columns] = 0.6
+    moments = effects(vehicle, {}, inputs, {})[:3]
+    torque = moments - effects(vehicle, {}, inputs, {"rotors.torque_ratio": 0.0})[:3]
+    turned = {
+        one.lines[0]: one.apply(moments) for one in rotor_edits(vehicle, torque, area) if one.kind == "spin"
+    }
+    for k, rotor in enumerate(vehicle.file.rotor):
+        expected = moments * np.where(np.arange(len(area.names)) == k, [[1.0], [1.0], [-1.0]], 1.0)
+        np.testing.assert_allclose(turned[f"rotor.{rotor}"], expected, atol=1e-6 * np.abs(moments).max())
+
+
+def test_a_vehicle_that_the_app_replaces_is_kept(tmp_path: Path) -> None:
+    project = Project(tmp_path)
+    project.take_vehicle("old")
+    project.take_vehicle("new")
+    kept = {place.read_text("utf-8") for place in tmp_path.glob("vehicle-*.toml")}
+    assert kept == {"old"}
+    assert (tmp_path / VEHICLE).read_text("utf-8") == "new"
+
+
+def test_pages_of_a_project_are_strangers_to_the_app() -> None:
+    """A page that shared the origin of the app could steer it by the address, which holds the key."""
+    assert FILE_POLICY.partition(";")[0].split() == ["sandbox", "allow-scripts", "allow-downloads"]
+    gate = Gate(None, "key", 5010)
+    right = HTTPHeaders({"Host": "127.0.0.1:5010"})
+    assert gate.refusal("/key/page", right) == ""
+    wrong = (HTTPHeaders({"Host": host}) for host in ("127.0.0.1:5011", "127.0.0.1", "", "evil.example:5010"))
+    assert all(gate.refusal("/key/page", one) for one in wrong)
+    assert gate.refusal("/other/page", right)
