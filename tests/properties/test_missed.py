@@ -293,7 +293,8 @@ def test_the_power_of_level_flight_is_that_of_an_ideal_propeller() -> None:
 
 def test_full_deflection_is_counted_from_the_center_of_the_channel() -> None:
     text = resolve_vehicle("twin-boom").text + (
-        "\n[controls.aileron]\n[controls.rudder]\n[controls.elevator]\nmix = { servo_1 = 0.4, pwm_2 = -0.001 }\ncenter = { servo_1 = 0.1, pwm_2 = 1550.0 }\n"
+        "\n[controls.aileron]\n[controls.rudder]\n[controls.elevator]\nmix = { servo_1 = 0.4, pwm_2 = -0.001 }\n"
+        "center = { servo_1 = 0.1, pwm_2 = 1550.0 }\n"
     )
     vehicle = parse_vehicle(text, "test")
     found = full_deflection(vehicle, parameter_rows(vehicle), "elevator")

@@ -1,0 +1,167 @@
+"""Properties of estimates, searches and stores that no quick test held: each kills a planted defect that others missed."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from stoop.assessment import verdict
+from stoop.base.units import FOOT, POUND_FORCE
+from stoop.control_laws.ardupilot import plane
+from stoop.control_laws.rate_law import SETPOINT
+from stoop.exporters.jsbsim_loads import _LOADS
+from stoop.fleet.mixed_model import Design, fit_robust_model
+from stoop.flight.instrument_errors import RATES_DELAY, InstrumentError
+from stoop.optimize.levenberg_marquardt import NielsenDamping
+from stoop.parallel import Plan, Run
+from stoop.parallel.store import open_store
+from stoop.problem.prepare import with_average_voltage
+from stoop.reconstruction.kinematics import OUTPUTS
+from stoop.reconstruction.problem import START, Piece, Problem
+from stoop.report import estimates
+from stoop.results.result import Covariance, ParameterEstimate, ProcessNoise
+from stoop.results.verdict import Need, Use
+from stoop.simulation import initial_states, parameter_rows
+from stoop.vehicle import parse_vehicle
+from stoop.vehicle.builtin import resolve_vehicle
+
+
+def judged(parameters: dict[str, ParameterEstimate]) -> Any:
+    """Return what the verdict reads of a converged result without maneuvers."""
+    variances = np.diag([p.std_error**2 for p in parameters.values()])
+    return SimpleNamespace(
+        parameters=parameters, covariance=Covariance(tuple(parameters), variances), notices=(), maneuvers=(),
+        response_misfits=(), process_noise=ProcessNoise("steady"), status="converged", cost=1.0,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("estimate", "error", "justified"), [(-0.5, 0.09, True), (-0.5, 0.11, False), (0.0, 0.1, False)]
+)
+def test_a_use_needs_an_error_below_a_fifth_and_a_size(
+    estimate: float, error: float, justified: bool
+) -> None:
+    """Without a size nothing is known of the error relative to it."""
+    result = judged({"Clp": ParameterEstimate(estimate, error)})
+    use = Use("control design", (), (Need("damping in roll", ("Clp",), (0.0,)),))
+    assert verdict._judged(result, use, {"Clp": abs(estimate)}).justified is justified
+
+
+@pytest.mark.parametrize(("unknown", "refused"), [(2, False), (3, True)])
+def test_a_result_is_refused_where_more_than_half_is_unknown(unknown: int, refused: bool) -> None:
+    every = {f"n{i}": ParameterEstimate(1.0, 0.1, identifiable=i >= unknown) for i in range(4)}
+    assert bool([*verdict._refusals(judged(every))]) is refused
+
+
+def test_the_feedforward_of_a_plane_grows_as_the_air_thins() -> None:
+    values = {"RLL_RATE_P": 0.1, "RLL_RATE_I": 0.0, "RLL_RATE_FF": 0.3}
+    sea, high = (plane(values, "roll", ratio) for ratio in (1.0, 0.5))
+    z = np.exp(np.array([0.01j]))
+    for one, other in zip(sea.terms, high.terms, strict=True):
+        a, b = (term.response(SETPOINT, z, sea.rate) for term in (one, other))
+        np.testing.assert_allclose(b, a * (2.0 if one.name == "FF" else 1.0))
+
+
+def test_loads_of_jsbsim_are_pounds_and_feet() -> None:
+    """A pound-force is 4.4482216 N, a foot-pound 1.3558179 J."""
+    assert [size for *_, size in _LOADS["force"]] == pytest.approx([4.4482216] * 3)
+    assert [size for *_, size in _LOADS["moment"]] == pytest.approx([1.3558179] * 3)
+    assert pytest.approx(1.3558179) == POUND_FORCE * FOOT
+
+
+@pytest.mark.parametrize(("far", "outlying"), [(3.1, False), (6.0, True)])
+def test_one_of_forty_levels_lies_three_deviations_off_by_chance(far: float, outlying: bool) -> None:
+    """The largest of forty normal numbers exceeds 3.1 once in thirteen, 6 never."""
+    level = np.append(np.tile([-1.0, 1.0], 20)[:39], far)
+    values = np.repeat(level, 3) + np.tile([-0.02, 0.0, 0.02], 40)
+    design = Design(values, np.full(120, 0.02), np.ones((120, 1)), {"vehicle": np.repeat(np.arange(40), 3)})
+    assert [one.level for one in fit_robust_model(design)[1]] == [39] * outlying
+
+
+def test_a_cost_knows_no_turns_of_the_heading() -> None:
+    vehicle = resolve_vehicle("twin-boom")
+    rows, inputs = parameter_rows(vehicle), np.zeros((30, len(vehicle.inputs)))
+    start = {"V": 35.0, "psi": math.pi - 0.01, "r": 0.3, "h": 100.0}
+    states = initial_states(vehicle, start, rows, inputs[0])
+    outputs = vehicle.kernel().trajectories(rows, states, inputs, 0.01)[0]
+    turned = outputs + 0.1 + np.array([2.0 * np.pi * (c in ("phi", "psi")) for c in vehicle.outputs])
+    weights = np.ones_like(outputs)
+    costs = [
+        vehicle.kernel().cost(rows, states, inputs, z, weights, 0.01)[0]
+        for z in (outputs + 0.1, turned, turned - 4.0 * (turned - outputs - 0.1) / 2.0)
+    ]
+    np.testing.assert_allclose(costs, 0.01 * outputs.size, rtol=1e-9)
+
+
+def test_damping_is_updated_as_nielsen_has_it() -> None:
+    """H. B. Nielsen, "Damping parameter in Marquardt's method", IMM-REP-1999-05: a smooth curve from 2 to 1/3."""
+    rows = {0.0: 2.0, 0.25: 1.125, 0.5: 1.0, 0.75: 0.875, 1.0: 1.0 / 3.0}
+    for ratio, factor in rows.items():
+        assert NielsenDamping(1.0).relaxed(ratio) == pytest.approx(factor), ratio
+
+
+class Voltage:
+    """A table that holds a voltage alone, without the package of tables of flights."""
+
+    def __init__(self, values: np.ndarray) -> None:
+        self.values, self.attrs = values, dict[str, str]()
+
+    def __getitem__(self, name: str) -> Voltage:
+        return self
+
+    def assign(self, voltage: tuple[str, np.ndarray, dict[str, str]]) -> Voltage:
+        return Voltage(voltage[1])
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """A flight of that table."""
+
+    data: Voltage
+    rate: float = 100.0
+    names: tuple[str, ...] = ("voltage",)
+
+    def column(self, name: str) -> np.ndarray:
+        return self.data.values
+
+
+def test_an_average_voltage_is_centered() -> None:
+    text = resolve_vehicle("quad-x").text.replace("[rotors]", "[rotors]\nvoltage_average = 0.4")
+    vehicle, time = parse_vehicle(text, "test"), 0.01 * np.arange(200)
+    flight: Any = Recorded(Voltage(16.0 - time))
+    averaged = with_average_voltage(vehicle, flight).data.values
+    np.testing.assert_allclose(averaged[50:150], 16.0 - time[50:150], rtol=1e-12)
+
+
+def test_a_store_waits_for_the_disk(tmp_path: Path) -> None:
+    with open_store(tmp_path / "runs.db", Plan("p", {}, (Run("a", "m:f", {}),)), {}) as store:
+        assert store._connection.execute("PRAGMA synchronous").fetchone() == (2,)  # FULL
+
+
+def test_late_gyros_are_read_as_much_earlier() -> None:
+    dt, late = 0.01, 0.05
+    time = dt * np.arange(300)
+    inputs = np.zeros((300, 6))
+    inputs[:, 3] = np.cos(2.0 * (time - late))  # of p, as it is read
+    piece = Piece(time, inputs, np.full((300, len(OUTPUTS)), np.nan), dict.fromkeys(START, 0.0))
+    unknown = InstrumentError(RATES_DELAY, 0.0, 0.01, "s", "", ())
+    problem = Problem((unknown,), (piece,), np.ones(len(OUTPUTS)))
+    z = np.append(late / 0.01, np.zeros(len(START)))
+    phi = problem.outputs(z, 0)[:, OUTPUTS.index("phi")]
+    np.testing.assert_allclose(phi[:250], 0.5 * np.sin(2.0 * time[:250]), atol=2e-4)
+
+
+def test_what_is_not_identifiable_is_drawn_as_wide_as_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    drawn: list[tuple[float, float]] = []
+    monkeypatch.setattr(estimates, "forest_row", lambda one, ends, kind, text: drawn.append(ends))
+    unsure = ParameterEstimate(1.0, 0.5, identifiable=False, unit="1")
+    sure = replace(unsure, identifiable=True, ci95_lower=0.1, ci95_upper=1.9)
+    model: Any = SimpleNamespace(symbols={}, result=SimpleNamespace(parameters={"a": unsure, "b": sure}))
+    estimates.estimates_section(model)
+    np.testing.assert_allclose(drawn, [(1.0 - 0.98, 1.0 + 0.98), (0.1, 1.9)], atol=1e-3)
