@@ -9,15 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from numpy.testing import assert_allclose
 
-from stoop.assessment.goodness_of_fit import (
-    Match,
-    channel_figures,
-    join,
-    r2,
-    rmse,
-    theil,
-    theil_shares,
-)
+from stoop.assessment.goodness_of_fit import Match, channel_figures, join, r2, rmse, theil, theil_shares
 
 curve = hnp.arrays(np.float64, st.integers(2, 30), elements=st.integers(-999, 999).map(float))
 

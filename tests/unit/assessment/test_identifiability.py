@@ -7,11 +7,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from stoop.assessment.covariance import marked
-from stoop.assessment.error_bars import (
-    Identifiability,
-    identifiability,
-    scaled_singular_values,
-)
+from stoop.assessment.error_bars import Identifiability, identifiability, scaled_singular_values
 from stoop.problem.evidence import Unknown, invert
 
 

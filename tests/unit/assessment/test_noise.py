@@ -40,10 +40,7 @@ def test_an_autoregression_is_recovered() -> None:
     random = np.random.default_rng(2)
     driving = random.normal(size=(40_000, 2)) @ np.array([[1.0, 0.6], [0.0, 0.8]])
     values = np.column_stack(
-        [
-            lfilter([1.0], [1.0, -1.5, 0.7], driving[:, 0]),
-            lfilter([1.0], [1.0, -0.5], driving[:, 1]),
-        ]
+        [lfilter([1.0], [1.0, -1.5, 0.7], driving[:, 0]), lfilter([1.0], [1.0, -0.5], driving[:, 1])]
     )
     sums, counts = lagged_products([values], [np.ones_like(values)], 2)
     noise = fit_noise(sums / counts, [values])

@@ -11,13 +11,7 @@ from stoop.assessment.baseline import baseline_matches
 from stoop.assessment.goodness_of_fit import theil
 from stoop.base.variables import VARIABLES
 from stoop.flight import Flight
-from stoop.prediction.initial_state import (
-    BiasPrior,
-    Predictor,
-    bias_priors,
-    predict_stretch,
-    stretch_before,
-)
+from stoop.prediction.initial_state import BiasPrior, Predictor, bias_priors, predict_stretch, stretch_before
 from stoop.prediction.predict import Prediction, predict
 from stoop.problem.prepare import prepare
 from stoop.problem.windows import Window

@@ -44,11 +44,7 @@ def drawn(vehicle: Vehicle, count: int) -> Draws:
 
 @pytest.fixture(scope="module")
 def found(vehicle: Vehicle) -> Propagation:
-    expressions = {
-        "even": "Cnrudder**2",
-        "product": "Cn0*CLalpha",
-        "known": "Cmalpha/CLalpha + 0.0001*Cn0",
-    }
+    expressions = {"even": "Cnrudder**2", "product": "Cn0*CLalpha", "known": "Cmalpha/CLalpha + 0.0001*Cn0"}
     return propagate_draws(vehicle, drawn(vehicle, 400), DOMAIN, expressions)
 
 

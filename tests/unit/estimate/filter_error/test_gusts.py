@@ -187,10 +187,7 @@ def test_a_table_of_the_file_is_kept_and_a_reduced_model_has_its_own_axes(gusty)
     ],
 )
 def test_white_innovations_of_a_converged_fit_are_asked_for(status, correlation, codes):
-    fit = SimpleNamespace(
-        outcome=SimpleNamespace(status=status),
-        innovation_correlation=correlation,
-    )
+    fit = SimpleNamespace(outcome=SimpleNamespace(status=status), innovation_correlation=correlation)
     assert [n.code for n in unexplained(fit, "filter-error", "output-error")] == codes
 
 
@@ -258,10 +255,7 @@ def test_a_filter_begins_with_the_state_of_a_filter_only(monkeypatch, optimizer,
     vehicle, state = resolve_vehicle("twin-boom"), SimpleNamespace(optimizer=optimizer)
     setup = setup_of(Strategy.default(), vehicle, {}, WINDOWS, options=Options(method="output-error"))
     setup = replace(setup, in_calm="output-error", state=state, callback=print).by("filter-error")
-    found, asked = (
-        SimpleNamespace(outcome=SimpleNamespace(status="converged"), start={"CLalpha": 5.0}),
-        [],
-    )
+    found, asked = (SimpleNamespace(outcome=SimpleNamespace(status="converged"), start={"CLalpha": 5.0}), [])
 
     def fitted(one):
         asked.append(one)

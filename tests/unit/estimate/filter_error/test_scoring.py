@@ -27,8 +27,7 @@ class Kinked(SimpleNamespace):
 
 
 @pytest.mark.parametrize(
-    ("left", "ending"),
-    [(0.5 * UNREACHED * TOLERANCE, "converged"), (2.0 * UNREACHED * TOLERANCE, "stalled")],
+    ("left", "ending"), [(0.5 * UNREACHED * TOLERANCE, "converged"), (2.0 * UNREACHED * TOLERANCE, "stalled")]
 )
 def test_a_search_that_no_step_improves_has_converged_where_little_seems_left(
     left: float, ending: str

@@ -91,8 +91,7 @@ def test_priors_pull_and_bounds_hold() -> None:
     X = rng.standard_normal((100, 3))
     y = X @ [1.0, 2.0, 3.0] + 0.5 * rng.standard_normal(100)
     tight = solve(
-        [Rows("a", y, X, 0.02)],
-        Priors(np.array([5.0, 0.0, 0.0]), np.array([1e-6, np.inf, np.inf])),
+        [Rows("a", y, X, 0.02)], Priors(np.array([5.0, 0.0, 0.0]), np.array([1e-6, np.inf, np.inf]))
     )
     assert tight.values[0] == pytest.approx(5.0, abs=1e-4)
     boxed = solve([Rows("a", y, X, 0.02)], replace(FREE, lower=np.zeros(3), upper=np.array([9.0, 9.0, 2.0])))

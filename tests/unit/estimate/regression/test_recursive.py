@@ -11,12 +11,7 @@ import pytest
 from stoop.errors import IdentificationError
 from stoop.estimate.fit import Options, estimation_problem
 from stoop.estimate.regression.aircraft import AircraftEquations
-from stoop.estimate.regression.least_squares import (
-    Estimates,
-    FrequencyDomain,
-    estimate,
-    fourier_transform,
-)
+from stoop.estimate.regression.least_squares import Estimates, FrequencyDomain, estimate, fourier_transform
 from stoop.estimate.regression.recursive import Estimate, RealTime, RecursiveTransform
 from stoop.flight import Flight
 from stoop.problem.windows import Window
