@@ -93,18 +93,6 @@ def test_variance_of_columns_is_that_of_the_middle() -> None:
     assert_allclose(noise.variance(segment.jacobian), np.diag(middle), rtol=1e-9)
 
 
-def test_single_precision_is_enough() -> None:
-    jacobian = sensitivities(400)
-    random = np.random.default_rng(5)
-    segment = PieceEvidence(
-        fit(jacobian.reshape(800, 8), noise(400, 0.9, random).ravel())[1].reshape(400, 2), jacobian
-    )
-    single, double = (Coloring.of([segment], np.zeros((8, 8))) for _ in range(2))
-    vars(double)["single_blocks"] = double.blocks
-    assert_allclose(single.noise.coefficients, double.noise.coefficients, atol=1e-6)
-    assert_allclose(single.noise.powers, double.noise.powers, rtol=2e-6, atol=2e-6)
-
-
 def fit(jacobian: np.ndarray, measured: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the estimate and the residuals of ordinary least squares; NaN is missing."""
     there = np.isfinite(measured)
@@ -179,19 +167,6 @@ def test_a_channel_that_is_read_now_and_then(apart: float, rho: float) -> None:
     assert ratios.max() < 2.5
 
 
-def test_the_factor_grows_with_the_color() -> None:
-    random = np.random.default_rng(3)
-    jacobian = sensitivities(800)
-    size = jacobian.shape[2]
-    factors = []
-    for rho in (0.0, 0.8, 0.95):
-        residual = fit(jacobian, noise(800, rho, random))[1]
-        found = estimate_uncertainty([PieceEvidence(residual, jacobian)], np.zeros((size, size)))
-        factors.append(float(np.median(factor(found))))
-    assert factors[0] < 1.3 < factors[1] < factors[2]
-    assert found.autocorrelation.shape == (CHANNELS, 201)
-
-
 def test_a_strong_prior_is_neither_widened_nor_narrowed() -> None:
     jacobian = sensitivities(500)
     residual = fit(jacobian, noise(500, 0.95, np.random.default_rng(4)))[1]
@@ -218,15 +193,3 @@ def test_short_records(size: int) -> None:
     found = estimate_uncertainty([PieceEvidence(residual, jacobian)], np.zeros((2, 2)))
     assert np.isfinite(found.corrected).all()
     assert (standard_errors(found.corrected) > 0.0).all()
-
-
-def test_a_segment_that_sees_no_direction_adds_nothing() -> None:
-    """Inputs at rest: its residuals count as noise, its sensitivities are zero."""
-    random = np.random.default_rng(3)
-    seen, unseen = (
-        PieceEvidence(noise(60, 0.5, random), sensitivities(60) * factor) for factor in (1.0, 0.0)
-    )
-    prior = np.eye(PARAMETERS + 2 * CHANNELS)
-    both = estimate_uncertainty([seen, unseen], prior)
-    assert_allclose(both.cramer_rao, estimate_uncertainty([seen], prior).cramer_rao)
-    assert_allclose(estimate_uncertainty([unseen], prior).cramer_rao, prior)

@@ -70,18 +70,6 @@ def test_a_sine_is_compared_with_the_residuals_of_its_frequency() -> None:
     assert found.systematic == pytest.approx(expected, rel=0.05)
 
 
-def test_what_is_recorded_before_and_after_the_maneuver_changes_nothing() -> None:
-    time = np.linspace(-4.0, 4.0, 400)
-    maneuver = np.zeros((400, 12, 1))
-    maneuver[:, 4, 0] = time * np.exp(-(time**2))
-    short, long = (
-        judged(evidence(np.pad(maneuver, [(n, n), (0, 0), (0, 0)]), np.array([2.0])), slow(12))
-        for n in (0, 4000)
-    )
-    assert long.systematic == pytest.approx(short.systematic, rel=0.02)
-    assert long.noise == pytest.approx(short.noise, rel=0.02)
-
-
 def test_fourier_coefficients_are_independent() -> None:
     rng = np.random.default_rng(2)
     found = judged(evidence(rng.standard_normal((50, 12, 2)), np.array([0.1, 0.2]), True), slow(12))

@@ -35,13 +35,6 @@ def test_inverse_whatever_the_units(seed: int, size: int) -> None:
     assert found.determined.all()
 
 
-def test_nuisances_cost_what_the_schur_complement_says() -> None:
-    matrix = information(3, 7)
-    a, b, d = matrix[:4, :4], matrix[:4, 4:], matrix[4:, 4:]
-    schur = a - b @ np.linalg.solve(d, b.T)
-    assert_allclose(invert(matrix).matrix[:4, :4], np.linalg.inv(schur), rtol=1e-9)
-
-
 def test_what_nothing_depends_on_is_unknown() -> None:
     matrix = np.zeros((3, 3))
     matrix[:2, :2] = information(1, 2)
@@ -60,12 +53,6 @@ def test_two_that_only_show_as_a_sum_are_both_unknown() -> None:
     held = invert(rows.T @ rows + np.diag([0.0, 0.0, 100.0]))
     assert held.determined.all()
     assert standard_errors(held.matrix)[2] == pytest.approx(0.1, rel=1e-3)
-
-
-def test_no_information_at_all() -> None:
-    found = invert(np.zeros((2, 2)))
-    assert not found.determined.any()
-    assert_allclose(found.matrix, 0.0)
 
 
 def nearly_collinear() -> np.ndarray:
@@ -117,11 +104,11 @@ def test_rows_and_their_product_have_the_same_inverse(seed: int) -> None:
         assert_allclose(found.eigenvalues, by_product.eigenvalues, rtol=1e-8, atol=1e-12)
 
 
-@pytest.mark.parametrize("shape", [(0, 3), (0, 0), (5, 0), (2, 2)])
-def test_rows_without_information(shape: tuple[int, int]) -> None:
-    found = invert_rows(np.zeros(shape))
-    assert found.determined.tolist() == [False] * shape[1]
-    assert_allclose(found.matrix, 0.0)
+def test_rows_without_information() -> None:
+    for shape in ((0, 3), (0, 0), (5, 0), (2, 2)):
+        found = invert_rows(np.zeros(shape))
+        assert found.determined.tolist() == [False] * shape[1]
+        assert not found.matrix.any()
 
 
 def test_missing_measurements_carry_no_information() -> None:

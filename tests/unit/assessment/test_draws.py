@@ -63,12 +63,6 @@ def test_gibbs_sampling_of_two_corners_agrees_with_rejection() -> None:
     assert np.allclose(drawn.mean(axis=0), plain.mean(axis=0), atol=0.05)
 
 
-def test_one_seed_gives_the_same_draws() -> None:
-    fit = result({"a": ParameterEstimate(1.0, 0.1)}, np.array([[0.01]]))
-    assert np.array_equal(from_covariance(fit, 50, 3).values, from_covariance(fit, 50, 3).values)
-    assert not np.array_equal(from_covariance(fit, 50, 3).values, from_covariance(fit, 50, 4).values)
-
-
 def test_what_the_data_do_not_determine_is_drawn_from_prior_or_box_or_held() -> None:
     parameters = {
         "known": ParameterEstimate(1.0, 0.1),
@@ -87,30 +81,24 @@ def test_what_the_data_do_not_determine_is_drawn_from_prior_or_box_or_held() -> 
     assert [one.code for one in found.notices] == ["parameters-held"]
 
 
-def test_a_posterior_that_did_not_converge_is_refused_with_the_way_out() -> None:
+def test_what_cannot_be_drawn_from_is_refused_with_the_way_out() -> None:
     figures = {"rhat": 1.3, "sample_size": 20.0, "std_error": 0.2}
     failed = notice("posterior-not-converged", **figures, max_rhat=1.01, needed=400.0, max_std_error=0.03)
-    intervals = MethodIntervals({}, {"rhat": 1.3}, (failed,))
-    fit = replace(
-        result({"a": ParameterEstimate(1.0, 0.1)}, np.array([[0.01]])), uncertainty={"posterior": intervals}
-    )
-    with pytest.raises(StoopError, match=r"not converged \(R-hat 1.300\); take --source covariance"):
-        draws_of(fit, None, 100)
-    assert draws_of(fit, None, 100, source="covariance").source == "covariance"
-
-
-def test_a_posterior_that_was_not_sampled_is_said() -> None:
-    fit = result({"a": ParameterEstimate(1.0, 0.1)}, np.array([[0.01]]))
-    with pytest.raises(StoopError, match="was not sampled; run stoop identify with --posterior"):
-        draws_of(fit, None, 100, source="posterior")
-
-
-def test_a_result_without_covariance_is_refused() -> None:
-    with pytest.raises(StoopError, match="holds no covariance"):
-        from_covariance(result({}, np.empty((0, 0))), 100)
-    fit = result({"a": ParameterEstimate(1.0)}, np.array([[np.inf]]))
-    with pytest.raises(StoopError, match="determines no parameter"):
-        from_covariance(fit, 100)
+    plain = result({"a": ParameterEstimate(1.0, 0.1)}, np.array([[0.01]]))
+    stuck = replace(plain, uncertainty={"posterior": MethodIntervals({}, {"rhat": 1.3}, (failed,))})
+    unknown = result({"a": ParameterEstimate(1.0)}, np.array([[np.inf]]))
+    for fit, source, advice in (
+        (stuck, None, r"not converged \(R-hat 1.300\); take --source covariance"),
+        (plain, "posterior", "was not sampled; run stoop identify with --posterior"),
+        (result({}, np.empty((0, 0))), "covariance", "holds no covariance"),
+        (unknown, "covariance", "determines no parameter"),
+    ):
+        with pytest.raises(StoopError, match=advice):
+            draws_of(fit, None, 100, source=source)
+    found = draws_of(stuck, None, 100, source="covariance")
+    assert found.source == "covariance"
+    assert np.array_equal(found.values, draws_of(stuck, None, 100, source="covariance").values)
+    assert not np.array_equal(found.values, from_covariance(stuck, 100, 4).values)
 
 
 def test_draws_of_a_posterior_file(tmp_path: Path) -> None:

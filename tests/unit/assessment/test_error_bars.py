@@ -6,9 +6,7 @@ import numpy as np
 import pytest
 
 from stoop.assessment.error_bars import error_bars
-from stoop.estimate.fit import Options, fit
 from stoop.flight import Flight
-from stoop.problem.windows import Window
 from stoop.vehicle import Vehicle
 from stoop.workflow import identify
 
@@ -27,17 +25,13 @@ def test_same_bits_whatever_the_threads(
     assert run(1) == run(2)
 
 
-def test_a_parameter_at_its_bound_makes_others_lean(
-    aircraft: Vehicle, wrong: Vehicle, flight: Flight
-) -> None:
+def test_a_parameter_at_its_bound_makes_others_lean(wrong: Vehicle, flight: Flight) -> None:
     """CL0 held far from the truth: CLalpha takes its place, with an error bar that is only conditional."""
     boxed = wrong.with_numbers({"CL0": {"value": 0.3, "bounds": (0.2, 0.35)}})
-    found = fit(boxed, {"sim": flight}, [Window("sim", 0.0, 30.0)], Options())
-    bars = error_bars(found)
-    names = [p.name for p in found.problem.layout.parameters]
-    assert bars.at_bound[names.index("CL0")]
+    job = identify(boxed, flight, ["0:20"])
+    bars = error_bars(job.estimate)
+    assert bars.at_bound[[p.name for p in job.estimate.problem.layout.parameters].index("CL0")]
     assert "CLalpha" in bars.conditional
-    result = identify(boxed, flight, ["0:30"]).result
-    assert result.parameters["CL0"].at_bound
-    assert np.isnan(result.parameters["CL0"].std_error)
-    assert any("CLalpha" in w and "Known only if CL0" in w for w in result.warnings)
+    assert job.result.parameters["CL0"].at_bound
+    assert np.isnan(job.result.parameters["CL0"].std_error)
+    assert any("CLalpha" in w and "Known only if CL0" in w for w in job.result.warnings)

@@ -117,14 +117,6 @@ def turned_flights() -> dict[str, Flight]:
     return {n: mounted(flight) for n, flight in flights(resolve_vehicle("twin-boom"), 5).items()}
 
 
-def test_turned_inertial_unit_is_named() -> None:
-    base, windows = resolve_vehicle("twin-boom"), [Window(name, 0.0, DURATION) for name in STEPS]
-    done = fit(base, turned_flights(), windows, Options(seed=1))
-    found = extension_tests(done, error_bars(done)).found
-    best = found[0]
-    assert any("sensors.imu_alignment" in name for name in (best.name, *best.rivals))
-
-
 def test_alignment_of_the_inertial_unit_is_recovered() -> None:
     """Within three standard errors of the truth, by output error and with priors of six degrees."""
     angle = {"value": 0.0, "free": True, "prior": 0.1}

@@ -23,62 +23,31 @@ def judge(
     return identifiability(unknowns, information, marked(inverse.matrix, inverse.determined))
 
 
-def code(one: Identifiability) -> str:
-    return "" if one.reason is None else one.reason.code
-
-
 ROWS = np.random.default_rng(0).normal(size=(400, 2))
 NONE = [np.inf, np.inf]
 
 
-def test_what_the_data_tell() -> None:
-    found = judge(ROWS, NONE, NONE, [1.0, 1.0])
-    assert all(one.identifiable and not one.reason for one in found)
-    assert [one.name for one in found] == ["C0", "C1"]
-    assert found[0].conditional_std <= found[0].marginal_std == pytest.approx(0.05, rel=0.1)
-    assert found[0].multiple_correlation < 0.2
-
-
-def test_only_the_prior_speaks() -> None:
-    weak = ROWS * [1.0, 1e-4]
-    found = judge(weak, [1.0, 1.0], NONE, [1.0, 1.0])
-    assert found[0].identifiable
-    assert not found[1].identifiable
-    assert code(found[1]) == "prior-only"
-
-
-def test_only_the_box_speaks() -> None:
-    found = judge(ROWS * [1.0, 0.1], NONE, [1.0, 1.0], [10.0, 10.0])
-    assert found[0].identifiable
-    assert not found[1].identifiable
-    assert code(found[1]) == "error-as-box"
-
-
-def test_small_but_well_bounded_is_identifiable() -> None:
-    # A cross term of nearly zero with an error far smaller than its box is knowledge, not ignorance.
-    assert judge(ROWS, NONE, [2.0, 2.0], [1e-3, 1e-3])[0].identifiable
-
-
-def test_huge_relative_error_without_any_yardstick() -> None:
-    found = judge(ROWS * 1e-3, NONE, NONE, [1.0, 100.0])
-    assert not found[0].identifiable
-    assert code(found[0]) == "error-beyond-size"
-    assert found[1].identifiable
-
-
-def test_unseen() -> None:
-    found = judge(ROWS * [1.0, 0.0], NONE, [1.0, 1.0], [1.0, 1.0])
-    assert not found[1].identifiable
-    assert found[1].marginal_std == np.inf
-    assert code(found[1]) == "not-seen"
-
-
-def test_collinear_is_said_but_not_condemned() -> None:
-    rows = np.column_stack([ROWS[:, 0], ROWS[:, 0] + 0.01 * ROWS[:, 1]])
-    found = judge(rows, NONE, NONE, [100.0, 100.0])
-    assert found[0].identifiable
-    assert code(found[0]) == "known-in-combination"
-    assert found[0].multiple_correlation > 0.999
+def test_a_number_that_is_not_the_data_s_is_called_so() -> None:
+    """Rows of the sensitivities, priors, boxes, sizes; whether the second number is identifiable, and the reason."""
+    collinear = np.column_stack([ROWS[:, 0], ROWS[:, 0] + 0.01 * ROWS[:, 1]])
+    one = [1.0, 1.0]
+    for case, rows, prior, box, size, known, reason in (
+        ("known", ROWS, NONE, NONE, one, True, ""),
+        ("the prior alone", ROWS * [1.0, 1e-4], one, NONE, one, False, "prior-only"),
+        ("the box alone", ROWS * [1.0, 0.1], NONE, one, [10.0, 10.0], False, "error-as-box"),
+        ("small, its error far smaller than its box", ROWS, NONE, [2.0, 2.0], [1.0, 1e-3], True, ""),
+        ("a huge relative error", ROWS * 1e-3, NONE, NONE, [100.0, 1.0], False, "error-beyond-size"),
+        ("unseen", ROWS * [1.0, 0.0], NONE, one, one, False, "not-seen"),
+        ("collinear", collinear, NONE, NONE, [100.0, 100.0], True, "known-in-combination"),
+    ):
+        first, second = judge(rows, prior, box, size)
+        assert (second.identifiable, getattr(second.reason, "code", "")) == (known, reason), case
+        assert (first.name, second.name, first.identifiable) == ("C0", "C1", True), case
+        assert second.conditional_std <= second.marginal_std, case
+        assert (second.multiple_correlation > 0.999) == (case == "collinear"), case
+    known = judge(ROWS, NONE, NONE, one)[0]
+    assert known.marginal_std == pytest.approx(0.05, rel=0.1)
+    assert judge(ROWS * [1.0, 0.0], NONE, one, one)[1].marginal_std == np.inf
 
 
 def test_singular_values_do_not_know_units() -> None:

@@ -113,19 +113,6 @@ def test_the_posterior_agrees_with_the_corrected_errors(monkeypatch: pytest.Monk
         assert found[name].std_error == pytest.approx(corrected[name].std_error, rel=0.2)
 
 
-def test_press_is_near_the_residuals_of_the_method(job: FittedModel) -> None:
-    channels = job.result.maneuvers[0].channels
-    sigma = job.estimate.problem.layout.vehicle.file.sensors
-    for name in ("q", "alpha"):
-        assert channels[name].press == pytest.approx(getattr(sigma, name).sigma, rel=0.5)
-
-
-def test_what_the_data_determine_is_analyzed(job: FittedModel) -> None:
-    found = job.result.identifiability
-    assert len(found.singular_values) >= len(FREE)
-    assert set(found.parameters) == {p.name for p in job.estimate.problem.layout.parameters}
-
-
 @pytest.mark.parametrize("method", ["equation-error", "frequency-domain"])
 def test_the_likelihood_of_a_regression_has_no_shape_of_its_own(method: str) -> None:
     check_method(method, ["bootstrap"])

@@ -98,10 +98,3 @@ def test_a_bound_cuts_the_posterior() -> None:
     _, chains = posterior(problem, np.array([0.0]))
     assert chains.draws.min() >= 0.0
     assert chains.draws.mean() == pytest.approx(0.05 * np.sqrt(2.0 / np.pi), rel=0.06)
-
-
-def test_what_the_data_do_not_see_is_as_wide_as_the_box() -> None:
-    problem = Fitted(lambda Z: (Z[:, :1] - 0.5) / 0.1, 2)
-    _, chains = posterior(problem, np.array([0.5, 0.2]))
-    assert chains.draws[:, :, 1].std() == pytest.approx(1.0 / np.sqrt(12.0), rel=0.06)
-    assert chains.draws[:, :, 1].mean() == pytest.approx(0.5, abs=0.05)

@@ -41,24 +41,6 @@ def test_equals_fitting_again_without_the_block(block: int) -> None:
         np.testing.assert_allclose(found[part], expected, rtol=1e-9, atol=1e-12)
 
 
-def test_single_samples_are_allens_formula() -> None:
-    J, z, prior = problem(3, channels=1)
-    rows = J[np.isfinite(z)]
-    information = rows.T @ rows + prior
-    e = z - J @ solved(J, z, prior, np.ones_like(z, dtype=bool))
-    leverage = np.einsum("nci,ij,ncj->nc", J, np.linalg.inv(information), J)
-    np.testing.assert_allclose(left_out(e, J, information, 1), e / (1.0 - leverage), rtol=1e-9)
-
-
-def test_what_only_the_block_knows_is_not_invented() -> None:
-    J = np.zeros((40, 1, 2))
-    J[:, 0, 0] = 1.0
-    J[:10, 0, 1] = 1.0  # the second unknown is seen in the first block only
-    e = np.random.default_rng(0).standard_normal((40, 1))
-    information = np.einsum("nci,ncj->ij", J, J)
-    assert np.isfinite(left_out(e, J, information, 10)).all()
-
-
 def lag_record() -> tuple[LagRecord, Lag]:
     random = np.random.default_rng(2)
     u = np.repeat(random.uniform(-1, 1, 20), 20)[:, None]

@@ -88,14 +88,6 @@ def test_an_end_that_the_data_leave_open_is_none(bent: tuple[Fitted, np.ndarray,
     assert 0.0 < found.lower < 0.6
 
 
-def test_an_unseen_parameter_is_open_to_both_sides() -> None:
-    y = np.full(10, 0.5)
-    problem = Fitted(lambda Z: (Z[:, :1] - y) / 0.1, 2)
-    found = ProfileLikelihood(linearize(problem, np.array([0.5, 0.5]), np.arange(2)), 1)
-    assert np.isnan(found.lower)
-    assert np.isnan(found.upper)
-
-
 def test_at_a_bound_the_other_side_still_has_a_limit() -> None:
     y = np.full(25, -0.01)
     problem = Fitted(lambda Z: (Z[:, :1] - y) / 0.1, 1)
@@ -109,13 +101,3 @@ def test_a_better_optimum_is_reported() -> None:
     problem = Fitted(lambda Z: np.column_stack([10.0 * (Z[:, 0] - 0.6), 10.0 * (Z[:, 1] - 0.5)]), 2)
     found = ProfileLikelihood(linearize(problem, np.array([0.6, 0.45]), np.arange(2)), 0)
     assert found.better > 0.1
-
-
-def test_a_nuisance_is_fitted_anew_at_every_point() -> None:
-    t = np.linspace(0.0, 1.0, 40)
-    X = np.column_stack([t, np.ones(40)])
-    problem = line(X, X @ np.array([0.5, 0.0]), 0.1, extra=1)
-    information = X.T @ X / 0.01 + np.diag([0.0, 1.0])
-    sigma = np.sqrt(np.linalg.inv(information)[0, 0])
-    found = ProfileLikelihood(linearize(problem, np.array([0.5, 0.0]), np.arange(2)), 0)
-    assert found.upper - found.lower == pytest.approx(2 * NORMAL_95 * sigma, rel=0.01)

@@ -77,20 +77,6 @@ def test_each_channel_has_its_own_noise() -> None:
     assert np.std(off) == pytest.approx(1.0, abs=0.35)
 
 
-def test_the_guess_of_the_model_is_not_what_comes_back() -> None:
-    control, channels = record(3.0, 0.2, 0.01)
-    free = free_response(TIME, control, channels)
-    found = [measured_mode("Dutch roll", 0, free, guess).frequency.estimate for guess in (2.3, 3.0, 4.0)]
-    assert found == pytest.approx([3.0] * 3, abs=0.1)
-
-
-def test_missing_samples_are_left_out() -> None:
-    control, channels = record(3.0, 0.2, 0.005)
-    channels["r"][250:300] = np.nan
-    found = measured_mode("Dutch roll", 0, free_response(TIME, control, channels), 3.0)
-    assert found.frequency.estimate == pytest.approx(3.0, abs=0.1)
-
-
 @pytest.mark.parametrize(
     ("name", "expected", "code"),
     [
@@ -125,12 +111,3 @@ def test_controls_that_never_rest_leave_nothing() -> None:
     remark = measured_mode("Dutch roll", 0, free, 3.0).remark
     assert remark is not None
     assert remark.code == "response-no-rest"
-
-
-def test_a_part_too_short_for_the_mode_of_the_whole_is_no_error() -> None:
-    from stoop.assessment.free_response import _Oscillation
-
-    t = np.arange(0.0, 4.0, 0.01)
-    part = _Oscillation(t[:200], np.cos(t)[:200, None], np.ones((200, 1)))
-    too_slow = np.array([np.log(0.5 * np.pi / t[199]) - 0.3, 0.1])
-    assert part.solved(too_slow) == pytest.approx([0.0, 0.0], abs=1e-6)

@@ -45,14 +45,3 @@ def test_of_a_right_model_little_more_than_noise_is_left(noise: float) -> None:
 
 def test_a_response_that_the_flights_do_not_show_is_not_judged() -> None:
     assert flown(1, 30.0, 0.5) == ()
-
-
-def test_readings_that_are_missing_are_not_bridged() -> None:
-    rng = np.random.default_rng(3)
-    u = lfilter([0.3], [1.0, -0.7], rng.standard_normal((1, COUNT)))
-    y = lfilter([0.1], [1.0, -0.9], u[0])
-    gap = y.copy()
-    gap[1500:1600] = np.nan
-    stretch = Stretch(RATE, u.T, np.column_stack([gap, 0.5 * gap]))
-    (found,) = response_misfits([stretch], ("a",), ("p",))
-    assert found.share == pytest.approx(0.5, rel=1e-3)

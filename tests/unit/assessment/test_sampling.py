@@ -59,26 +59,6 @@ def spread(bend: float, size: int = SIZE) -> np.ndarray:
     return SIGMA * np.tile([1.0, 0.1 * np.sqrt(1.0 + 2.0 * bend**2)], size // 2)
 
 
-class Student:
-    """Student's t with correlated components, of covariance nu / (nu - 2) scale, in the middle of the box."""
-
-    nu = 10.0
-
-    def __init__(self) -> None:
-        random = np.random.default_rng(5)
-        mixed = np.eye(SIZE) + 0.1 * random.standard_normal((SIZE, SIZE))
-        self.root = 0.01 * mixed / np.sqrt(np.sum(mixed**2, axis=1))[:, None]
-
-    def __call__(self, X: np.ndarray) -> np.ndarray:
-        square = np.sum(np.linalg.solve(self.root, (X - 0.5).T) ** 2, axis=0)
-        return np.asarray(-0.5 * (self.nu + SIZE) * np.log1p(square / self.nu))
-
-    def slopes(self, x: np.ndarray, directions: np.ndarray) -> tuple[float, np.ndarray]:
-        own = np.linalg.solve(self.root, x - 0.5)
-        gradient = np.linalg.solve(self.root.T, own) * (self.nu + SIZE) / (self.nu + own @ own)
-        return float(self(x[None])[0]), -gradient @ directions
-
-
 def test_a_banana_in_48_dimensions_has_its_standard_deviations() -> None:
     """The kurtosis of y, 8.3, leaves 2 % of error to the standard deviation of 4000 independent draws."""
     target = chained(1.0)
@@ -108,22 +88,6 @@ def test_the_error_of_standard_deviations_is_their_scatter(tails: float) -> None
     scatter = np.std([x.std() for x in drawn]) / np.mean([x.std() for x in drawn])
     found = np.mean([Chains.of("none", x, x[..., 0]).figures["std_error"] for x in drawn])
     assert found == pytest.approx(scatter, rel=0.15)
-
-
-def test_student_t_in_48_dimensions_has_its_standard_deviations() -> None:
-    target = Student()
-    chains = converged(hamiltonian, target, Coordinates.straight(np.full(SIZE, 0.5), target.root))
-    wanted = np.sqrt(target.nu / (target.nu - 2.0)) * np.sqrt(np.sum(target.root**2, axis=1))
-    ratio = chains.draws.reshape(-1, SIZE).std(axis=0) / wanted
-    assert np.sqrt(np.mean((ratio - 1.0) ** 2)) < 0.03
-
-
-def test_walkers_have_the_standard_deviations_of_bananas_in_20_dimensions() -> None:
-    target = chained(1.0, 20)
-    chains = converged(ensemble, target, coordinates(target))
-    ratio = chains.draws.reshape(-1, 20).std(axis=0) / spread(1.0, 20)
-    assert chains.converged
-    assert np.sqrt(np.mean((ratio - 1.0) ** 2)) < 0.03
 
 
 def test_walkers_in_12_dimensions_have_the_standard_deviations() -> None:

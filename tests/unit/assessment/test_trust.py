@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from math import nan
 
 import numpy as np
 import pytest
@@ -24,63 +25,9 @@ def method(
     )
 
 
-def found(**methods: MethodIntervals) -> dict[str, Notice]:
+def found(**methods: MethodIntervals | None) -> dict[str, Notice]:
     given = {"corrected": method(0.1), "conditional": method(0.1), "cramer_rao": method(0.1), **methods}
-    return {n.code: n for n in method_agreement(ONE, given) if n.code != "agreement-maneuvers"}
-
-
-def test_white_residuals() -> None:
-    assert list(found()) == ["agreement-white"]
-
-
-def test_one_maneuver_leaves_intervals_conditional_on_the_model() -> None:
-    alone = method_agreement(ONE, {"corrected": method(0.1), "cramer_rao": method(0.1)})
-    assert [n.code for n in alone] == ["agreement-one-maneuver", "agreement-white"]
-
-
-def test_maneuvers_that_disagree() -> None:
-    apart = method_agreement(ONE, {"corrected": method(0.2), "conditional": method(0.1)})
-    assert apart[0].code == "agreement-maneuvers"
-    assert apart[0].values["ratio"] == pytest.approx(2.0)
-
-
-def test_the_bootstrap_is_conditional_on_the_model_too() -> None:
-    assert "bootstrap-agrees" in found(corrected=method(0.2), bootstrap=method(0.1))
-
-
-def test_colored_residuals() -> None:
-    notices = found(cramer_rao=method(0.025))
-    assert notices["agreement-colored"].values["ratio"] == pytest.approx(4.0)
-    assert "4.0 times too small" in str(notices["agreement-colored"])
-
-
-def test_bootstrap_agrees_or_not() -> None:
-    assert "bootstrap-agrees" in found(bootstrap=method(0.11))
-    assert found(bootstrap=method(0.2))["bootstrap-wider"].values["wider"] == "a and b"
-    assert found(bootstrap=method(0.05))["bootstrap-narrower"].values["narrower"] == "a and b"
-
-
-def test_a_lopsided_or_unconverged_posterior() -> None:
-    good = {"rhat": 1.001}
-    assert "posterior-agrees" in found(posterior=method(0.1, figures=good))
-    assert "posterior-skewed" in found(posterior=method(0.1, 1.0, 3.0, good))
-    assert found(posterior=method(0.3, figures=good))["posterior-disagrees"].subject == "a and b"
-    assert "agreement-no-posterior" in found(posterior=method(0.1, figures={"rhat": 1.2}))
-
-
-def test_a_profile_with_an_open_end() -> None:
-    opened = MethodIntervals({"a": Interval(float("nan"), float("nan"), 1.4)})
-    assert found(profile=opened)["profiles-open"].subject == "a"
-
-
-def test_what_the_data_cannot_tell_is_not_trusted() -> None:
-    parameters = ONE | {"c": ParameterEstimate(1.0, 5.0, identifiable=False)}
-    *_, last = method_agreement(parameters, {"corrected": method(0.1), "cramer_rao": method(0.1)})
-    assert (last.code, last.subject) == ("no-interval-trusted", "c")
-
-
-def test_without_methods_nothing_is_found() -> None:
-    assert method_agreement(ONE, {}) == ()
+    return {n.code: n for n in method_agreement(ONE, {name: one for name, one in given.items() if one})}
 
 
 def repeated(scale: float, seed: int, count: int = 40) -> Repeatability:
@@ -111,3 +58,32 @@ def test_maneuvers_that_agree_change_nothing_but_for_one_in_twenty() -> None:
     codes = [[n.code for n in method_agreement(ONE, methods, repeated(1.0, seed))] for seed in range(100)]
     assert sum("agreement-scatter-colored" in one for one in codes) <= 12
     assert sum("agreement-colored" in one for one in codes) >= 88
+
+
+def test_what_methods_say_decides_which_one_is_trusted() -> None:
+    """Methods beside three that agree, the notice that follows, its subject and some of its values."""
+    good, both = {"rhat": 1.001}, "a and b"
+    for methods, code, subject, values in (
+        ({}, "agreement-white", "", {}),
+        ({"cramer_rao": method(0.025)}, "agreement-colored", "", {"ratio": pytest.approx(4.0)}),
+        ({"corrected": method(0.2)}, "agreement-maneuvers", "", {"ratio": pytest.approx(2.0)}),
+        ({"bootstrap": method(0.11)}, "bootstrap-agrees", "", {}),
+        # conditional on the model, too
+        ({"corrected": method(0.2), "bootstrap": method(0.1)}, "bootstrap-agrees", "", {}),
+        ({"bootstrap": method(0.2)}, "bootstrap-wider", "", {"wider": both}),
+        ({"bootstrap": method(0.05)}, "bootstrap-narrower", "", {"narrower": both}),
+        ({"posterior": method(0.1, figures=good)}, "posterior-agrees", "", {}),
+        ({"posterior": method(0.1, 1.0, 3.0, good)}, "posterior-skewed", "", {}),
+        ({"posterior": method(0.3, figures=good)}, "posterior-disagrees", both, {}),
+        ({"posterior": method(0.1, figures={"rhat": 1.2})}, "agreement-no-posterior", "", {}),
+        ({"profile": MethodIntervals({"a": Interval(nan, nan, 1.4)})}, "profiles-open", "a", {}),
+        ({"conditional": None}, "agreement-one-maneuver", "", {}),
+    ):
+        notices = found(**methods)
+        assert code in notices, (methods, list(notices))
+        assert subject in ("", notices[code].subject), code
+        assert dict(notices[code].values) | values == notices[code].values, code
+    parameters = ONE | {"c": ParameterEstimate(1.0, 5.0, identifiable=False)}
+    *_, last = method_agreement(parameters, {"corrected": method(0.1), "cramer_rao": method(0.1)})
+    assert (last.code, last.subject) == ("no-interval-trusted", "c")
+    assert method_agreement(ONE, {}) == ()

@@ -68,13 +68,6 @@ def test_no_variance_is_negative_however_short_pieces_are():
         assert np.linalg.eigvalsh(covariance).min() >= 0.0
 
 
-def test_few_windows_say_nothing():
-    segment = PieceEvidence(np.zeros((10, 1)), np.ones((10, 1, 1)))
-    gap = (np.zeros((1, 1)), np.zeros((1, 1, 1)))
-    assert MIN_WINDOWS > 2
-    assert windowed_covariance([segment], [(0, 5, 10)], [gap], np.zeros((1, 1))) is None
-
-
 def test_the_wider_of_two_stands():
     one, other = np.array([[1.0, 0.5], [0.5, 4.0]]), np.diag([9.0, 1.0])
     wide = widened(one, other)
