@@ -10,7 +10,7 @@ from scipy.optimize import least_squares
 from scipy.signal import lfilter
 
 from stoop.assessment.assessment import Optimum, linearize, refit
-from stoop.assessment.bootstrap import ColoredBlocks, block_length, percentiles, shifts, whitened
+from stoop.assessment.bootstrap import ColoredBlocks, block_length, percentiles, shifts
 from stoop.assessment.coloring import ColoredNoise
 from stoop.assessment.error_bars import estimate_uncertainty
 from stoop.problem.evidence import PieceEvidence
@@ -93,17 +93,6 @@ def test_a_refit_stays_in_its_box() -> None:
     assert_allclose(found.z[1, 1:], others, atol=1e-6)
 
 
-def test_a_direction_without_information_does_not_move() -> None:
-    X = design()
-    y = X @ np.array([0.5, 0.4, 0.3])
-    problem = Fitted(lambda Z: np.sum(Z[:, None, :3] * X, axis=2) / 0.1 - y / 0.1, 4)
-    optimum = linearize(problem, np.array([0.5, 0.4, 0.3, 0.7]), np.arange(4))
-    found = refit(optimum, np.random.default_rng(0).normal(size=(3, SAMPLES)))
-    assert_allclose(found.z[:, 3], 0.7)
-    assert not optimum.inverse.determined[3]
-    assert set(found.endings) == {"converged"}
-
-
 def test_a_diverging_replicate_is_lost_and_no_other() -> None:
     t = np.linspace(0.0, 1.0, 40)
     problem = Fitted(lambda Z: np.where(Z[:, :1] > 0.999, np.nan, Z[:, :1] * np.ones_like(t)), 1)
@@ -158,15 +147,6 @@ def test_block_length_grows_with_the_memory_of_the_series() -> None:
         found = [block_length(ar1(8000, rho, np.random.default_rng(i))) for i in range(8)]
         assert np.median(found) == pytest.approx(ideal, rel=0.3)
     assert block_length(np.zeros(50)) == 1.0
-
-
-def test_whitening_leaves_no_color_even_where_the_spectrum_is_steep() -> None:
-    v = lfilter([1.0], np.poly([0.995, 0.97, 0.9]), np.random.default_rng(8).normal(size=3000))[500:]
-    (rest,) = whitened([v], 20)
-    r = np.array([np.corrcoef(rest[lag:], rest[: len(rest) - lag])[0, 1] for lag in range(1, 30)])
-    assert np.abs(r).max() < 4.0 / np.sqrt(len(rest))
-    (short,) = whitened([v[:30]], 20)
-    assert np.isnan(short).all()
 
 
 def test_percentiles_are_corrected_for_bias() -> None:

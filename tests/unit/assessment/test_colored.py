@@ -85,14 +85,6 @@ def test_bands_frequency_by_frequency() -> None:
     assert_allclose(whitened.absorbed(noise.powers, spread), absorbed, rtol=1e-10, atol=1e-12)
 
 
-def test_variance_of_columns_is_that_of_the_middle() -> None:
-    segment = PieceEvidence(np.zeros((60, CHANNELS)), sensitivities(60))
-    found, noise = Coloring.of([segment], np.eye(8)), color(CHANNELS)
-    turned = found.blocks[0].basis @ np.linalg.pinv(found.inverse.factor)
-    middle = turned.T @ found.middles(noise)[0] @ turned
-    assert_allclose(noise.variance(segment.jacobian), np.diag(middle), rtol=1e-9)
-
-
 def fit(jacobian: np.ndarray, measured: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the estimate and the residuals of ordinary least squares; NaN is missing."""
     there = np.isfinite(measured)
@@ -167,14 +159,6 @@ def test_a_channel_that_is_read_now_and_then(apart: float, rho: float) -> None:
     assert ratios.max() < 2.5
 
 
-def test_a_strong_prior_is_neither_widened_nor_narrowed() -> None:
-    jacobian = sensitivities(500)
-    residual = fit(jacobian, noise(500, 0.95, np.random.default_rng(4)))[1]
-    prior = np.diag([1e12] + [0.0] * 7)
-    found = estimate_uncertainty([PieceEvidence(residual, jacobian)], prior)
-    assert standard_errors(found.corrected)[0] == pytest.approx(1e-6, rel=1e-3)
-
-
 def test_unseen_unknowns_are_infinite_and_disturb_no_other() -> None:
     jacobian = sensitivities(500)
     residual = fit(jacobian, noise(500, 0.5, np.random.default_rng(4)))[1]
@@ -184,12 +168,3 @@ def test_unseen_unknowns_are_infinite_and_disturb_no_other() -> None:
     assert_allclose(found.corrected[:8, :8], whole.corrected, rtol=1e-9)
     assert standard_errors(found.corrected)[8] == np.inf
     assert standard_errors(found.cramer_rao)[8] == np.inf
-
-
-@pytest.mark.parametrize("size", [2, 5, 49])
-def test_short_records(size: int) -> None:
-    jacobian = sensitivities(60)[:size, :, PARAMETERS : PARAMETERS + CHANNELS]
-    residual = np.random.default_rng(1).normal(size=(size, CHANNELS))
-    found = estimate_uncertainty([PieceEvidence(residual, jacobian)], np.zeros((2, 2)))
-    assert np.isfinite(found.corrected).all()
-    assert (standard_errors(found.corrected) > 0.0).all()

@@ -105,13 +105,3 @@ def test_small_deflections_are_doubted_only_where_residuals_could_fake_them(
         assert (np.std(flight.column("elevator")) > np.radians(0.2)) == doubted, "the angle does not decide"
     off = abs(found.estimates["Cmelevator"] / aircraft.value("Cmelevator") - 1.0)
     assert (off > 0.5) == doubted, "what is doubted is wrong"
-
-
-def test_no_interval_where_systematic_residuals_exceed_the_contribution(
-    aircraft: Vehicle, wrong: Vehicle
-) -> None:
-    found = fit(wrong, {"sim": flown(aircraft, 0.1, 4.0)}, [Window("sim", 0.0, 30.0)], Options())
-    bars = error_bars(found)
-    refused = {n for one in bars.contributions if one.systematic > 1.0 for n in one.parameters}
-    assert refused
-    assert not any(bars.identifiability[n].identifiable for n in refused)

@@ -13,7 +13,6 @@ from stoop.assessment.covariance import (
     correlation,
     data_information,
     inverse_information,
-    marked,
     standard_errors,
 )
 from stoop.assessment.error_bars import estimate_uncertainty
@@ -33,16 +32,6 @@ def test_inverse_whatever_the_units(seed: int, size: int) -> None:
     found = invert(matrix * np.outer(scale, scale))
     assert_allclose(found.matrix * np.outer(scale, scale), np.linalg.inv(matrix), rtol=1e-6, atol=1e-8)
     assert found.determined.all()
-
-
-def test_what_nothing_depends_on_is_unknown() -> None:
-    matrix = np.zeros((3, 3))
-    matrix[:2, :2] = information(1, 2)
-    found = invert(matrix)
-    assert found.determined.tolist() == [True, True, False]
-    sigma = standard_errors(marked(found.matrix, found.determined))
-    assert_allclose(sigma[:2], np.sqrt(np.diag(np.linalg.inv(matrix[:2, :2]))))
-    assert sigma[2] == np.inf
 
 
 def test_two_that_only_show_as_a_sum_are_both_unknown() -> None:

@@ -42,17 +42,6 @@ def test_a_bound_cuts_off_as_scipy_does(low: float) -> None:
     assert kstest(drawn[:, 0], truncnorm(low, np.inf).cdf).pvalue > 0.01
 
 
-def test_what_is_correlated_with_a_bounded_number_follows_it() -> None:
-    """Independent truth: rejection of plain draws."""
-    rng = np.random.default_rng(2)
-    low = np.array([0.0, -np.inf, -np.inf])
-    drawn = truncated_normal(np.zeros(3), COVARIANCE, low, np.full(3, np.inf), COUNT, rng)
-    plain = np.random.default_rng(3).multivariate_normal(np.zeros(3), COVARIANCE, 40_000)
-    plain = plain[plain[:, 0] >= 0.0]
-    assert np.allclose(drawn.mean(axis=0), plain.mean(axis=0), atol=0.08)
-    assert np.allclose(np.cov(drawn.T), np.cov(plain.T), atol=0.12)
-
-
 def test_gibbs_sampling_of_two_corners_agrees_with_rejection() -> None:
     rng = np.random.default_rng(4)
     covariance = np.array([[1.0, 0.8], [0.8, 1.0]])

@@ -132,23 +132,6 @@ def test_alignment_of_the_inertial_unit_is_recovered() -> None:
         assert abs(done.estimates[name] - angle) < 3.0 * std[name]
 
 
-def test_moves_agree_with_another_fit() -> None:
-    """What the score test says of parameters is what a fit with the extension gives."""
-    done = fitted(0.04)
-    bars = error_bars(done)
-    best = extension_tests(done, bars).found[0]
-    base = done.problem.layout.vehicle
-    longer = with_entries(
-        base, {("controls", "aileron", "lag"): {"value": 0.035, "free": True, "bounds": [0.01, 0.1]}}
-    )
-    truth = with_entries(base, {("controls", "aileron", "lag"): 0.04})
-    again = fit(longer, flights(truth, 5), [Window(name, 0.0, DURATION) for name in STEPS], Options(seed=1))
-    std = dict(zip([p.name for p in done.problem.layout.parameters], bars.std, strict=False))
-    for name, shift in best.moves.items():
-        moved = (again.estimates[name] - done.estimates[name]) / std[name]
-        assert shift == pytest.approx(moved, abs=0.35 * abs(moved) + 1.0)
-
-
 def test_what_priors_alone_say_of_the_mass_is_no_contradiction(monkeypatch: pytest.MonkeyPatch) -> None:
     """All forces over the mass are what a flight shows: wrong guesses of the coefficients are not an error of the scales."""
     base = resolve_vehicle("twin-boom")

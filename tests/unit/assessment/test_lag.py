@@ -124,31 +124,6 @@ def test_every_maneuver_gets_its_curves() -> None:
     assert theil(other.segments[0].measured["beta"], second["beta"].simulated) < 0.05
 
 
-def test_a_lag_predicts_at_another_rate() -> None:
-    lag = truth(gains=(3.0, 0.0, 0.0))
-    fit = BaselineManeuver("fit", (segment({"p": lag}, 800, 1, 0),), RATE)
-    whole = segment({"p": lag}, 800, 3, 1)
-    matched = []
-    for every in (1, 2, 5):
-        commands = {name: values[::every] for name, values in whole.commands.items()}
-        seen = BaselineSegment(commands, {"p": whole.measured["p"][::every]})
-        other = BaselineManeuver("validation", (seen,), RATE / every)
-        matched.append(theil(seen.measured["p"], baseline_matches([fit, other], ["p"])[1]["p"].simulated))
-    assert matched[0] < 0.05
-    assert matched[1:] == pytest.approx(
-        [matched[0]] * 2, abs=0.05
-    )  # steps become ramps of a slower clock's length
-
-
-def test_a_lag_is_fitted_to_what_was_sampled_alike() -> None:
-    lags = {"p": truth(gains=(3.0, 0.0, 0.0))}
-    fits = [BaselineManeuver("fit", (segment(lags, 600, seed, 0),), RATE) for seed in (1, 2)]
-    misread = BaselineManeuver("fit", fits[1].segments, 7.0 * RATE)
-    other = BaselineManeuver("validation", (segment(lags, 350, 3, 1),), RATE)
-    alone, beside = (baseline_matches([fits[0], *more, other], ["p"])[-1]["p"] for more in ([], [misread]))
-    assert np.array_equal(alone.simulated, beside.simulated)
-
-
 def test_every_channel_answers_to_the_command_of_its_axis_alone() -> None:
     own = {"phi": (3.0, 0.0, 0.0), "alpha": (0.0, 3.0, 0.0), "beta": (0.0, 0.0, 3.0), "p": (0.0, 0.0, 3.0)}
     fit = BaselineManeuver("fit", (segment({n: truth(gains=g) for n, g in own.items()}, 600, 1, 0),), RATE)
@@ -156,36 +131,6 @@ def test_every_channel_answers_to_the_command_of_its_axis_alone() -> None:
     left = {name: theil(fit.segments[0].measured[name], curves[name].simulated) for name in own}
     assert left.pop("p") > 0.3, "it answers to the yaw command, not to that of roll"
     assert max(left.values()) < 1e-3
-
-
-def test_nothing_to_learn_from() -> None:
-    lags = {"p": truth(gains=(3.0, 0.0, 0.0))}
-    alone = BaselineManeuver("validation", (segment(lags, 300, 1, 0),), RATE)
-    assert baseline_matches([alone], ["p"]) == ({},)
-    empty = BaselineManeuver("fit", (BaselineSegment({}, {"p": np.zeros(50)}),), RATE)
-    assert baseline_matches([empty], ["p"]) == ({},)
-
-
-def test_channels_that_share_commands_have_the_lags_that_they_have_alone() -> None:
-    lags = [truth(0.05, 0.02), truth(0.4, 0.1), truth(1.5, 0.21)]
-    u = [commands(300, 3), commands(250, 4)]
-    channels = []
-    for i, lag in enumerate(lags):
-        y = [lag.respond(u[m], lag.biases[m], 0.5) for m in (0, 1)]
-        noisy = [one + 0.3 * np.random.default_rng([i, m]).normal(size=len(one)) for m, one in enumerate(y)]
-        channels.append([LagRecord(u[m], one, m) for m, one in enumerate(noisy)])
-    channels[2][0].measured[40:60] = np.nan
-    channels.append([LagRecord(u[0], np.full(300, np.nan)), LagRecord(u[1], np.full(250, np.nan), 1)])
-    *together, missing = fit_lags(channels, RATE)
-    assert missing is None
-    for own, shared in zip(channels, together, strict=False):
-        alone = fit_lags([own], RATE)[0]
-        assert alone is not None
-        assert shared is not None
-        assert (shared.time_constant, shared.dead_time) == pytest.approx(
-            (alone.time_constant, alone.dead_time)
-        )
-        assert_allclose(shared.gains, alone.gains, rtol=1e-9)
 
 
 @pytest.mark.parametrize("seed", range(4))

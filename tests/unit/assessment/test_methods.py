@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 from stoop.assessment import sampling
-from stoop.assessment.assessment import check_method, pack, packed, unpack
-from stoop.assessment.error_bars import error_bars
+from stoop.assessment.assessment import check_method
 from stoop.errors import IdentificationError
 from stoop.estimate.fit import Options
 from stoop.optimize.normal_equations import dense
@@ -62,14 +61,6 @@ def job(request: pytest.FixtureRequest) -> FittedModel:
 
 def here() -> Given:
     return Given(ThreadPoolExecutor(1))
-
-
-def test_a_problem_comes_back_from_text_with_the_same_residuals(job: FittedModel) -> None:
-    problem = job.estimate.refit_problem
-    again, arrays = unpack(packed(job.estimate, error_bars(job.estimate), {}))
-    Z = job.estimate.z + 1e-3 * np.random.default_rng(0).standard_normal((3, len(job.estimate.z)))
-    assert np.array_equal(again.residuals(Z, 0), problem.residuals(Z, 0))
-    assert pack(again, {"z": arrays["z"]}) == pack(problem, {"z": job.estimate.z})
 
 
 def test_residuals_and_derivatives_are_those_of_the_evidence(job: FittedModel) -> None:

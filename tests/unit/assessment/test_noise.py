@@ -35,18 +35,6 @@ def test_autocorrelation_of_white_and_of_colored() -> None:
     assert np.isnan(found[2]).all()
 
 
-def test_an_autoregression_is_recovered() -> None:
-    random = np.random.default_rng(2)
-    driving = random.normal(size=(40_000, 2)) @ np.array([[1.0, 0.6], [0.0, 0.8]])
-    values = np.column_stack(
-        [lfilter([1.0], [1.0, -1.5, 0.7], driving[:, 0]), lfilter([1.0], [1.0, -0.5], driving[:, 1])]
-    )
-    sums, counts = lagged_products([values], [np.ones_like(values)], 2)
-    noise = fit_noise(sums / counts, [values])
-    assert_allclose(noise.coefficients, [[1.5, -0.7], [0.5, 0.0]], atol=0.02)
-    assert_allclose(noise.innovation, np.cov(driving.T), atol=0.03)
-
-
 def test_lags_without_pairs_lie_between_those_with() -> None:
     known = np.array(
         [[4.0, 0.0, 0.0, 1.0, 0.0, 0.0, 2.0, 0.0], [1.0, 0.5, 0.2, 0.1, 0.0, 0.0, 0.0, 0.0], [0.0] * 8]

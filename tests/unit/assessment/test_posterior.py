@@ -90,11 +90,3 @@ def test_a_curved_posterior_is_that_of_quadrature(monkeypatch: pytest.MonkeyPatc
     assert_allclose(draws.mean(axis=0), mean, atol=0.1 * std.min())
     assert_allclose(draws.std(axis=0), std, rtol=0.05)
     assert np.quantile(draws[:, 1], 0.975) == pytest.approx(upper, abs=0.1 * std[1])
-
-
-def test_a_bound_cuts_the_posterior() -> None:
-    """Half a normal distribution: mean sigma sqrt(2 / pi)."""
-    problem = Fitted(lambda Z: Z[:, :1] / 0.05, 1)
-    _, chains = posterior(problem, np.array([0.0]))
-    assert chains.draws.min() >= 0.0
-    assert chains.draws.mean() == pytest.approx(0.05 * np.sqrt(2.0 / np.pi), rel=0.06)

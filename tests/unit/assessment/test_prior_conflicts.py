@@ -80,15 +80,3 @@ def test_a_conflict_is_counted_once() -> None:
     truth = np.zeros(COUNT)
     truth[3] = 40.0 * STD[3]
     assert [one.name for one in judged(truth, np.zeros(COUNT)).conflicts] == ["C3"]
-
-
-def test_without_priors_nothing_is_tested() -> None:
-    assert judged(np.zeros(COUNT), np.zeros(COUNT)).conflicts == ()
-    none: Any = SimpleNamespace(
-        problem=SimpleNamespace(
-            layout=SimpleNamespace(parameters=[Parameter("C", 0.0, -1.0, 1.0, True, None, "1")])
-        )
-    )
-    found = SimpleNamespace(information=np.eye(1), corrected=np.eye(1), cramer_rao=np.eye(1))
-    bars: Any = SimpleNamespace(free=np.arange(1), uncertainty=found, scatter=None)
-    assert prior_tests(none, bars).degrees == 0

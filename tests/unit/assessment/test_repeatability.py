@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -117,16 +116,6 @@ def test_the_joint_test_rejects_right_error_bars_as_often_as_promised() -> None:
     assert np.mean([agreement(one).joint.p_value < 0.05 for one in both]) > 0.9
     alone = [p.verdict for one in both for p in agreement(one).parameters.values()]
     assert np.mean([verdict == "agree" for verdict in alone]) > 0.4
-
-
-def test_what_a_covariance_does_not_know_is_not_tested_jointly() -> None:
-    random, truth = np.random.default_rng(1), np.array([1.0, 2.0, -3.0, 0.0])
-    one, two = correlated(random, "x", truth), correlated(random, "y", truth)
-    holes = two.covariance.matrix.copy()
-    holes[0], holes[:, 0] = np.nan, np.nan
-    holes[1, 1] = 0.0
-    found = agreement({"x": one, "y": replace(two, covariance=Covariance(tuple("abcd"), holes))})
-    assert found.joint.degrees == 2
 
 
 def test_what_cannot_be_compared_is_refused_or_not_counted() -> None:

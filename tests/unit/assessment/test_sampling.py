@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import importlib
-import os
-import signal
-import threading
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
@@ -69,16 +66,6 @@ def test_a_banana_in_48_dimensions_has_its_standard_deviations() -> None:
     assert_allclose((found.mean(axis=0) - 0.5) / spread(1.0), 0.0, atol=0.1)
 
 
-def test_a_map_that_does_not_fit_changes_the_steps_alone(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sampling, "SAMPLER", replace(SAMPLER, draws=1000))
-    target, size = chained(0.5, 24), 24
-    bent = coordinates(target)
-    wrong = replace(bent, bend=-0.5 * bent.bend, growth=0.02 * np.tril(np.ones((size, size)), -1))
-    chains = converged(hamiltonian, target, wrong)
-    ratio = chains.draws.reshape(-1, size).std(axis=0) / spread(0.5, size)
-    assert np.sqrt(np.mean((ratio - 1.0) ** 2)) < 0.03
-
-
 @pytest.mark.parametrize("tails", [3.0, 9.0])
 def test_the_error_of_standard_deviations_is_their_scatter(tails: float) -> None:
     """Of independent draws of a gamma distribution, whose kurtosis is 3 + 6 / shape."""
@@ -136,15 +123,6 @@ def test_the_same_seed_gives_the_same_draws_on_any_number_of_threads(monkeypatch
         draws.append(next(hamiltonian(target, coordinates(target), seed, silent)).draws)
     assert np.array_equal(draws[0], draws[1])
     assert not np.array_equal(draws[0], draws[2])
-
-
-def test_an_interruption_ends_the_chains(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sampling, "SAMPLER", replace(SAMPLER, draws=10**6))
-    target = chained(0.4)
-    timer = threading.Timer(1.0, lambda: os.kill(os.getpid(), signal.SIGINT))
-    timer.start()
-    with pytest.raises(KeyboardInterrupt):
-        next(hamiltonian(target, coordinates(target), 0, silent))
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 from typing import Any
 
@@ -36,15 +37,9 @@ amplitude = 0.05
 STATUSES = {"converged", "stalled", "budget", "generations", "interrupted", "target"}
 #: entry points of the compiled model, through which every trajectory of an estimator comes
 ENTRIES = (
-    (Kernel, "cost"),
-    (Kernel, "trajectories"),
-    (Kernel, "evaluate"),
-    (filtering, "innovations"),
-    (filtering, "step"),
-    (shooting_windows, "windows"),
-    (trajectories, "innovations"),
-    (trajectories, "step"),
-)
+    (Kernel, "cost"), (Kernel, "trajectories"), (Kernel, "evaluate"), (filtering, "innovations"), (filtering, "step"),
+    (shooting_windows, "windows"), (trajectories, "innovations"), (trajectories, "step"),
+)  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -99,25 +94,17 @@ def ends_as_a_value(method: str, vehicle: Vehicle, flight: Flight) -> None:
 
 
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")
-@pytest.mark.parametrize("lasting", [False, True], ids=["once", "from-then-on"])
 @pytest.mark.parametrize("method", methods.names())
-def test_a_divergence_ends_no_fit_by_another_exception(
-    method: str, lasting: bool, problem: tuple[Vehicle, Flight]
-) -> None:
+def test_a_divergence_ends_no_fit_by_another_exception(method: str, problem: tuple[Vehicle, Flight]) -> None:
+    """Of one trajectory, or of all from then on; at last of the starting values."""
     with pytest.MonkeyPatch.context() as clean:
         count = Diverging(clean, lambda call: False)
         fitted(method, *problem)
-    for place in sorted({0, 1, count.calls // 3, count.calls // 2, count.calls - 2, count.calls - 1}):
+    places = {0, 1, count.calls // 3, count.calls // 2, count.calls - 2, count.calls - 1}
+    for place, lasting in itertools.product(sorted(places), (False, True)):
         with pytest.MonkeyPatch.context() as patch:
-            Diverging(patch, lambda call, at=place: call >= at if lasting else call == at)  # type: ignore[misc]
+            Diverging(patch, lambda call, at=place, on=lasting: call >= at if on else call == at)  # type: ignore[misc]
             ends_as_a_value(method, *problem)
-
-
-@pytest.mark.filterwarnings("ignore::RuntimeWarning")
-@pytest.mark.parametrize("method", methods.names())
-def test_starting_values_that_diverge_end_no_fit_by_another_exception(
-    method: str, problem: tuple[Vehicle, Flight]
-) -> None:
     vehicle, flight = problem
     far = {"value": 60.0, "bounds": (-10.0, 80.0)}
     ends_as_a_value(method, vehicle.with_numbers({"Cmalpha": far}), flight)

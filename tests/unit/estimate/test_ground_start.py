@@ -49,13 +49,6 @@ def test_the_wind_is_taken_off_and_the_attitude_undone(quad: Vehicle) -> None:
     assert not prepared.notices
 
 
-def test_what_was_not_recorded_is_said(quad: Vehicle) -> None:
-    prepared = prepare(quad, {"drift": drifting(quad, ("vd",))}, [Window("drift", 0.0, 1.9)])
-    assert [(n.code, n.subject, n.values) for n in prepared.notices] == [
-        ("start-defaulted", "drift@0:1.9", {"channels": ("vd",)})
-    ]
-
-
 def test_nuisances(quad: Vehicle) -> None:
     prepared = prepare(quad, {"drift": drifting(quad)}, [Window("drift", 0.0, 1.9)])
     found = {n.name: n for n in nuisances(quad, prepared)}

@@ -8,8 +8,6 @@ import numpy as np
 import pytest
 
 from stoop.base.variables import RATES, SPECIFIC_FORCE
-from stoop.errors import IdentificationError
-from stoop.estimate.methods import find
 from stoop.flight import Flight
 from stoop.flight.flight import dataset, from_columns
 from stoop.flight.gridding import Channels, grid_channels
@@ -68,16 +66,3 @@ def test_gyros_and_accelerometers_alone_are_regressed() -> None:
     )
     other = from_columns("log", time, {**columns, "theta": 0.1 * np.sin(time)})
     assert choose_method("", vehicle, [log, other]).options.method == "multiple-shooting"
-
-
-def test_who_names_a_method_gets_it() -> None:
-    slow = logged(43.0)
-    assert plain(choose_method("multiple-shooting", builtin_vehicle("quad-x"), [slow])) == "multiple-shooting"
-    assert plain(choose_method("", builtin_vehicle("twin-boom"), [slow])) == "output-error"
-    unknown = replace(slow, sources={})
-    assert plain(choose_method("", builtin_vehicle("quad-x"), [unknown])) == "multiple-shooting"
-
-
-def test_an_unknown_method_is_said() -> None:
-    with pytest.raises(IdentificationError, match="did you mean equation-error"):
-        find("equation-eror")

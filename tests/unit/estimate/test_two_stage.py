@@ -111,20 +111,12 @@ def test_states_and_biases_are_reconstructed(vehicle: Vehicle) -> None:
     assert bias == pytest.approx(TRUTH["sensors.q.bias"], abs=1e-3)
 
 
-def test_a_reconstruction_that_does_not_converge_is_told(
-    vehicle: Vehicle, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    flight = flown(vehicle, 1)
-    assert "path-not-converged" not in [one.code for one in fitted("two-stage", vehicle, flight).notices]
-    monkeypatch.setattr("stoop.estimate.two_stage.MAX_STEPS", 1)
-    (found,) = [
-        one for one in fitted("two-stage", vehicle, flight).notices if one.code == "path-not-converged"
-    ]
-    assert "from 0 s on" in str(found)
-    assert found.severity == "warning"
-
-
-def test_rotors_are_refused_with_the_methods_that_take_them() -> None:
-    vehicle = resolve_vehicle("quad-x")
+def test_what_two_stages_cannot_do_is_told(vehicle: Vehicle, monkeypatch: pytest.MonkeyPatch) -> None:
+    quad, flight = resolve_vehicle("quad-x"), flown(vehicle, 1)
     with pytest.raises(IdentificationError, match="two-stage is for aircraft; use --method"):
-        methods.find("two-stage").fitter()(vehicle, {}, [WINDOW], Options(method="two-stage"))
+        methods.find("two-stage").fitter()(quad, {}, [WINDOW], Options(method="two-stage"))
+    for steps, told in ((None, []), (1, ["warning"])):
+        if steps:
+            monkeypatch.setattr("stoop.estimate.two_stage.MAX_STEPS", steps)
+        found = [n for n in fitted("two-stage", vehicle, flight).notices if n.code == "path-not-converged"]
+        assert [n.severity for n in found] == told

@@ -78,7 +78,3 @@ def test_momentum_theory_against_its_closed_form() -> None:
     power = thrust * (speed + induced) / 0.7
     useful = useful_power(power, speed, np.full(3, DENSITY), 0.7, disc_area())
     np.testing.assert_allclose(useful, thrust * speed, rtol=1e-12)
-
-
-def test_a_power_that_is_zero_gives_no_thrust() -> None:
-    assert useful_power(np.zeros(2), np.array([5.0, 9.0]), np.ones(2), 0.7, 0.1) == pytest.approx([0.0, 0.0])

@@ -22,18 +22,6 @@ def test_a_sample_that_lacks_channels_has_the_covariance_of_those_it_has() -> No
     assert float(np.sum(weights.whiten(error, seen) ** 2)) == pytest.approx(plain)
 
 
-def test_two_channels_by_hand() -> None:
-    weights = Weights.of(np.array([[1.0, 0.95], [0.95, 1.0]]))
-    seen = np.array([[True, False]])
-    assert float(np.sum(weights.whiten(np.array([[1.0, 0.0]]), seen) ** 2)) == pytest.approx(1.0)
-
-
-def test_diagonal_weights_divide_by_sigma() -> None:
-    weights = Weights.of(np.array([4.0, 9.0]))
-    assert weights.diagonal
-    assert weights.whiten(np.array([[2.0, 3.0]]), np.ones((1, 2), bool)) == pytest.approx(1.0)
-
-
 @pytest.mark.parametrize("covariance", [np.array([4.0, 9.0, 1.0]), np.eye(3) + 0.5])
 def test_coloring_undoes_whitening(covariance: np.ndarray) -> None:
     rng = np.random.default_rng(1)

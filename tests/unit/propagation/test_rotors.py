@@ -40,22 +40,15 @@ def throttle(weight: float) -> float:
     return (-2.5 + math.sqrt(2.5**2 + 4.0 * 6.0 * weight / 4.0)) / 12.0
 
 
-def test_hover_throttle_by_hand(found: Propagation) -> None:
-    one = found["hover throttle"]
+def test_hover_by_hand(found: Propagation) -> None:
+    """Roll: two rotors at full command, two as far below hover, an arm of 0.177 m."""
+    one, ratio = found["hover throttle"], found["thrust over weight at full command"]
     assert one.estimate == pytest.approx(throttle(WEIGHT), rel=1e-4)
     slope = (throttle(1.01 * WEIGHT) - throttle(0.99 * WEIGHT)) / 0.03  # per kg
     assert one.std_error == pytest.approx(slope * 0.03, rel=0.12)
     assert one.sources[0] == ("mass.mass", pytest.approx(1.0, abs=0.01))
-
-
-def test_thrust_over_weight_by_hand(found: Propagation) -> None:
-    one = found["thrust over weight at full command"]
-    assert one.estimate == pytest.approx(4.0 * 8.5 / WEIGHT, rel=1e-3)
-    assert one.ci95_upper - one.estimate > one.estimate - one.ci95_lower  # it goes with one over the mass
-
-
-def test_roll_authority_by_hand(found: Propagation) -> None:
-    """Two rotors at full command, two as far below hover, an arm of 0.177 m."""
+    assert ratio.estimate == pytest.approx(4.0 * 8.5 / WEIGHT, rel=1e-3)
+    assert ratio.ci95_upper - ratio.estimate > ratio.estimate - ratio.ci95_lower, "one over the mass"
     x = throttle(WEIGHT)
     room = min(1.0 - x, x)
     thrust = [2.5 * y + 6.0 * y * y for y in (x + room, x - room)]
@@ -63,20 +56,18 @@ def test_roll_authority_by_hand(found: Propagation) -> None:
     assert found["roll acceleration from hover"].estimate == pytest.approx(expected, rel=1e-3)
 
 
+def test_what_does_not_hover_is_counted_or_an_error() -> None:
+    values = np.concatenate([np.full((50, 1), 1.5), np.full((50, 1), 9.0)])
+    draws = Draws(("mass.mass",), values, "covariance")
+    found = propagate_draws(resolve_vehicle("quad-x"), draws, DOMAIN)
+    assert found["hover throttle"].failed == 0.5
+    assert "propagate-no-hover" in [n.code for n in found.notices]
+    heavy = resolve_vehicle("quad-x").with_numbers({"mass.mass": {"value": 9.0}})
+    with pytest.raises(SimulationError, match="too heavy to hover"):
+        propagate_draws(heavy, draws, DOMAIN)
+
+
 def test_forward_flight_is_that_of_trim(found: Propagation) -> None:
     theta = next(c for c in found.curves if c.name == "theta")
     alone = trim(resolve_vehicle("quad-x"), altitude=0.0, velocity=(6.0, 0.0, 0.0))
     assert theta.estimate[-1] == pytest.approx(alone.start["theta"], abs=1e-6)
-
-
-def test_draws_that_do_not_hover_are_counted() -> None:
-    values = np.concatenate([np.full((50, 1), 1.5), np.full((50, 1), 9.0)])
-    found = propagate_draws(resolve_vehicle("quad-x"), Draws(("mass.mass",), values, "covariance"), DOMAIN)
-    assert found["hover throttle"].failed == 0.5
-    assert "propagate-no-hover" in [n.code for n in found.notices]
-
-
-def test_estimates_that_do_not_hover_are_an_error() -> None:
-    vehicle = resolve_vehicle("quad-x").with_numbers({"mass.mass": {"value": 9.0}})
-    with pytest.raises(SimulationError, match="too heavy to hover"):
-        propagate_draws(vehicle, Draws(("mass.mass",), np.full((100, 1), 9.0), "covariance"), DOMAIN)

@@ -11,7 +11,7 @@ import pytest
 from stoop.assessment.draws import Draws
 from stoop.errors import SimulationError
 from stoop.propagation.propagation import propagate_draws
-from stoop.propagation.wing_figures import Domain, peak_of
+from stoop.propagation.wing_figures import Domain
 from stoop.propagation.wings import level_flight, lift_maximum, linear_flights, static_margin, steady_flights
 from stoop.simulation import linearize, trim
 from stoop.simulation.initial import parameter_rows
@@ -71,26 +71,20 @@ def test_draws_are_those_of_one_at_a_time(name: str, request: pytest.FixtureRequ
                 assert np.allclose(effect[i], column, atol=1e-6 * np.abs(column).max())
 
 
-def test_static_margin_is_the_ratio_of_two_slopes() -> None:
-    vehicle = resolve_vehicle("twin-boom")
-    flow = {"V": np.array([35.0]), "alpha": np.array([0.1])}
-    still = {c: np.zeros(1) for c in vehicle.controls}
-    assert static_margin(vehicle, parameter_rows(vehicle), flow, still) == pytest.approx(
-        2.12 / 4.78, rel=1e-9
-    )
-
-
-def test_static_margin_moves_with_the_moment_point() -> None:
+def test_static_margin_is_the_ratio_of_two_slopes_and_moves_with_the_moment_point() -> None:
     """A moment point ahead of the center of gravity by 0.1 chord, at small angles without drag: 0.1 less."""
-    text = builtin_text("twin-boom").replace(
+    moved = builtin_text("twin-boom").replace(
         "alpha = 0.0\n", "alpha = 0.0\nmoment_point = [0.055, 0.0, 0.0]\n"
     )
     numbers = {n: {"value": 0.0} for n in ("CD0", "CDalpha", "CL0")}
-    vehicle = parse_vehicle(text, "moved").with_numbers(numbers)
-    flow = {"V": np.array([35.0]), "alpha": np.zeros(1)}
-    still = {c: np.zeros(1) for c in vehicle.controls}
-    found = static_margin(vehicle, parameter_rows(vehicle), flow, still)
-    assert found == pytest.approx(2.12 / 4.78 - 0.1, rel=1e-6)
+    for vehicle, alpha, margin in (
+        (resolve_vehicle("twin-boom"), 0.1, 2.12 / 4.78),
+        (parse_vehicle(moved, "moved").with_numbers(numbers), 0.0, 2.12 / 4.78 - 0.1),
+    ):
+        flow = {"V": np.array([35.0]), "alpha": np.array([alpha])}
+        still = {c: np.zeros(1) for c in vehicle.controls}
+        found = static_margin(vehicle, parameter_rows(vehicle), flow, still)
+        assert found == pytest.approx(margin, rel=1e-6)
 
 
 def test_best_glide_of_a_parabolic_polar() -> None:
@@ -158,34 +152,13 @@ def test_extrapolation_beyond_the_angles_flown_is_told() -> None:
     assert found.extrapolated == ((25.0, told.values["high"]),)
 
 
-def test_nothing_that_trims_is_an_error_with_the_way_out() -> None:
+def test_draws_that_do_not_trim_are_counted_and_nothing_that_trims_is_an_error() -> None:
     vehicle = polar_aircraft()
-    with pytest.raises(SimulationError, match=r"nothing trims at 3 m/s .* give --airspeed A:B"):
-        propagate_draws(vehicle, spread(vehicle, ("CLalpha",), 50), Domain((3.0, 4.0), 3.0, 200.0, DENSITY))
-
-
-def test_draws_that_do_not_trim_are_counted() -> None:
-    vehicle = polar_aircraft()
-    values = np.concatenate([np.full((40, 1), 4.78), np.full((10, 1), 0.01)])
-    found = propagate_draws(vehicle, Draws(("CLalpha",), values, "covariance"), DOMAIN)
+    draws = Draws(
+        ("CLalpha",), np.concatenate([np.full((40, 1), 4.78), np.full((10, 1), 0.01)]), "covariance"
+    )
+    found = propagate_draws(vehicle, draws, DOMAIN)
     assert found["alpha"].failed == pytest.approx(0.2)
     assert {"propagate-no-trim", "propagate-figure-failed"} <= {n.code for n in found.notices}
-
-
-def test_the_peak_of_a_parabola_and_an_end() -> None:
-    x = np.linspace(0.0, 4.0, 9)
-    values = np.stack([3.0 - (x - 1.3) ** 2, x], axis=1)
-    top, place, edge = peak_of(x, values)
-    assert (top[0], place[0]) == pytest.approx((3.0, 1.3))
-    assert edge.tolist() == [False, True]
-
-
-def test_labelled_objects() -> None:
-    vehicle = polar_aircraft()
-    found = propagate_draws(vehicle, spread(vehicle, ("CLalpha", "Cmalpha"), 50), DOMAIN)
-    assert found.to_dataframe().loc["static margin", "unit"] == "chord"
-    data = found.to_xarray()
-    assert data["alpha bands"].dims == ("percentile", "airspeed")
-    assert data["alpha"].attrs["units"] == "rad"
-    assert "static margin" in found._repr_html_()
-    assert found.document()["draws"] == 50
+    with pytest.raises(SimulationError, match=r"nothing trims at 3 m/s .* give --airspeed A:B"):
+        propagate_draws(vehicle, draws, Domain((3.0, 4.0), 3.0, 200.0, DENSITY))

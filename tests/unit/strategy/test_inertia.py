@@ -99,12 +99,6 @@ def test_of_the_inertia_in_yaw_and_the_torque_of_rotors_a_flight_shows_the_ratio
     assert error < 0.1 * torque
 
 
-def test_an_inertia_that_the_flight_shows_stays_free() -> None:
-    found = done(user(1.0, prior=0.3 * scenes.aircraft().value(PITCH)))
-    assert found.estimate.estimates[PITCH] == pytest.approx(scenes.aircraft().value(PITCH), rel=0.1)
-    assert not any(one.code == "inertia-held" for one in found.estimate.notices)
-
-
 def held(value: float, known: float | None) -> Estimate:
     """Return the estimate with the moment held at a value, of which a standard deviation is known."""
     return done(user(1.0, free=False, value=value, prior=known), Strategy.textbook()).estimate

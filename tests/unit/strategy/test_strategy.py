@@ -27,20 +27,17 @@ from stoop.estimate.treatment import Treatment
 from stoop.flight import Flight
 from stoop.flight.faults import Fault
 from stoop.problem.windows import Window
-from stoop.results.decisions import DecisionRecord, decision_lines
 from stoop.results.extensions import ExtensionTests
 from stoop.simulation.fly import simulate_flight
 from stoop.simulation.maneuver import Maneuver
 from stoop.strategy import DECISIONS, Strategy, decision, fit
 from stoop.strategy.decision import Fitted
 from stoop.vehicle import Vehicle
-from stoop.vehicle.builtin import builtin_vehicle, resolve_vehicle
+from stoop.vehicle.builtin import builtin_vehicle
 from stoop.vehicle.document import with_entries
-from stoop.workflow.checkpoint import identity
 from stoop.workflow.identification import identify
 
 DOUBLET = {"control": "elevator", "shape": "doublet", "start": 0.5, "step": 0.5, "amplitude": 0.05}
-OTHERS = "off: faults; looked at and not needed: 1 of 3"
 WINDOWS = (Window("a", 0.0, 5.0), Window("b", 0.0, 5.0))
 FREE = ("Cmalpha", "Cmq", "Cmelevator")
 PLAIN = Treatment(
@@ -188,45 +185,6 @@ def test_assumptions_free_the_lag_that_a_file_leaves_out() -> None:
     assert states(decided(only, flights()))["assumptions"] == "not needed"
 
 
-@pytest.mark.parametrize("switch", ["without", "only", "including"])
-def test_an_unknown_decision_is_told_with_the_nearest_name(switch: str) -> None:
-    with pytest.raises(
-        IdentificationError, match=r"decision 'noise-shap': not known; .*noise-shape"
-    ) as error:
-        getattr(Strategy.default(), switch)("noise-shap")
-    assert "\n" not in str(error.value)
-
-
-def test_only_needs_no_strategy_to_begin_with() -> None:
-    assert Strategy.only("faults").names == Strategy.default().only("faults").names == {"faults"}
-
-
-def wrong(call: object) -> Any:
-    """Return what is called, or given, in spite of its types."""
-    return call
-
-
-@pytest.mark.parametrize(
-    ("call", "advice"),
-    [
-        (lambda: wrong(Strategy.without)("faults"), r"write Strategy\.default\(\)\.without\('faults'\)"),
-        (lambda: wrong(Strategy.including)("bounds"), r"write Strategy\.default\(\)\.including\('bounds'\)"),
-        (lambda: Strategy(wrong(["faults"])), r"write Strategy\.only\('faults'\)"),
-        (lambda: Strategy.named(wrong(None)), r"strategy None: give 'default', 'textbook' or"),
-        (lambda: Strategy.named(wrong(["faults"])), r"strategy \['faults'\]: give 'default', 'textbook' or"),
-        (lambda: Strategy.default().without(wrong(5)), "decision '5': not known"),
-        (lambda: find(wrong(5)), "method '5': not known"),
-        (lambda: find(wrong(["output-error"])), "method .*: not known"),
-    ],
-)
-def test_what_is_no_strategy_or_method_is_one_line_with_the_fix(
-    call: Callable[[], object], advice: str
-) -> None:
-    with pytest.raises(IdentificationError, match=advice) as error:
-        call()
-    assert "\n" not in str(error.value)
-
-
 def test_treatment_is_decided_by_the_strategy_alone() -> None:
     with pytest.raises(IdentificationError, match="switch decisions off with strategy="):
         fit(Strategy.default(), known(), flights(), WINDOWS, options=Options(treatment=PLAIN))
@@ -243,75 +201,65 @@ def test_tests_that_were_computed_survive_an_interrupt(monkeypatch: pytest.Monke
     assert fitted.tested is done
 
 
-def test_a_strategy_by_its_name() -> None:
-    assert Strategy.named("textbook") == Strategy.textbook()
-    assert Strategy.named("default") == Strategy.default()
-    assert Strategy.named(Strategy.textbook()) is not None
-    assert Strategy.default().without("bounds").including("bounds") == Strategy.default()
-    assert "extensions" not in Strategy.default().names
-    with pytest.raises(IdentificationError, match=r"textbok.*textbook"):
-        Strategy.named("textbok")
-
-
-def test_decisions_are_part_of_the_identity_of_a_search() -> None:
-    vehicle = resolve_vehicle("twin-boom")
-    one, two, three = (
-        identity(vehicle, {}, ["0:1"], [], Options(), strategy)
-        for strategy in (Strategy.default(), Strategy.default().without("bounds"), Strategy.textbook())
-    )
-    assert len({one, two, three}) == 3
-    assert one == identity(vehicle, {}, ["0:1"], [], Options())
-
-
-def test_a_record_on_one_line() -> None:
-    applied = DecisionRecord("bounds", "applied", "Clp at a bound", "bounds widened", 12.34, seconds=1.0)
-    lines = decision_lines([applied, DecisionRecord("gusts"), DecisionRecord("faults", "off")])
-    assert lines == ["bounds: bounds widened, log-likelihood +12.3, 1.0 s", OTHERS]
-    assert decision_lines([applied, DecisionRecord("faults", "off")])[1:] == ["off: faults"]
-    assert decision_lines([DecisionRecord("gusts")]) == ["looked at and not needed: 1 of 1"]
-    assert decision_lines([]) == []
-
-
-@pytest.mark.parametrize(
-    ("words", "names"),
-    [
-        ([], Strategy.default().names),
-        (["--textbook"], frozenset()),
-        (["--textbook", "--extend"], {"extensions"}),
-        (["--without", "bounds", "--without", "gusts"], Strategy.default().names - {"bounds", "gusts"}),
-        (["--only", "faults", "--only", "bounds"], {"faults", "bounds"}),
-    ],
-)
-def test_switches_of_the_command_line(words: list[str], names: frozenset[str]) -> None:
-    assert strategy_of(parsed(words)).names == names
-
-
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        (["--textbook", "--without", "bounds"], "--textbook and --without: give one of them"),
-        (["--only", "bounds", "--without", "gusts"], "--only and --without: give one of them"),
-        (["--extend", "--without", "extensions"], "--extend and --without extensions contradict"),
-        (["--without", "bound"], "decision 'bound': not known; .*bounds"),
-    ],
-)
-def test_impossible_switches_are_one_line(words: list[str], said: str) -> None:
-    with pytest.raises(IdentificationError, match=said) as error:
-        strategy_of(parsed(words))
-    assert "\n" not in str(error.value)
-
-
-def test_the_app_writes_the_switches_that_give_the_checked_decisions() -> None:
-    for chosen in (
-        Strategy.default(),
-        Strategy.textbook(),
-        Strategy.default().without("bounds").including("extensions"),
-    ):
-        words = switches({one.name: one.name in chosen.names for one in DECISIONS})
-        assert strategy_of(parsed(words)).names == chosen.names
-
-
 def parsed(words: list[str]) -> argparse.Namespace:
     parser = argparse.ArgumentParser()
     add_options(parser, verbs()["identify"].options)
     return parser.parse_args(["a.ulg", "--vehicle", "twin-boom", "--maneuver", "0:5", "-o", "out", *words])
+
+
+def test_what_is_no_strategy_or_method_is_one_line_with_the_fix() -> None:
+    """Types are disregarded on purpose."""
+    default: Any = Strategy.default()
+    of_class: Any = Strategy
+    for call, advice in (
+        (lambda: default.without("noise-shap"), r"decision 'noise-shap': not known; .*noise-shape"),
+        (lambda: default.only("noise-shap"), r"decision 'noise-shap': not known; .*noise-shape"),
+        (lambda: default.including("noise-shap"), r"decision 'noise-shap': not known; .*noise-shape"),
+        (lambda: of_class.without("faults"), r"write Strategy\.default\(\)\.without\('faults'\)"),
+        (lambda: of_class.including("bounds"), r"write Strategy\.default\(\)\.including\('bounds'\)"),
+        (lambda: of_class(["faults"]), r"write Strategy\.only\('faults'\)"),
+        (lambda: of_class.named(None), r"strategy None: give 'default', 'textbook' or"),
+        (lambda: of_class.named("textbok"), "textbok.*textbook"),
+        (lambda: default.without(5), "decision '5': not known"),
+        (lambda: find("equation-eror"), "did you mean equation-error"),
+        (lambda: find(["output-error"]), "method .*: not known"),  # type: ignore[arg-type]
+        (
+            lambda: strategy_of(parsed(["--textbook", "--without", "bounds"])),
+            "--textbook and --without: give one",
+        ),
+        (
+            lambda: strategy_of(parsed(["--only", "bounds", "--without", "gusts"])),
+            "--only and --without: give one",
+        ),
+        (
+            lambda: strategy_of(parsed(["--extend", "--without", "extensions"])),
+            "--without extensions contradict",
+        ),
+    ):
+        with pytest.raises(IdentificationError, match=advice) as error:
+            call()
+        assert "\n" not in str(error.value), advice
+
+
+def test_names_and_switches_choose_decisions() -> None:
+    default, textbook = Strategy.default(), Strategy.textbook()
+    assert (Strategy.named("textbook"), Strategy.named("default")) == (textbook, default)
+    assert Strategy.named(textbook) == textbook
+    assert default.without("bounds").including("bounds") == default
+    assert Strategy.only("faults").names == default.only("faults").names == {"faults"}
+    assert "extensions" not in default.names
+    for words, names in (
+        ([], default.names),
+        (["--textbook"], frozenset()),
+        (["--textbook", "--extend"], {"extensions"}),
+        (["--without", "bounds", "--without", "gusts"], default.names - {"bounds", "gusts"}),
+        (["--only", "faults", "--only", "bounds"], {"faults", "bounds"}),
+    ):
+        assert strategy_of(parsed(words)).names == names, words
+    for chosen in (
+        default,
+        textbook,
+        default.without("bounds").including("extensions"),
+    ):  # as the app writes them
+        words = switches({one.name: one.name in chosen.names for one in DECISIONS})
+        assert strategy_of(parsed(words)).names == chosen.names, words

@@ -14,7 +14,6 @@ from stoop.estimate.fitted_filter import FittedFilter
 from stoop.flight import Flight
 from stoop.prediction.initial_state import Predictor
 from stoop.prediction.predict import predict
-from stoop.problem.prepare import prepare
 from stoop.problem.windows import Window
 from stoop.results.result import Covariance, NoiseCovariance, ProcessNoise, Result, from_json, to_json
 from stoop.simulation.fly import simulate_flight
@@ -88,31 +87,14 @@ def test_the_likelihood_of_a_window_in_gusts_is_that_of_its_innovations(
     assert scores[1] < scores[0]
 
 
-@pytest.mark.parametrize(("name", "factor"), [("Cmelevator", 1.4), ("Cmalpha", 1.6), ("CLalpha", 1.4)])
-def test_innovations_of_a_wrong_model_are_not(
-    gusty: Vehicle, flights: list[Flight], name: str, factor: float
-) -> None:
-    wrong = gusty.with_numbers({name: {"value": factor * gusty.value(name)}})
-    ahead = predict(model(wrong), {"flight2": flights[2]}, [LAST], [{}])
-    assert ahead.innovations is not None
-    (v,) = ahead.innovations
-    r = np.mean(v[1:] * v[:-1], axis=0) / np.mean(v**2, axis=0) * np.sqrt(750)
-    assert np.max(np.abs(r)) > 4.0
-
-
-def test_the_band_holds_the_gusts(gusty: Vehicle) -> None:
-    """Monte Carlo: the scatter of flights that differ in their gusts alone."""
-    maneuver, many = parse_maneuver(MANEUVER, "test"), 60
-    flown = [simulate_flight(gusty, maneuver, seed=k, noise=False, name="f") for k in range(many)]
-    readings = np.array([np.column_stack([f.column(c) for c in gusty.outputs]) for f in flown])
-    known = model(gusty).filter
-    assert known is not None
-    (piece,) = prepare(gusty, {"f": flown[0]}, [Window("f", 0.0, 15.0)]).pieces
-    expected = np.sqrt(known.disturbance(gusty, piece))
-    # rms over time in a few parts; the scatter of 60 flights is known to some 10 %, trajectories are correlated in time
-    for part in np.array_split(np.arange(len(piece.time)), 5):
-        found = np.sqrt(np.mean(readings[:, part].std(axis=0) ** 2, axis=0))
-        assert found / np.sqrt(np.mean(expected[part] ** 2, axis=0)) == pytest.approx(np.ones(6), abs=0.35)
+def test_innovations_of_a_wrong_model_are_not(gusty: Vehicle, flights: list[Flight]) -> None:
+    for name, factor in (("Cmelevator", 1.4), ("Cmalpha", 1.6), ("CLalpha", 1.4)):
+        wrong = gusty.with_numbers({name: {"value": factor * gusty.value(name)}})
+        ahead = predict(model(wrong), {"flight2": flights[2]}, [LAST], [{}])
+        assert ahead.innovations is not None
+        (v,) = ahead.innovations
+        r = np.mean(v[1:] * v[:-1], axis=0) / np.mean(v**2, axis=0) * np.sqrt(750)
+        assert np.max(np.abs(r)) > 4.0, name
 
 
 @pytest.fixture(scope="module")
@@ -139,8 +121,3 @@ def test_validation_finds_the_same(job: FittedModel, flights: list[Flight], tmp_
     again = validate(tmp_path, [flights[2]], ["0:15"])
     found = {c: one.innovations.rms for c, one in again.record.maneuvers[0].channels.items()}
     assert found == pytest.approx(held_back(job.result), rel=1e-6)
-    again.save(tmp_path / "check")
-    page = (tmp_path / "check" / "validation.html").read_text()
-    assert "innovations are white in" in page
-    for text in (page, (tmp_path / "report.html").read_text()):
-        assert "RMS / expected" in text

@@ -26,15 +26,6 @@ def test_equals_scipy(seed: int) -> None:
         assert np.allclose(P, solve_discrete_are(f.T, h.T, q, np.diag(r)), rtol=1e-6, atol=1e-9)
 
 
-@given(seed=st.integers(0, 10_000))
-@settings(max_examples=40, deadline=None)
-def test_leaves_no_residual(seed: int) -> None:
-    F, H, Q, R = system(seed)
-    for f, h, q, r, P in zip(F, H, Q, R, steady_covariance(F, H, Q, 1.0 / R), strict=True):
-        K = P @ h.T @ np.linalg.inv(h @ P @ h.T + np.diag(r))
-        assert np.allclose(f @ (P - K @ h @ P) @ f.T + q, P, rtol=1e-9, atol=1e-12 * np.abs(P).max())
-
-
 def test_an_unmeasured_channel_informs_of_nothing() -> None:
     F, H, Q, R = system(3)
     information = 1.0 / R

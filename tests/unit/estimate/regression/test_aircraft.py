@@ -5,15 +5,12 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import pytest
 
 from stoop.estimate.fit import Options, estimation_problem
 from stoop.estimate.regression.aircraft import History, Motion, balance, histories
 from stoop.flight import Flight
 from stoop.problem.windows import Window
 from stoop.simulation.delays import first_order_lag
-from stoop.simulation.fly import simulate_flight
-from stoop.simulation.maneuver import parse_maneuver
 from stoop.vehicle import Vehicle
 from stoop.vehicle.document import with_entries
 from stoop.vehicle.load import parse_vehicle
@@ -57,24 +54,22 @@ def test_the_coefficients_are_those_that_were_flown(full: Vehicle, clean: Flight
         assert error < tolerance * spread, coefficient
 
 
-def test_a_turned_inertial_unit_gives_the_same_coefficients(full: Vehicle, noisy: Flight) -> None:
-    angles = (0.05, -0.04, 0.3)
-    text = with_entries(full, {("sensors", "imu_alignment"): list(angles)})
-    for straight, aligned in zip(of(full, noisy), of(text, turned(*angles)(noisy)), strict=True):
-        for coefficient, flown in straight.coefficients.items():
-            np.testing.assert_allclose(aligned.coefficients[coefficient], flown, rtol=1e-8, atol=1e-9)
-
-
-def test_they_do_not_depend_on_the_terms_of_the_file(full: Vehicle, noisy: Flight) -> None:
-    """Also where a coefficient has no constant and the equations are asked of a vehicle made for it."""
-    bare = parse_vehicle(
-        full.text.replace("CL0 = 0.385", "CL0 = false").replace("Cmq = -47.6", "Cmq = false"), "bare"
-    )
-    thrust = full.value("propulsion.thrust")
-    bare = bare.with_numbers({"propulsion.thrust": {"value": thrust}})
-    (one,), (other,) = of(full, noisy), of(bare, noisy)
-    for coefficient, flown in one.coefficients.items():
-        np.testing.assert_allclose(other.coefficients[coefficient], flown, rtol=0.0, atol=1e-12)
+def test_instruments_are_undone_and_terms_of_the_file_do_not_count(full: Vehicle, noisy: Flight) -> None:
+    """A turned inertial unit and biases; a coefficient without a constant; the three of a lateral vehicle."""
+    angles, biases = (0.05, -0.04, 0.3), {"alpha": 0.02, "az": 0.5, "q": 0.01}
+    aligned = with_entries(full, {("sensors", "imu_alignment"): list(angles)})
+    crooked = full.with_numbers({f"sensors.{c}.bias": {"value": b} for c, b in biases.items()})
+    off = replace(noisy, data=noisy.data.assign({c: noisy.data[c] + b for c, b in biases.items()}))
+    fewer = full.text.replace("CL0 = 0.385", "CL0 = false").replace("Cmq = -47.6", "Cmq = false")
+    thrust = {"propulsion.thrust": {"value": full.value("propulsion.thrust")}}
+    bare = parse_vehicle(fewer, "bare").with_numbers(thrust)
+    (plain,) = of(full, noisy)
+    for vehicle, flight in ((aligned, turned(*angles)(noisy)), (crooked, off), (bare, noisy)):
+        (found,) = of(vehicle, flight)
+        for coefficient, flown in plain.coefficients.items():
+            np.testing.assert_allclose(found.coefficients[coefficient], flown, rtol=1e-8, atol=1e-9)
+    (history,) = of(full.reduced("lateral"), noisy)
+    assert tuple(history.coefficients) == ("CQ", "Cl", "Cn")
 
 
 def test_terms_are_the_ones_that_the_kernel_flies(full: Vehicle, noisy: Flight) -> None:
@@ -99,44 +94,6 @@ def test_terms_are_the_ones_that_the_kernel_flies(full: Vehicle, noisy: Flight) 
     felt = [full.outputs.index(c) for c in ("ax", "ay", "az")]
     moved = np.concatenate([(after[0] - before[0])[turning], (after[1] - before[1])[felt]])
     np.testing.assert_allclose(told, moved, rtol=0.0, atol=1e-9 * np.abs(moved).max())
-
-
-def test_a_hole_makes_two_stretches(full: Vehicle, noisy: Flight) -> None:
-    data = noisy.data.copy(deep=True)
-    data["alpha"][500:520] = np.nan
-    first, second = of(full, replace(noisy, data=data))
-    assert len(first.time) == 500
-    assert second.time[0] == pytest.approx(noisy.time[520])
-    (whole,) = of(full, noisy)
-    np.testing.assert_allclose(second.coefficients["CL"], whole.coefficients["CL"][520:], atol=1e-6)
-
-
-def test_a_lateral_vehicle_has_its_own_three(full: Vehicle, noisy: Flight) -> None:
-    (history,) = of(full.reduced("lateral"), noisy)
-    assert tuple(history.coefficients) == ("CQ", "Cl", "Cn")
-
-
-DOUBLET = """
-duration = 5.0
-rate = 50.0
-[[input]]
-control = "elevator"
-shape = "doublet"
-start = 1.0
-step = 0.5
-amplitude = 0.1
-"""
-
-
-def test_instruments_are_undone(full: Vehicle) -> None:
-    """Biases of the file: the coefficients stay those that were flown."""
-    biases = {"alpha": 0.02, "az": 0.5, "q": 0.01}
-    crooked = full.with_numbers({f"sensors.{c}.bias": {"value": b} for c, b in biases.items()})
-    short = parse_maneuver(DOUBLET, "doublet")
-    (plain,) = of(full, simulate_flight(full, short, noise=False, name="a"), 5.0)
-    (read,) = of(crooked, simulate_flight(crooked, short, noise=False, name="b"), 5.0)
-    for coefficient, flown in plain.coefficients.items():
-        np.testing.assert_allclose(read.coefficients[coefficient], flown, atol=1e-9)
 
 
 def test_a_lag_answers_a_ramp_as_its_formula_says() -> None:

@@ -21,15 +21,6 @@ def test_the_transform_is_the_sum() -> None:
             assert found[k, i] == pytest.approx(transform(signals[:, i], f, 0.05), abs=1e-11)
 
 
-def test_the_transform_of_an_exponential_is_known() -> None:
-    """sum_k a^k e^(-j omega k dt) = (1 - z^n) / (1 - z)."""
-    dt, n, a = 0.02, 400, 0.98
-    frequencies = 0.1 + 0.05 * np.arange(30)
-    z = a * np.exp(-2j * np.pi * frequencies * dt)
-    found = domain.fourier_transform(a ** np.arange(n)[:, None], frequencies, dt)[:, 0]
-    np.testing.assert_allclose(found, (1.0 - z**n) / (1.0 - z), rtol=1e-12)
-
-
 @pytest.mark.parametrize("where", [TimeDomain(), FrequencyDomain(0.1, 2.0)])
 def test_a_model_that_holds_is_found_exactly(where: domain.Domain) -> None:
     """A domain is linear: what holds sample by sample holds in it."""
@@ -62,11 +53,6 @@ def test_frequencies_lie_one_over_the_record_apart() -> None:
     assert f[0] == pytest.approx(0.1)
     assert f[-1] <= 2.0 + 1e-9
     assert FrequencyDomain(0.0, 2.0).frequencies(500, 0.02)[0] == pytest.approx(0.1)
-
-
-def test_too_short_a_record_gives_no_rows() -> None:
-    assert len(FrequencyDomain(0.1, 2.0).rows(np.ones((20, 2)), 0.02)) == 0
-    assert len(TimeDomain().rows(np.ones((10, 2)), 0.02)) == 0
 
 
 def test_the_spread_is_the_double_sum() -> None:

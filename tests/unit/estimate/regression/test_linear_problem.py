@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from stoop.assessment.assessment import Finding, free_entries, pack, packed, unpack
+from stoop.assessment.assessment import Finding, pack, packed, unpack
 from stoop.assessment.bootstrap import Bootstrap
 from stoop.assessment.error_bars import error_bars
 from stoop.assessment.goodness_of_fit import left_out_residuals, press_notices
@@ -49,30 +49,12 @@ def test_a_problem_comes_back_from_text_with_the_same_residuals(fit: Estimate) -
     assert pack(again, {"z": arrays["z"]}) == pack(problem, {"z": fit.z})
 
 
-def test_the_estimates_are_its_optimum(fit: Estimate) -> None:
-    """A step of Gauss-Newton from them is short, priors included: the weights alone are one round older."""
-    problem, free = fit.refit_problem, free_entries(fit, error_bars(fit))
-    J, r = problem.jacobian(fit.z, 0, fit.z)[0][:, free], problem.residuals(fit.z[None], 0)[0]
-    information = J.T @ J
-    step = np.linalg.solve(information, J.T @ r)
-    assert np.sqrt(step @ information @ step) < 0.05
-
-
 def test_the_bootstrap_agrees_with_the_corrected_errors(fit: Estimate) -> None:
     found = bootstrap(fit, 300).intervals
     std = dict(zip(fit.estimates, error_bars(fit).std, strict=False))
     ratios = [found.parameters[name].std_error / std[name] for name in NAMES]
     assert np.median(ratios) == pytest.approx(1.0, abs=0.15)
     assert found.figures == {"replicates": 300.0, "refined": 0.0, "failed": 0.0}
-
-
-def test_what_is_in_the_store_is_not_done_again(fit: Estimate, tmp_path: Path) -> None:
-    told: list[str] = []
-    store = tmp_path / "bootstrap.sqlite"
-    whole, part = bootstrap(fit, 100), bootstrap(fit, 100, store)
-    again = bootstrap(fit, 100, store, told.append)
-    assert whole.intervals == part.intervals == again.intervals
-    assert not [line for line in told if " 25 of" in line]
 
 
 def test_press_is_the_error_of_refits_without_each_second(fit: Estimate) -> None:

@@ -2,23 +2,19 @@
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
-from stoop.assessment.bootstrap import Bootstrap
 from stoop.assessment.error_bars import error_bars
-from stoop.assessment.goodness_of_fit import press_notices
 from stoop.estimate.fit import Options, estimation_problem
 from stoop.estimate.regression.least_squares import Estimates, TimeDomain, estimate
 from stoop.estimate.regression.method import equation_error
-from stoop.estimate.regression.rotors import ACCELERATIONS, MOMENTS, RotorEquations
+from stoop.estimate.regression.rotors import MOMENTS, RotorEquations
 from stoop.flight import Flight
 from stoop.flight.flight import from_columns
-from stoop.parallel import Given
 from stoop.problem.windows import Window
 from stoop.simulation import initial_states, parameter_rows
 from stoop.vehicle import Vehicle, parse_vehicle
@@ -128,43 +124,6 @@ def smoothed_slope(x: np.ndarray) -> np.ndarray:
     slope = CubicSpline(DT * np.arange(len(x)), x)(DT * np.arange(len(x)), 1)
     weights = 1.0 - np.cos(2.0 * np.pi * np.arange(1, 22) / 22)
     return np.array([np.average(slope[k : k + 21], weights=weights) for k in range(len(x) - 20)])
-
-
-def test_what_is_held_explains_no_moment_that_turned_the_other_way() -> None:
-    """Linearized, what T1 says of wrong commands is part of what is to be explained, and T2 explains it well."""
-    solved = thrust_mostly_held(1.0, mixed=True)
-    assert not {"roll", "yaw"} & solved.r2.keys()
-
-
-def test_bootstrap_and_press_of_rotors() -> None:
-    """Of 80 rows, fewer than an autoregression needs for smoothed noise: the bootstrap is nearer to the scatter, above it."""
-    vehicle = builtin_vehicle("quad-x")
-    held = {p.name: {"free": False} for p in vehicle.parameters if p.free and p.name not in TRUTH}
-    own, values, flights = vehicle.with_numbers(held), [], []
-    for seed in range(20):
-        rng, sizes = (
-            np.random.default_rng(seed),
-            dict.fromkeys("pqr", 0.003) | dict.fromkeys(("ax", "ay", "az"), 0.3),
-        )
-        noise = {channel: size * rng.standard_normal(400) for channel, size in sizes.items()}
-        flights.append(flown(vehicle, False, TRUTH, noise))
-        values.append(list(solved_for(vehicle, flights[-1], tuple(TRUTH))[0].values()))
-    fit = equation_error(own, {"quad": flights[0]}, [Window("quad", 0.0, 3.99)], Options())
-    bars, assessment = error_bars(fit), Bootstrap(100, Given(ThreadPoolExecutor(1)))
-    found = assessment(fit, bars, 0, lambda _: None).intervals.parameters
-    drawn, scatter = np.array([found[name].std_error for name in TRUTH]), np.std(values, axis=0, ddof=1)
-    assert (0.5 * scatter[:3] < drawn).all()
-    assert (drawn < bars.std[:3]).all()
-    (press,) = press_notices(fit)
-    assert press.values["equations"] == ACCELERATIONS
-    assert 0.05 < press.values["press"][-1] < 0.3  # type: ignore[index]  # m/s2: smoothing takes most of the noise
-
-    low = fit.estimates["rotors.drag"] - 1e-4  # bounds hold in replicates as in the estimate
-    boxed = own.with_numbers({"rotors.drag": {"bounds": [low, low + 1e-2]}})
-    fit = equation_error(boxed, {"quad": flights[0]}, [Window("quad", 0.0, 3.99)], Options())
-    one = assessment(fit, error_bars(fit), 0, lambda _: None).intervals.parameters["rotors.drag"]
-    assert low == pytest.approx(one.ci95_lower, abs=1e-9)
-    assert one.ci95_upper < low + 5e-3
 
 
 @pytest.mark.parametrize(("weighed", "contradicted"), [(1.0, ()), (1.2, ("sensors.az.bias",))])

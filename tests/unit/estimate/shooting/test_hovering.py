@@ -10,7 +10,7 @@ import pytest
 from stoop.checks.excitation import in_ratio, ratios
 from stoop.checks.rotors import foreign_motors, rotor_notices
 from stoop.errors import FlightError, IdentificationError
-from stoop.estimate import methods
+from stoop.estimate import methods, multiple_shooting
 from stoop.estimate.fit import Options, estimation_problem
 from stoop.flight import from_columns
 from stoop.problem.windows import Window
@@ -46,14 +46,8 @@ WRONG = {
 
 def maneuver_text() -> str:
     names = ("control", "shape", "start", "step", "amplitude")
-    tables = [
-        "[[input]]\n"
-        + "\n".join(
-            f'{n} = "{v}"' if isinstance(v, str) else f"{n} = {v}" for n, v in zip(names, one, strict=True)
-        )
-        for one in INPUTS
-    ]
-    return MANEUVER + "\n".join(tables)
+    entries = ["".join(f"{n} = {v!r}\n" for n, v in zip(names, one, strict=True)) for one in INPUTS]
+    return MANEUVER + "".join(f"[[input]]\n{one}" for one in entries)
 
 
 @pytest.fixture(scope="module")
@@ -85,76 +79,52 @@ def off(quad, parameters) -> np.ndarray:
 
 def test_windows_are_the_default_and_find_the_truth(quad, job):
     result = job.result
-    assert result.method == "multiple-shooting"
-    assert result.status == "converged"
+    assert (result.method, result.status) == ("multiple-shooting", "converged")
     assert np.abs(off(quad, result.parameters)).max() < 3.5
     assert result.parameters["rotor.m3.factor"].estimate == pytest.approx(0.85, abs=0.01)
     assert result.parameters["rotors.delay"].estimate == pytest.approx(0.012, abs=1e-3)
     for channel, blown in zip(("vn", "ve", "vd"), WIND, strict=True):
         bias = result.biases[0].values[channel]
         assert abs(bias.estimate - blown) < 4.0 * bias.std_error
-
-
-def test_what_was_not_fitted_is_predicted_window_by_window(job):
-    fitted, predicted = job.result.maneuvers
-    assert (fitted.role, predicted.role) == ("fit", "validation")
-    for channel in ("p", "q", "r", "az"):
-        assert predicted.channels[channel].theil < 0.3, channel
-    assert predicted.channels["az"].theil < predicted.channels["az"].baseline_theil
-    result = job.result
+    # what was not fitted is predicted window by window
+    predicted = result.maneuvers[1].channels
+    assert max(predicted[channel].theil for channel in ("p", "q", "r", "az")) < 0.3
+    assert predicted["az"].theil < predicted["az"].baseline_theil
     assert "predicted-in-windows" in [n.code for n in result.data_notices]
     assert "multiple-shooting-rotors" in [n.code for n in result.basis]
 
 
-def test_motors_that_were_logged_slowly_are_fitted_by_their_accelerations(start, flight):
-    sources = {name: replace(s, rate=43.0) if "motor" in name else s for name, s in flight.sources.items()}
-    found = identify(start, replace(flight, sources=sources), ["0:16"])
-    assert found.result.method == "equation-error"
-    (why,) = [n for n in found.result.basis if n.code == "motors-logged-slowly"]
-    assert why.values["rate"] == 43.0
-
-
-def test_the_folder_is_written_whole(job, tmp_path):
-    job.save(tmp_path / "out")
-    page = (tmp_path / "out" / "report.html").read_text()
-    assert "multiple shooting" in page
-    assert "rotors.T2" in page
-
-
 def test_accelerations_alone_come_close(quad, start, flight):
-    found = identify(start, flight, ["0:16"], options=Options(method="equation-error")).result.parameters
+    """They are taken where motors were logged slowly."""
+    sources = {name: replace(s, rate=43.0) if "motor" in name else s for name, s in flight.sources.items()}
+    result = identify(start, replace(flight, sources=sources), ["0:16"]).result
+    assert result.method == "equation-error"
+    assert [n.values["rate"] for n in result.basis if n.code == "motors-logged-slowly"] == [43.0]
     for name in ("rotors.T2", "rotors.torque_ratio", "rotors.drag", "rotor.m3.factor", "rotors.delay"):
-        assert found[name].estimate == pytest.approx(quad.value(name), rel=0.1), name
+        assert result.parameters[name].estimate == pytest.approx(quad.value(name), rel=0.1), name
     with pytest.raises(IdentificationError, match="equation-error or multiple-shooting"):
         methods.find("frequency-domain").fitter()(start, {"sim": flight}, WINDOW, Options())
 
 
 def test_a_hopeless_start_is_searched_for(start, flight, monkeypatch, resumed):
     """Without the regression's start, and with thrust and torque far off, the optimizer takes over; it may be interrupted."""
-    from stoop.estimate import multiple_shooting as method
-
     monkeypatch.setattr(
-        method, "starts", lambda problem, _: problem.layout.unit(np.array([p.value for p in problem.layout.parameters]))[None]
+        multiple_shooting, "starts",
+        lambda problem, _: problem.layout.unit(np.array([p.value for p in problem.layout.parameters]))[None],
     )  # fmt: skip
-    held = {
-        p.name: {"free": False}
-        for p in start.parameters
-        if p.free and p.name.startswith(("rotors.", "rotor.", "body_drag."))
+    groups = ("rotors.", "rotor.", "body_drag.")
+    numbers = {p.name: {"free": False} for p in start.parameters if p.free and p.name.startswith(groups)}
+    right = {n: start.value(n) / f for n, f in WRONG.items()} | {
+        "rotors.delay": 0.012,
+        "rotor.m3.factor": 0.85,
     }
-    lost = start.with_numbers(
-        held
-        | {
-            "rotors.T2": {"value": 0.7, "free": True, "bounds": (0.1, 20.0)},
-            "rotors.T1": {"value": 0.5, "free": True, "bounds": (0.0, 10.0)},
-        }
-    )
-    right = {n: {"value": v} for n, v in (("rotors.delay", 0.012), ("rotor.m3.factor", 0.85))}
-    right |= {
-        n: {"value": start.value(n) / f} for n, f in WRONG.items() if n not in ("rotors.T1", "rotors.T2")
+    numbers |= {n: {"value": v, "free": False} for n, v in right.items()}
+    numbers |= {
+        "rotors.T2": {"value": 0.7, "free": True, "bounds": (0.1, 20.0)},
+        "rotors.T1": {"value": 0.5, "free": True, "bounds": (0.0, 10.0)},
     }
-    options = Options(budget=900.0)
-    window = [Window("sim", 0.0, 8.0)]
-    fit = resumed(method.fit, lost.with_numbers(right), {"sim": flight}, window, options)
+    args = (start.with_numbers(numbers), {"sim": flight}, [Window("sim", 0.0, 8.0)], Options(budget=900.0))
+    fit = resumed(multiple_shooting.fit, *args)
     assert fit.outcome.optimizer == "ps-gde-lm"
     assert fit.estimates["rotors.T2"] == pytest.approx(6.0, rel=0.02)
     assert "global-start" in [n.code for n in fit.notices]
@@ -167,33 +137,26 @@ def test_without_mass_and_inertia_ratios_are_told(quad, flight):
     names = [p.name for p in problem.layout.parameters]
     assert "mass.mass" not in names
     assert "mass.inertia.xx" in names
-    said = ratios(problem.layout.vehicle, {"rotors.T2": (12.0, 0.3)})
-    assert "rotors.T2 4 +/- 0.1 N/kg" in said
-    free_of = "drag_inflow = { value = 0.001, free = %s }"
-    told, held = (
-        parse_vehicle(quad.text.replace("[rotors]", f"[rotors]\n{free_of % word}", 1), "quad").with_numbers(
-            free
-        )
-        for word in ("true", "false")
-    )
+    assert "rotors.T2 4 +/- 0.1 N/kg" in ratios(problem.layout.vehicle, {"rotors.T2": (12.0, 0.3)})
+    text = quad.text.replace("[rotors]", "[rotors]\ndrag_inflow = { value = 0.001, free = %s }", 1)
+    told, held = (parse_vehicle(text % word, "quad").with_numbers(free) for word in ("true", "false"))
     assert "rotors.drag_inflow" in {p.name for p in in_ratio(told)}
-    assert not in_ratio(held)  # a force that is known tells the mass
     weighed = unknown.with_numbers({"mass.mass": {"value": 1.5, "prior": 0.1}})
-    assert not in_ratio(weighed)
-    known = quad.with_numbers({"mass.mass": {"free": True}})  # inertia is known, and tells it
-    assert not in_ratio(known)
+    known = quad.with_numbers({"mass.mass": {"free": True}})
+    for vehicle in (held, weighed, known):  # a force that is known tells the mass, and so does inertia
+        assert not in_ratio(vehicle)
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_a_hostile_start_without_attitude_ends_in_a_value_or_in_one_line(quad, flight, ends_well, seed):
     """Attitude and velocity of windows follow from nothing; the former grew to 1e60 and ended in a traceback."""
     rng, blank = np.random.default_rng(seed), np.full(len(flight.time), np.nan)
     imu = changed(flight, **dict.fromkeys(("vn", "ve", "vd", "phi", "theta", "psi"), blank))
+    groups = ("rotors.T", "rotors.lag", "mass.inertia.xx", "mass.inertia.yy")
+    own = [p for p in quad.parameters if p.name.startswith(groups) and p.value > 0.0]
     wild = {
         p.name: {"value": p.value * 10.0 ** rng.uniform(-2.0, 2.0), "free": True, "bounds": [1e-9, 1e4]}
-        for p in quad.parameters
-        if p.name.startswith(("rotors.T", "rotors.lag", "mass.inertia.xx", "mass.inertia.yy"))
-        and p.value > 0.0
+        for p in own
     }
     options = Options(method="multiple-shooting", budget=1500.0)
     args = (quad.with_numbers(wild), {"sim": imu}, [Window("sim", 0.0, 6.0)], options)
@@ -205,16 +168,15 @@ def changed(flight, **columns):
     return replace(from_columns("sim", flight.time, {**kept, **columns}, ()), sources=flight.sources)
 
 
-def test_a_log_without_rates_is_refused(start, flight):
-    blank = np.full(len(flight.time), np.nan)
-    with pytest.raises(IdentificationError, match=r"none of the rates p, q, r was recorded.*\[variables\]"):
-        estimation_problem(start, {"sim": changed(flight, p=blank, q=blank, r=blank)}, WINDOW, Options())
-
-
-def test_motors_off_are_no_flight(start, flight):
+def test_motors_off_and_rates_that_lack_are_no_flight(start, flight):
     off = {f"motor_{i}": np.where(flight.time < 12.0, 0.01 * i, 0.6 + 0.01 * i) for i in range(1, 5)}
-    with pytest.raises(IdentificationError, match=r"motors are off in 75% .*rotors\.idle"):
-        estimation_problem(start, {"sim": changed(flight, **off)}, WINDOW, Options())
+    blank = dict.fromkeys("pqr", np.full(len(flight.time), np.nan))
+    for columns, advice in (
+        (blank, r"none of the rates p, q, r was recorded.*\[variables\]"),
+        (off, r"motors are off in 75% .*rotors\.idle"),
+    ):
+        with pytest.raises(IdentificationError, match=advice):
+            estimation_problem(start, {"sim": changed(flight, **columns)}, WINDOW, Options())
     partly = {n: np.where(flight.time < 3.0, 0.0, flight.column(n)) for n in off}
     problem, _ = estimation_problem(start, {"sim": changed(flight, **partly)}, WINDOW, Options())
     (one,) = (one for one in rotor_notices(problem) if one.code == "motors-off")
@@ -236,44 +198,24 @@ def test_saturation_and_stillness_are_said(start, flight):
     assert "lift-not-excited" in codes
 
 
-def test_a_pulse_in_a_long_window_is_excitation(start):
-    """What is rms over the whole window says less of it the longer the window is."""
-    pulse = '[[input]]\ncontrol = "{}"\nshape = "doublet"\nstart = {}\nstep = 0.4\namplitude = {}\n'
-    axes = (("roll", 3, 4.0), ("pitch", 6, 4.0), ("yaw", 9, 0.7), ("heave", 12, 1.0))
-    text = "duration = 60.0\nrate = 100.0\n" + "".join(pulse.format(*one) for one in axes)
-    flown = simulate_flight(start, parse_maneuver(text, "m"), seed=1, name="sim")
-    for window, silent in ((Window("sim", 2.0, 59.0), True), (Window("sim", 20.0, 59.0), False)):
-        problem, _ = estimation_problem(start, {"sim": flown}, [window], Options())
-        assert (rotor_notices(problem) == []) is silent
-    inputs = np.concatenate(
-        [
-            p.inputs
-            for p in estimation_problem(start, {"sim": flown}, [Window("sim", 2.0, 59.0)], Options())[
-                0
-            ].pieces
-        ]
-    )
-    assert np.std(inputs.sum(axis=1)) < 0.01 * np.mean(inputs.sum(axis=1)), "quiet in the mean"
-
-
 def test_the_log_of_another_vehicle_is_recognized(start, flight):
-    hexa = resolve_vehicle("hexa-x")
-    with pytest.raises(FlightError, match=r"input .motor_5., .motor_6. is not in this flight.*\[rotor\.m5\]"):
-        estimation_problem(hexa, {"sim": flight}, WINDOW, Options())
-    constant = {n: np.full(len(flight.time), 0.0) for n in ("motor_5", "motor_6")}
-    with pytest.raises(
-        IdentificationError, match=r"motor_5, motor_6 never change.*\[rotor\.m5\], \[rotor\.m6\]"
+    hexa, more = resolve_vehicle("hexa-x"), ("motor_5", "motor_6")
+    constant = changed(flight, **dict.fromkeys(more, np.zeros(len(flight.time))))
+    for given, advice in (
+        (flight, r"input .motor_5., .motor_6. is not in this flight.*\[rotor\.m5\]"),
+        (constant, r"motor_5, motor_6 never change.*\[rotor\.m5\], \[rotor\.m6\]"),
     ):
-        estimation_problem(hexa, {"sim": changed(flight, **constant)}, WINDOW, Options())
-    moving = {n: flight.column("motor_1") for n in constant}
-    (one,) = foreign_motors(start, changed(flight, **moving), WINDOW)
-    assert (one.code, one.values["channels"]) == ("foreign-motors", ("motor_5", "motor_6"))
+        with pytest.raises((FlightError, IdentificationError), match=advice):
+            estimation_problem(hexa, {"sim": given}, WINDOW, Options())
+    (one,) = foreign_motors(start, changed(flight, **dict.fromkeys(more, flight.column("motor_1"))), WINDOW)
+    assert (one.code, one.values["channels"]) == ("foreign-motors", more)
 
 
 @pytest.mark.parametrize(("name", "wrong"), [("mass.mass", 1.2), ("mass.inertia.xx", 1.5)])
-def test_a_wrong_mass_or_inertia_is_named_and_its_value_comes_out(quad_and_flight, name, wrong):
+def test_a_wrong_mass_or_inertia_is_named_and_its_value_comes_out(name, wrong):
     """Thrust takes up the error silently: thrust nearly independent of the command, and much more drag."""
-    vehicle, calm = quad_and_flight
+    vehicle = resolve_vehicle("quad-x")
+    calm = simulate_flight(vehicle, parse_maneuver(maneuver_text(), "m"), seed=1, name="sim")
     off = vehicle.with_numbers({name: {"value": wrong * vehicle.value(name)}})
     given = identify(off, calm, ["0:11"], validate=["11.5:16"]).result
     assert given.extensions.found[0].name == name
@@ -281,9 +223,3 @@ def test_a_wrong_mass_or_inertia_is_named_and_its_value_comes_out(quad_and_fligh
     longer = identify(off, calm, ["0:11"], validate=["11.5:16"], extend=True).result
     assert longer.parameters[name].estimate == pytest.approx(vehicle.value(name), rel=0.01)
     assert longer.verdict.grade == "usable"
-
-
-@pytest.fixture(scope="module")
-def quad_and_flight():
-    vehicle = resolve_vehicle("quad-x")
-    return vehicle, simulate_flight(vehicle, parse_maneuver(maneuver_text(), "m"), seed=1, name="sim")

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from stoop.assessment.error_bars import error_bars
-from stoop.estimate import methods, multiple_shooting
+from stoop.estimate import methods
 from stoop.estimate.fit import Options, estimation_problem
 from stoop.estimate.multiple_shooting import MultipleShooting
 from stoop.flight import from_columns
@@ -16,7 +16,7 @@ from stoop.simulation import initial_states, parameter_rows, trim
 from stoop.simulation.fly import simulate_flight
 from stoop.simulation.maneuver import parse_maneuver
 from stoop.vehicle.builtin import resolve_vehicle
-from stoop.workflow import demo, identify
+from stoop.workflow import demo
 
 DT = 0.02
 FREE = ("CL0", "CLalpha", "CLelevator", "CD0", "CDalpha", "Cm0", "Cmalpha", "Cmq", "Cmelevator")
@@ -91,54 +91,25 @@ def start(unstable, flight):
 WINDOW = [Window("damped", 0.0, 15.0)]
 
 
-def test_open_loop_even_the_truth_runs_away(start, flight):
-    """From a first sample that is known to the noise only, so that output error has nothing to follow."""
+@pytest.fixture(scope="module")
+def found(start, flight):
+    return MultipleShooting()(start, {"damped": flight}, WINDOW, Options(method="multiple-shooting"))
+
+
+def test_truth_comes_back_within_three_standard_errors(start, flight, found):
+    """Open loop even the truth runs away, from a first sample that is known to the noise only."""
+    truth, bars = json.loads(flight.data.attrs["truth"]), error_bars(found)
     problem, _ = estimation_problem(start, {"damped": flight}, WINDOW, Options())
-    truth = json.loads(flight.data.attrs["truth"])
     right = problem.layout.unit(np.array([truth[p.name] for p in problem.layout.parameters]))
     readings = np.sum(np.isfinite(problem.pieces[0].measured))
     assert not problem.costs(right[None, :], len(problem.prices) - 1)[0] < 1e3 * readings
-
-
-def test_truth_comes_back_within_three_standard_errors(start, flight):
-    options = Options(method="multiple-shooting")
-    found = methods.find("multiple-shooting").fitter()(start, {"damped": flight}, WINDOW, options, None, None)
     assert found.outcome.status == "converged"
-    truth, bars = json.loads(flight.data.attrs["truth"]), error_bars(found)
     z = [
         (found.estimates[p.name] - truth[p.name]) / s
         for p, s in zip(found.problem.layout.parameters, bars.std, strict=False)
     ]
     assert np.abs(z).max() < 3.0
     assert found.estimates["Cmalpha"] == pytest.approx(1.5, abs=0.1)
-
-
-def test_rounds_before_the_noise_is_known_may_end_early(start, flight, monkeypatch):
-    """The last one ends where it would have."""
-    args = (start, {"damped": flight}, WINDOW, Options())
-    early = MultipleShooting()(*args)
-    monkeypatch.setattr(multiple_shooting, "FIRST_TOLERANCE", multiple_shooting.TOLERANCE)
-    late = MultipleShooting()(*args)
-    assert early.outcome.status == late.outcome.status == "converged"
-    assert early.trajectories <= late.trajectories
-    bars = error_bars(late).std[: late.problem.layout.dimension]
-    difference = [early.estimates[p.name] - late.estimates[p.name] for p in late.problem.layout.parameters]
-    assert np.abs(np.array(difference) / bars).max() < 0.02
-
-
-def test_a_start_at_the_truth_stays_near_it(unstable, flight):
-    """Windows that need not meet would let it go: of a fit's steps none may lead away and back."""
-    truth = json.loads(flight.data.attrs["truth"])
-    right = unstable.with_numbers({n: {"value": v} for n, v in truth.items()})
-    right = right.with_numbers({"Cmalpha": {"bounds": [-4.0, 4.0]}})
-    seen = []
-    found = MultipleShooting()(
-        right, {"damped": flight}, WINDOW, Options(), lambda progress: seen.append(progress.state.points[-1])
-    )
-    layout, bars = found.problem.layout, error_bars(found).std[: found.problem.layout.dimension]
-    path = np.array([layout.physical(z[: len(found.z)][None, :])[0] for z in seen])
-    assert found.outcome.status == "converged"
-    assert np.abs((path - [truth[p.name] for p in layout.parameters]) / bars).max() < 2.0
 
 
 def test_parameters_that_nothing_determines_do_not_keep_it_from_converging(unstable):
@@ -149,22 +120,21 @@ def test_parameters_that_nothing_determines_do_not_keep_it_from_converging(unsta
     assert found.outcome.status == "converged"
 
 
-def test_a_budget_ends_it_where_the_windows_are_and_more_of_it_goes_on(start, flight):
+def test_a_budget_ends_it_where_the_windows_are_and_more_of_it_goes_on(start, flight, found):
     args = (start, {"damped": flight}, WINDOW)
-    whole = MultipleShooting()(*args, Options())
-    short = MultipleShooting()(*args, Options(budget=100.0))
+    short = MultipleShooting()(*args, Options(method="multiple-shooting", budget=100.0))
     assert short.outcome.status == "budget"
     assert short.trajectories <= 100.0
     assert "allow more" in short.outcome.advice
     assert "the windows meet within" in short.outcome.advice
-    more = MultipleShooting()(*args, Options(), None, short.outcome.state)
+    more = MultipleShooting()(*args, Options(method="multiple-shooting"), None, short.outcome.state)
     assert more.outcome.status == "converged"
-    assert np.array_equal(more.z, whole.z)
+    assert np.array_equal(more.z, found.z)
     few = MultipleShooting()(*args, Options(generations=3))
     assert (few.outcome.status, few.outcome.generation) == ("generations", 3)
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(3))
 def test_a_hostile_start_ends_in_a_value_or_in_one_line(unstable, flight, ends_well, seed):
     """Values anywhere in boxes a thousand times as wide as the file's, attitudes of windows included."""
     rng, wild = np.random.default_rng(seed), {}
@@ -182,36 +152,23 @@ def test_an_interrupted_fit_is_resumed_to_the_same_result(start, flight, resumed
     assert found.outcome.status == "converged"
 
 
-def test_the_length_of_the_windows_does_not_matter(start, flight):
-    estimates = []
-    for length in (0.5, 1.0, 2.0):
-        found = MultipleShooting(length)(
+def test_the_length_of_the_windows_does_not_matter(start, flight, found):
+    for length in (0.5, 2.0):
+        other = MultipleShooting(length)(
             start, {"damped": flight}, WINDOW, Options(method="multiple-shooting")
         )
-        estimates.append([found.estimates[n] for n in FREE])
-    assert np.allclose(estimates[0], estimates[1], rtol=1e-3, atol=1e-4)
-    assert np.allclose(estimates[2], estimates[1], rtol=1e-3, atol=1e-4)
+        assert other.estimates == pytest.approx(found.estimates, rel=1e-3, abs=1e-4)
 
 
-def test_a_stable_aircraft_is_found_as_by_output_error(aircraft_and_flight):
-    vehicle, calm = aircraft_and_flight
-    window = [Window("sim", 0.0, 16.0)]
-    one = methods.find("output-error").fitter()(vehicle, {"sim": calm}, window, Options(), None, None)
-    many = MultipleShooting()(vehicle, {"sim": calm}, window, Options(method="multiple-shooting"))
+def test_a_stable_aircraft_is_found_as_by_output_error(wrong, flight_of_wrong):
+    args = (wrong, {"sim": flight_of_wrong}, [Window("sim", 0.0, 16.0)])
+    one = methods.find("output-error").fitter()(*args, Options(), None, None)
+    many = MultipleShooting()(*args, Options(method="multiple-shooting"))
     bars = error_bars(one)
     for p, sigma in zip(one.problem.layout.parameters, bars.std, strict=False):
         assert many.estimates[p.name] == pytest.approx(one.estimates[p.name], abs=0.05 * sigma)
 
 
 @pytest.fixture(scope="module")
-def aircraft_and_flight():
-    aircraft = resolve_vehicle("twin-boom").reduced("longitudinal")
-    return demo.misled(aircraft, 3), simulate_flight(
-        aircraft, parse_maneuver(demo.MANEUVER, "calm"), seed=3, name="sim"
-    )
-
-
-def test_a_result_shows_the_windows(start, flight):
-    result = identify(start, flight, ["0:15"], options=Options(method="multiple-shooting")).result
-    assert result.method == "multiple-shooting"
-    assert result.maneuvers[0].channels["q"].theil < 0.1
+def flight_of_wrong(aircraft):
+    return simulate_flight(aircraft, parse_maneuver(demo.MANEUVER, "calm"), seed=3, name="sim")
