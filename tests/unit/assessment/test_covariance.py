@@ -1,4 +1,4 @@
-"""Information and its inverse: units, priors, nuisances, directions without information."""
+"""Information and its inverse: units, priors, blind directions, windows; what the data do not tell is called so."""
 
 from __future__ import annotations
 
@@ -10,13 +10,26 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from stoop.assessment.covariance import (
+    MIN_WINDOWS,
     correlation,
     data_information,
     inverse_information,
+    marked,
     standard_errors,
+    widened,
+    windowed_covariance,
 )
-from stoop.assessment.error_bars import estimate_uncertainty
-from stoop.problem.evidence import PieceEvidence, invert, invert_rows
+from stoop.assessment.error_bars import (
+    Identifiability,
+    estimate_uncertainty,
+    identifiability,
+    marginal_information,
+    near_null_directions,
+    partners,
+    scaled_singular_values,
+    worst_pairs,
+)
+from stoop.problem.evidence import PieceEvidence, Unknown, invert, invert_rows
 
 
 def information(seed: int, size: int) -> np.ndarray:
@@ -116,3 +129,174 @@ def test_correlation_of_what_is_known() -> None:
     assert matrix[0, 1] == pytest.approx(0.5)
     assert np.isnan(matrix[0, 2])
     assert_allclose(np.diag(matrix), 1.0)
+
+
+NAMES = ("a", "b", "c", "d")
+
+
+def test_the_sum_of_two_is_seen_and_their_difference_is_not() -> None:
+    random = np.random.default_rng(0)
+    common = random.normal(size=500)
+    J = np.column_stack([common, common + 1e-4 * random.normal(size=500), 5.0 * random.normal(size=500)])
+    (dark,) = near_null_directions(NAMES[:3], J.T @ J, np.full(3, 1e6))
+    assert set(dark.changes) == {"a", "b"}
+    assert dark.changes["a"] == pytest.approx(-dark.changes["b"], rel=1e-3)
+    assert dark.singular_value < 1e-3
+    step = np.array([dark.changes["a"], dark.changes["b"], 0.0])
+    assert float(np.sum((J @ step) ** 2)) == pytest.approx(1.0, rel=0.05)  # the cost rises by 1
+    assert dark.words is not None
+    assert dark.words.code == "direction-together"
+    assert "a by +" in str(dark.words) or "b by +" in str(dark.words)
+
+
+def test_what_the_data_do_not_see_at_all_comes_first() -> None:
+    (dark,) = near_null_directions(("a", "b"), np.diag([2.0, 0.0]), np.ones(2))
+    assert dark.changes == {"b": 1.0}
+    assert dark.words is not None
+    assert (dark.words.code, dark.words.subject) == ("direction-not-seen", "b")
+    assert dark.singular_value == 0.0
+
+
+def test_well_separated_parameters_have_no_blind_direction() -> None:
+    assert near_null_directions(("a", "b"), np.array([[1.0, 0.3], [0.3, 4.0]]), np.ones(2)) == ()
+
+
+def test_marginal_information_is_the_inverse_of_the_block_of_the_covariance() -> None:
+    A = np.random.default_rng(2).normal(size=(20, 4))
+    whole = A.T @ A
+    assert_allclose(marginal_information(whole, 2), np.linalg.inv(np.linalg.inv(whole)[:2, :2]), rtol=1e-9)
+    assert_allclose(marginal_information(whole, 4), whole)
+
+
+def test_pairs_and_partners() -> None:
+    covariance = np.array(
+        [[1.0, 0.95, 0.0, 0.0], [0.95, 1.0, 0.0, 0.0], [0.0, 0.0, 4.0, -1.6], [0.0, 0.0, -1.6, 1.0]]
+    )
+    related = correlation(covariance)
+    (pair,) = worst_pairs(NAMES, related)
+    assert (pair.first, pair.second, pair.correlation) == ("a", "b", pytest.approx(0.95))
+    assert partners(NAMES, related, 0) == ("b",)
+    assert partners(NAMES, related, 2) == ("d",)
+
+
+def test_a_step_that_would_more_than_double_a_parameter_is_cut() -> None:
+    J = np.column_stack([np.ones(50), np.ones(50) + 1e-9 * np.arange(50)])
+    (dark,) = near_null_directions(("a", "b"), J.T @ J, np.array([0.5, 2.0]))
+    assert dark.changes["a"] == pytest.approx(0.5)
+    assert dark.changes["b"] == pytest.approx(-0.5, rel=1e-3)
+
+
+def judge(
+    rows: np.ndarray, prior: list[float], box: list[float], size: list[float]
+) -> tuple[Identifiability, ...]:
+    information = rows.T @ rows + np.diag(np.array(prior) ** -2.0)
+    inverse = invert(information)
+    unknowns = [
+        Unknown(f"C{i}", "parameter", 0.0, *scales)
+        for i, scales in enumerate(zip(size, box, prior, strict=True))
+    ]
+    return identifiability(unknowns, information, marked(inverse.matrix, inverse.determined))
+
+
+ROWS = np.random.default_rng(0).normal(size=(400, 2))
+NONE = [np.inf, np.inf]
+
+
+def test_a_number_that_is_not_the_data_s_is_called_so() -> None:
+    """Rows of the sensitivities, priors, boxes, sizes; whether the second number is identifiable, and the reason."""
+    collinear = np.column_stack([ROWS[:, 0], ROWS[:, 0] + 0.01 * ROWS[:, 1]])
+    one = [1.0, 1.0]
+    for case, rows, prior, box, size, known, reason in (
+        ("known", ROWS, NONE, NONE, one, True, ""),
+        ("the prior alone", ROWS * [1.0, 1e-4], one, NONE, one, False, "prior-only"),
+        ("the box alone", ROWS * [1.0, 0.1], NONE, one, [10.0, 10.0], False, "error-as-box"),
+        ("small, its error far smaller than its box", ROWS, NONE, [2.0, 2.0], [1.0, 1e-3], True, ""),
+        ("a huge relative error", ROWS * 1e-3, NONE, NONE, [100.0, 1.0], False, "error-beyond-size"),
+        ("unseen", ROWS * [1.0, 0.0], NONE, one, one, False, "not-seen"),
+        ("collinear", collinear, NONE, NONE, [100.0, 100.0], True, "known-in-combination"),
+    ):
+        first, second = judge(rows, prior, box, size)
+        assert (second.identifiable, getattr(second.reason, "code", "")) == (known, reason), case
+        assert (first.name, second.name, first.identifiable) == ("C0", "C1", True), case
+        assert second.conditional_std <= second.marginal_std, case
+        assert (second.multiple_correlation > 0.999) == (case == "collinear"), case
+    known = judge(ROWS, NONE, NONE, one)[0]
+    assert known.marginal_std == pytest.approx(0.05, rel=0.1)
+    assert judge(ROWS * [1.0, 0.0], NONE, one, one)[1].marginal_std == np.inf
+
+
+def test_singular_values_do_not_know_units() -> None:
+    information = ROWS.T @ ROWS
+    scaled = information * np.outer([1e6, 1e-3], [1e6, 1e-3])
+    assert_allclose(scaled_singular_values(scaled), scaled_singular_values(information))
+    assert scaled_singular_values(np.diag([4.0, 9.0])).tolist() == [1.0, 1.0]
+    assert scaled_singular_values(np.ones((2, 2)))[1] == pytest.approx(0.0, abs=1e-7)
+
+
+LENGTH = 40
+
+
+def gusty(rng: np.random.Generator, windows: int) -> np.ndarray:
+    """White noise beside a walk that begins anew with each window (n, 1)."""
+    walk = 0.3 * np.cumsum(rng.standard_normal((windows, LENGTH)), axis=1)
+    return (walk + rng.standard_normal((windows, LENGTH))).reshape(-1, 1)
+
+
+def repeated(slopes: np.ndarray, windows: int, times: int) -> np.ndarray:
+    """Return the mean variance that is told over the variance (k,) of estimates, for slopes (n, k)."""
+    rng, (n, k) = np.random.default_rng(0), slopes.shape
+    pull = np.linalg.inv(slopes.T @ slopes) @ slopes.T
+    none = (np.empty((windows - 1, 0)), np.empty((windows - 1, 0, k)))
+    edges = tuple(range(0, n + 1, LENGTH))
+    found, told = [], []
+    for _ in range(times):
+        noise = gusty(rng, windows)
+        estimate = pull @ noise[:, 0]
+        segment = PieceEvidence(noise - (slopes @ estimate)[:, None], slopes[:, None, :])
+        covariance = windowed_covariance([segment], [edges], [none], np.zeros((k, k)))
+        found.append(estimate)
+        told.append(np.diag(covariance))
+    return np.mean(told, axis=0) / np.mean(np.square(found), axis=0)
+
+
+def test_standard_errors_are_those_of_repetitions():
+    rng, n = np.random.default_rng(1), 60 * LENGTH
+    slopes = np.stack([np.tile(np.linspace(-1, 1, LENGTH), 60), rng.standard_normal(n)], axis=1)
+    assert repeated(slopes, 60, 200) == pytest.approx(1.0, rel=0.25)
+
+
+def test_what_a_fit_takes_up_of_the_noise_of_few_windows_is_given_back():
+    """Six slow unknowns take up a sixth of the noise of thirteen windows, or else variances are a quarter too small."""
+    rng, windows = np.random.default_rng(2), MIN_WINDOWS + 1
+    level = np.repeat(rng.standard_normal((windows, 3)), LENGTH, axis=0)
+    slopes = np.concatenate([level, level * np.tile(np.linspace(-1, 1, LENGTH), windows)[:, None]], axis=1)
+    assert np.mean(repeated(slopes, windows, 400)) == pytest.approx(1.0, rel=0.12)
+
+
+def test_of_what_one_window_alone_tells_the_others_foresee_nothing():
+    rng, n = np.random.default_rng(3), 20 * LENGTH
+    slopes = np.zeros((n, 2))
+    slopes[:, 0] = rng.standard_normal(n)
+    slopes[:LENGTH, 1] = 1.0
+    told = repeated(slopes, 20, 100)
+    assert np.isfinite(told).all()
+    assert told[0] == pytest.approx(1.0, rel=0.25)
+
+
+def test_no_variance_is_negative_however_short_pieces_are():
+    rng = np.random.default_rng(4)
+    for _ in range(50):
+        pieces = [
+            PieceEvidence(rng.standard_normal((120, 1)), rng.standard_normal((120, 1, 6))) for _ in range(4)
+        ]
+        none = (np.empty((2, 0)), np.empty((2, 0, 6)))
+        covariance = windowed_covariance(pieces, [(0, 40, 80, 120)] * 4, [none] * 4, np.zeros((6, 6)))
+        assert covariance is not None
+        assert np.linalg.eigvalsh(covariance).min() >= 0.0
+
+
+def test_the_wider_of_two_stands():
+    one, other = np.array([[1.0, 0.5], [0.5, 4.0]]), np.diag([9.0, 1.0])
+    wide = widened(one, other)
+    assert np.allclose(wide, [[9.0, 1.5], [1.5, 4.0]])
+    assert np.array_equal(widened(one, np.diag([np.inf, np.nan])), one)

@@ -1,13 +1,26 @@
-"""Bandwidth, phase delay and equivalent systems: figures of known transfer functions come back."""
+"""Frequency responses: figures of known transfer functions, bands of uncertain models, and what a model misses."""
 
 from __future__ import annotations
+
+import warnings
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from scipy import signal
+from scipy.signal import lfilter
 
+from stoop.assessment.frequency import ModelResponse, transfer, uncertain_model
 from stoop.assessment.handling import Known, bandwidth, equivalent_system, error_correlation, flight_draws
+from stoop.assessment.response_misfit import response_misfits
+from stoop.assessment.verdict import LIMITS
 from stoop.base.arrays import ComplexArray, FloatArray
+from stoop.flight.frequency import Stretch
+from stoop.results.response_misfit import ResponseMisfit
+from stoop.results.result import Covariance, NoiseCovariance, ParameterEstimate, Result
+from stoop.simulation import linearize, trim
+from stoop.vehicle.builtin import resolve_vehicle
 
 FREQUENCY = np.geomspace(0.5, 40.0, 400)
 
@@ -84,3 +97,89 @@ def test_errors_far_apart_are_independent() -> None:
     assert_allclose(np.diag(shared), 1.0)
     assert shared[0, 1] > 0.99
     assert abs(shared[0, 2]) < 1e-3
+
+
+BAND = np.geomspace(0.5, 30.0, 40)
+
+
+def test_the_response_is_scipys_and_delays_turn_its_phase() -> None:
+    vehicle = resolve_vehicle("twin-boom").reduced("longitudinal")
+    model = linearize(vehicle, trim(vehicle, 35.0))
+    found = transfer(model, BAND)
+    j, k = model.outputs.index("q"), model.inputs.index("elevator")
+    with warnings.catch_warnings():  # its numerator begins with rounding errors
+        warnings.simplefilter("ignore", signal.BadCoefficients)
+        exact = signal.freqresp((model.A, model.B[:, [k]], model.C[[j]], model.D[[j]][:, [k]]), BAND)[1]
+    assert_allclose(found[:, j, k], exact, rtol=1e-6)
+    late = replace(model, input_delays=model.input_delays + 0.05)
+    assert_allclose(transfer(late, BAND)[:, j, k], exact * np.exp(-0.05j * BAND), rtol=1e-6)
+
+
+def test_a_vehicle_file_has_no_band() -> None:
+    vehicle = resolve_vehicle("twin-boom")
+    found = uncertain_model(vehicle, trim(vehicle, 35.0)).responses(["elevator"], ["q"], BAND)
+    assert np.isnan(found["elevator", "q"].magnitude_half_width).all()
+
+
+@pytest.mark.parametrize("variance", [1e-4, np.inf])
+def test_the_band_follows_the_covariance_or_the_prior(variance: float) -> None:
+    """A standard error of 1 % of Cmelevator moves q above the short period by 1 %."""
+    vehicle = resolve_vehicle("twin-boom").reduced("longitudinal")
+    gain = vehicle.value("Cmelevator")
+    parameters = {
+        "Cmelevator": ParameterEstimate(gain, prior_mean=gain, prior_std=0.01 * abs(gain)),
+        "Cm0": ParameterEstimate(vehicle.value("Cm0"), identifiable=False),
+        "Cmq": ParameterEstimate(vehicle.value("Cmq")),
+    }
+    matrix = np.diag([variance * gain**2, np.inf, 1e-8])
+    other = NoiseCovariance((), np.empty((0, 0))), (), (), (), (), 0.0, 0.0, 0.0, 0, "lm", "converged"
+    found = uncertain_model(
+        vehicle, trim(vehicle, 35.0), Result(parameters, Covariance(tuple(parameters), matrix), *other)
+    )
+    one = found.responses(["elevator"], ["q"], np.array([30.0]))["elevator", "q"]
+    assert one.magnitude_half_width == pytest.approx(1.96 * 20.0 * np.log10(1.01), rel=0.25)
+    assert [(n.code, n.values["parameters"]) for n in found.notices] == [("parameters-held", ("Cm0",))]
+
+
+def test_the_band_of_a_gain() -> None:
+    """A gain of relative standard error 0.05 has a band of 1.96 x 0.05 of its magnitude, and none of its phase."""
+    draws = np.exp(0.05 * np.random.default_rng(0).standard_normal((20000, 1))) * np.ones((1, 40))
+    one = ModelResponse("u", "y", BAND, np.ones(40, dtype=complex), draws.astype(complex))
+    assert one.magnitude_half_width == pytest.approx(1.96 * 0.05 * 20.0 / np.log(10.0), rel=0.02)
+    assert_allclose(one.phase_half_width, 0.0, atol=1e-12)
+
+
+RATE = 50.0
+COUNT = 3000
+
+
+def flown(seed: int, noise: float, modeled: float) -> tuple[ResponseMisfit, ...]:
+    """Return the misfits of a model with a share of the true gain, of a first-order system with two inputs that move together."""
+    rng = np.random.default_rng(seed)
+    u = lfilter([0.3], [1.0, -0.7], rng.standard_normal((2, COUNT)))
+    u[1] += 0.5 * u[0]
+    clean = lfilter([0.1], [1.0, -0.9], u[0]) - 0.3 * lfilter([0.1], [1.0, -0.9], u[1])
+    measured = clean + noise * rng.standard_normal(COUNT)
+    left = measured - clean * modeled
+    return response_misfits([Stretch(RATE, u.T, np.column_stack([measured, left]))], ("a", "b"), ("p",))
+
+
+@pytest.mark.parametrize("modeled", [0.0, 0.5, 0.7, 0.9, 1.3])
+def test_a_gain_that_is_wrong_by_a_share_leaves_that_share(modeled: float) -> None:
+    first, second = flown(1, 1e-3, modeled)
+    for one in (first, second):
+        assert one.share == pytest.approx(abs(1.0 - modeled), rel=0.02)
+        assert one.least <= one.share
+    assert first.input == "a"
+    assert 0.0 < first.low < first.high <= 2.0 * np.pi * 10.0
+
+
+@pytest.mark.parametrize("noise", [0.01, 0.1])
+def test_of_a_right_model_little_more_than_noise_is_left(noise: float) -> None:
+    found = [one.least for seed in range(100) for one in flown(seed, noise, 1.0)]
+    assert np.mean(np.array(found) > 0.0) < 0.06
+    assert max(found) < LIMITS.error
+
+
+def test_a_response_that_the_flights_do_not_show_is_not_judged() -> None:
+    assert flown(1, 30.0, 0.5) == ()

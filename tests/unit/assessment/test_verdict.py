@@ -216,7 +216,14 @@ def cases() -> Iterator[tuple[str, Result, tuple[Use, ...], str, tuple[str, ...]
         own = ParameterEstimate(-0.5, std, identifiable=not prior, **prior)  # type: ignore[arg-type]
         good = ("control design",) if correlation else ()
         given = known(correlation, Clp=own, **{"mass.inertia.xx": inertia})
-        yield f"a ratio, {std}, {correlation}", given, USES[:1], (some if prior else "trusted") if good else no, good, set()
+        yield (
+            f"a ratio, {std}, {correlation}",
+            given,
+            USES[:1],
+            (some if prior else "trusted") if good else no,
+            good,
+            set(),
+        )
     # Clp is 0.001 of the value at which it would be the largest effect: its own error of 400 % is no doubt
     need = dataclasses.replace(USES[0].needs[0], sizes=(1.0,))
     sized = (dataclasses.replace(USES[0], needs=(need,)), *USES[1:])

@@ -1,4 +1,4 @@
-"""Pieces of a flight of a vehicle with rotors: where they start, and what is unknown about that."""
+"""Windows as they are written, and where pieces of a flight of a vehicle with rotors start."""
 
 from __future__ import annotations
 
@@ -6,12 +6,30 @@ import numpy as np
 import pytest
 from naive.aircraft import rotation
 
+from stoop.errors import FlightError
 from stoop.flight import Flight, from_columns
 from stoop.problem.layout import Layout
 from stoop.problem.prepare import nuisances, prepare
-from stoop.problem.windows import Window
+from stoop.problem.windows import Window, parse_window
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import builtin_vehicle
+
+
+def test_windows_are_read_or_say_what_to_write(flight: Flight) -> None:
+    one, two, last = {"sim": flight}, {"a": flight, "b": flight}, float(flight.time[-1])
+    assert parse_window("1.5:9", one) == Window("sim", 1.5, 9.0)
+    assert parse_window("b@1:2#heavy", two) == Window("b", 1.0, 2.0, "heavy")
+    assert parse_window("20:end", one) == Window("sim", 20.0, last)
+    assert parse_window("sim@start:end#light", one) == Window("sim", 0.0, last, "light")
+    for text, known, advice in (
+        ("1-2", one, "START:STOP"), ("1:2:3", one, "START:STOP"), ("", one, "START:STOP"), ("2:1", one, "before"),
+        ("nan:1", one, "before"), ("c@1:2", one, "flights are"), ("1:2", two, "FLIGHT@START:STOP"),
+        ("20:ende", one, "write START:STOP"),
+    ):  # fmt: skip
+        with pytest.raises(FlightError, match=advice) as caught:
+            parse_window(text, known)
+        assert "\n" not in str(caught.value), text
+
 
 WIND = {"sensors.vn.bias": 2.0, "sensors.ve.bias": -1.0, "sensors.vd.bias": 0.2}
 ANGLES = (0.2, -0.1, 2.0)

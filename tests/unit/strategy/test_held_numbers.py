@@ -1,4 +1,4 @@
-"""Moments of inertia that a wrong model moves to where no body has them are held, and their priors count in the error bars."""
+"""Moments of inertia that no body has are held; priors that the flight contradicts are widened; right ones stay."""
 
 from __future__ import annotations
 
@@ -124,3 +124,65 @@ def test_the_prior_of_a_moment_that_the_flight_contradicts_counts_whole() -> Non
     moved = 0.5 * abs(above - below)
     before, after = (std(held(wrong, known), "Cmalpha") for known in (None, prior))
     assert np.sqrt(after**2 - before**2) == pytest.approx(moved, rel=0.15)
+
+
+ONLY = Strategy.only("priors")
+FREE_PRIORS = ("Clp", "Claileron", "Clbeta", "Cnbeta", "Cnr", "Cnrudder")
+
+
+@cache
+def flight_priors() -> Flight:
+    return simulate_flight(scenes.aircraft(), scenes.maneuvers()["roll"], noise=True, seed=3, name="roll")
+
+
+def user_priors(**priors: dict[str, float]) -> Vehicle:
+    """Return the true vehicle with few free numbers, whose priors are about the truth but for those given."""
+    truth = scenes.aircraft()
+    changes: dict[str, dict[str, object]] = {p.name: {"free": False} for p in truth.parameters if p.free}
+    for name in FREE_PRIORS:
+        changes[name] = {"free": True, "prior": 0.2 * abs(truth.value(name))} | priors.get(name, {})
+    return truth.with_numbers(changes)
+
+
+def done_priors(vehicle: Vehicle, strategy: Strategy = ONLY) -> Fitted:
+    windows = [Window("roll", 0.0, scenes.DURATION)]
+    return fit(strategy, vehicle, {"roll": flight_priors()}, windows, options=Options(budget=3000.0))
+
+
+def test_a_prior_that_the_flight_contradicts_is_widened() -> None:
+    truth = scenes.aircraft().value("Clp")
+    wrong = user_priors(Clp={"value": 0.4 * truth, "prior": 0.004 * abs(truth)})
+    held, found = done_priors(wrong, Strategy.textbook()), done_priors(wrong)
+    (record,) = (one for one in found.decisions if one.name == "priors")
+    assert record.state == "applied"
+    assert record.gained > 0.0
+    (said,) = (one for one in found.estimate.notices if one.code == "prior-widened")
+    assert said.subject == "Clp"
+    # the fit that the prior held is far from the flight: to first order the difference is too small
+    assert 0.3 * abs(truth) < said.values["consistent"] + 2.0 * said.values["std"] < 0.7 * abs(truth)
+    assert said.values["prior"] == pytest.approx(0.004 * abs(truth))
+
+    def off(one: Fitted) -> float:
+        i = [p.name for p in one.estimate.problem.layout.parameters].index("Clp")
+        return abs(one.estimate.estimates["Clp"] - truth) / float(error_bars(one.estimate).std[i])
+
+    assert off(held) > 10.0
+    assert off(found) < 3.0
+    assert said.values["estimate"] / truth > 0.6
+
+
+def test_right_priors_stay() -> None:
+    found = done_priors(user_priors())
+    assert [one.state for one in found.decisions if one.name == "priors"] == ["not needed"]
+    assert found.estimate.estimates == done_priors(user_priors(), Strategy.textbook()).estimate.estimates
+
+
+def test_a_mass_is_a_measurement() -> None:
+    """It is named by the notices of a result, and not estimated anew."""
+    mass = scenes.aircraft().value("mass.mass")
+    heavy = user_priors().with_numbers(
+        {"mass.mass": {"value": 1.3 * mass, "prior": 0.001 * mass, "free": True}}
+    )
+    found = done_priors(heavy)
+    assert found.estimate.estimates["mass.mass"] == pytest.approx(1.3 * mass, rel=0.02)
+    assert not any(one.subject == "mass.mass" for one in found.estimate.notices)
