@@ -78,16 +78,6 @@ def test_a_lag_is_recovered(tau: float, delay: float) -> None:
         assert theil(one.measured, matched) < 2e-3
 
 
-def test_prediction_brings_its_own_bias() -> None:
-    lag = truth()
-    found = fit_lags([[record(lag, 600, 5, 0), record(lag, 600, 6, 1)]], RATE)[0]
-    assert found is not None
-    u = commands(500, 7)
-    y = lag.respond(u, bias=1.5, initial=0.0)
-    new = [LagRecord(u[:250], y[:250]), LagRecord(u[250:], y[250:])]
-    assert theil(y, np.concatenate(found.predicted(new))) < 0.05
-
-
 def test_holes_and_too_little_to_fit() -> None:
     zero, blank = np.zeros((50, 1)), np.full(50, np.nan)
     assert fit_lags([[LagRecord(zero[:5], np.zeros(5))], [LagRecord(zero, blank)]], RATE) == [None, None]

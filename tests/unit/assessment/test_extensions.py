@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from unit.flown import maneuver
 
 from stoop.assessment import extensions
 from stoop.assessment.error_bars import error_bars
@@ -19,7 +20,6 @@ from stoop.flight import Flight
 from stoop.problem.misfit import Misfit
 from stoop.problem.windows import Window
 from stoop.simulation.fly import simulate_flight
-from stoop.simulation.maneuver import Maneuver
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop.vehicle.document import inline, with_entries
@@ -33,14 +33,9 @@ STEPS = {
 DURATION = 9.0
 
 
-def maneuver(name: str) -> Maneuver:
-    keys = ("control", "shape", "start", "step", "amplitude")
-    inputs = [dict(zip(keys, step, strict=True)) for step in STEPS[name]]
-    return Maneuver.model_validate({"duration": DURATION, "rate": 50.0, "input": inputs})
-
-
 def flights(truth: Vehicle, seed: int) -> dict[str, Flight]:
-    return {n: simulate_flight(truth, maneuver(n), seed=seed + i, name=n) for i, n in enumerate(STEPS)}
+    each = enumerate(STEPS.items(), seed)
+    return {n: simulate_flight(truth, maneuver(DURATION, *own), seed=k, name=n) for k, (n, own) in each}
 
 
 @functools.cache

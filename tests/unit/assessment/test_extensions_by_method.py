@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from unit.flown import maneuver
 
 from stoop.assessment.error_bars import error_bars
 from stoop.assessment.extensions import extension_tests
@@ -12,7 +13,6 @@ from stoop.estimate.fit import Options
 from stoop.problem.windows import Window
 from stoop.results.extensions import ExtensionTests
 from stoop.simulation.fly import simulate_flight
-from stoop.simulation.maneuver import parse_maneuver
 from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop.vehicle.document import with_entries
@@ -46,11 +46,8 @@ DEFECTS = {
 
 
 def lacking(truth: str, fitted: str, seed: int) -> ExtensionTests:
-    names = ("control", "shape", "start", "step", "amplitude")
-    text = f"duration = {SECONDS}\nrate = 100.0\nwind = [2.0, -1.0, 0.0]\n"
-    for one in INPUTS:
-        text += "[[input]]\n" + "".join(f"{n} = {v!r}\n" for n, v in zip(names, one, strict=True))
-    flight = simulate_flight(parse_vehicle(truth, "truth"), parse_maneuver(text, "m"), seed=seed, name="sim")
+    flown = maneuver(SECONDS, *INPUTS, rate=100.0, wind=(2.0, -1.0, 0.0))
+    flight = simulate_flight(parse_vehicle(truth, "truth"), flown, seed=seed, name="sim")
     windows = [Window("sim", 0.0, SECONDS)]
     done = multiple_shooting.fit(parse_vehicle(fitted, "quad"), {"sim": flight}, windows, Options(seed=1))
     return extension_tests(done, error_bars(done))

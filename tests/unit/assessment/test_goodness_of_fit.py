@@ -216,11 +216,6 @@ def test_each_stretch_for_itself(sizes: list[int]) -> None:
     assert_allclose(low_pass(join(pieces), HERTZ), join([low_pass(piece, HERTZ) for piece in pieces]))
 
 
-@given(st.integers(1, 200), st.floats(-1e3, 1e3))
-def test_a_constant_stays(size: int, level: float) -> None:
-    assert_allclose(low_pass(np.full(size, level), HERTZ), level, atol=1e-9 * max(1.0, abs(level)))
-
-
 def colored(size: int, rho: float, seed: int) -> np.ndarray:
     random = np.random.default_rng(seed)
     out = np.zeros(size)

@@ -8,6 +8,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
+from unit.flown import maneuver, with_few_free
 
 from stoop.assessment import sampling
 from stoop.assessment.assessment import check_method
@@ -16,29 +17,13 @@ from stoop.estimate.fit import Options
 from stoop.optimize.normal_equations import dense
 from stoop.parallel import Given
 from stoop.simulation.fly import simulate_flight
-from stoop.simulation.maneuver import parse_maneuver
 from stoop.vehicle import parse_vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop.workflow import Bootstrap, FittedModel, Posterior, Profile, identify
 
 DELAY = "sensors.alpha.delay"
 FREE = ("CLalpha", "Cmalpha", "Cmq", "Cmelevator")
-MANEUVER = """
-duration = 10.0
-rate = 50.0
-[[input]]
-control = "elevator"
-shape = "3-2-1-1"
-start = 0.5
-step = 0.4
-amplitude = 0.05
-[[input]]
-control = "elevator"
-shape = "doublet"
-start = 5.0
-step = 0.6
-amplitude = 0.04
-"""
+MANEUVER = maneuver(10.0, ("elevator", "3-2-1-1", 0.5, 0.4, 0.05), ("elevator", "doublet", 5.0, 0.6, 0.04))
 
 
 METHODS = ("filter-error", "multiple-shooting")
@@ -46,11 +31,9 @@ METHODS = ("filter-error", "multiple-shooting")
 
 def fitted(method: str, window: str, free: Sequence[str] = FREE) -> FittedModel:
     text = resolve_vehicle("twin-boom").text + "[sensors.alpha]\ndelay = 0.033\n"
-    vehicle = parse_vehicle(text, "late").reduced("longitudinal")
-    held = {p.name: {"free": False} for p in vehicle.parameters if p.free and p.name not in free}
     late = {DELAY: {"free": method == "multiple-shooting", "bounds": (0.0, 0.1)}}
-    vehicle = vehicle.with_numbers({**held, **late})
-    flight = simulate_flight(vehicle, parse_maneuver(MANEUVER, "test"), seed=3, name="sim")
+    vehicle = with_few_free(parse_vehicle(text, "late").reduced("longitudinal"), free).with_numbers(late)
+    flight = simulate_flight(vehicle, MANEUVER, seed=3, name="sim")
     return identify(vehicle, flight, [window], options=Options(method=method))
 
 

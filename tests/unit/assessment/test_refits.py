@@ -239,15 +239,6 @@ def test_an_end_that_the_data_leave_open_is_none(bent: tuple[Fitted, np.ndarray,
     assert 0.0 < found.lower < 0.6
 
 
-def test_at_a_bound_the_other_side_still_has_a_limit() -> None:
-    y = np.full(25, -0.01)
-    problem = Fitted(lambda Z: (Z[:, :1] - y) / 0.1, 1)
-    found = ProfileLikelihood(linearize(problem, np.array([0.0]), np.empty(0, dtype=np.intp)), 0)
-    assert np.isnan(found.lower)
-    # J rises by 25 ((x + 0.01)^2 - 0.01^2) / 0.1^2
-    assert found.upper == pytest.approx(np.sqrt(NORMAL_95**2 * 0.01 / 25 + 1e-4) - 0.01, rel=0.02)
-
-
 def test_a_better_optimum_is_reported() -> None:
     problem = Fitted(lambda Z: np.column_stack([10.0 * (Z[:, 0] - 0.6), 10.0 * (Z[:, 1] - 0.5)]), 2)
     found = ProfileLikelihood(linearize(problem, np.array([0.6, 0.45]), np.arange(2)), 0)

@@ -192,6 +192,8 @@ def cases() -> Iterator[tuple[str, Result, tuple[Use, ...], str, tuple[str, ...]
         ("all is still", held_back(fitted={"p": STILL, "V": STILL}, p=STILL, V=STILL), no, REFUSED, {"verdict-still"}),
         ("ailerons rest", result(notices=(notice("control-still", "aileron"),)), some, simulate, {"control-still"}),
         ("1 of 20 scatters", scattering(1), "trusted", USED, set()),
+        ("the error of Clp is not known", known(Clp=ParameterEstimate(-0.5, math.nan), CD0=CD0), "trusted", simulate,
+         {"verdict-need-inaccurate"}),
         ("5 of 20 scatter", scattering(5), some, USED, {"verdict-scatter"}),
         ("a response is missed", missed(1.1 * LIMITS.error), "trusted", simulate, {"verdict-response"}),
         ("a response is met", missed(0.9 * LIMITS.error), "trusted", USED, set()),
@@ -265,6 +267,10 @@ def test_what_a_result_shows_decides_its_grade_its_uses_and_the_notices_against_
 
 
 def test_reasons_name_what_they_are_of() -> None:
+    trusted = verdict(result(), USES)
+    assert [n.code for n in trusted.reasons] == ["verdict-form-holds", "verdict-predicted", "verdict-agree"]
+    assert str(trusted.headline) == "Trusted for control design, simulation and performance"
+    assert str(verdict(result(status="budget"), USES).headline) == "Do not use this model"
     refused = verdict(held_back(fitted={"p": LOST}, p=STILL), USES)
     assert [n.subject for n in refused.against if n.code == "verdict-channels"] == [
         "control design",
@@ -273,7 +279,6 @@ def test_reasons_name_what_they_are_of() -> None:
     assert codes(verdict(held_back(p=STILL), USES)) == ["verdict-not-held-back"]
     strongest = verdict(lacking(50.0, 6.0, moves={"Clp": -8.0}), USES).against[0]
     assert (strongest.code, strongest.subject) == ("verdict-form", "controls.aileron.lag")
-    assert str(verdict(result(status="budget"), USES).headline) == "Do not use this model"
     (response,) = (n for n in verdict(missed(0.5), USES).reasons if n.code.startswith("verdict-response"))
     assert response.values["share"] == 0.6
     tests = dataclasses.replace(result().extensions, unresolved=("mass.mass",))
@@ -281,14 +286,6 @@ def test_reasons_name_what_they_are_of() -> None:
     assert [one.values["numbers"] for one in found.reasons if one.code == "verdict-unresolved"] == [
         ("mass.mass",)
     ]
-
-
-def test_trusted() -> None:
-    found = verdict(result(), USES)
-    assert found.grade == "trusted"
-    assert found.justified == USED
-    assert [one.code for one in found.reasons] == ["verdict-form-holds", "verdict-predicted", "verdict-agree"]
-    assert str(found.headline) == "Trusted for control design, simulation and performance"
 
 
 def test_a_use_needs_its_parameters() -> None:
@@ -347,34 +344,28 @@ def test_json() -> None:
 
 
 def test_findings_of_one_kind_are_told_together() -> None:
+    of = {"use": "control design"}
     needs = [
-        notice(
-            "verdict-need-inaccurate", "damping in roll", use="control design", parameter="Clp", error=0.23
-        ),
-        notice(
-            "verdict-need-unknown", "inertia in roll", use="control design", parameters=("mass.inertia.xx",)
-        ),
+        notice("verdict-need-inaccurate", "damping in roll", parameter="Clp", error=0.23, **of),
+        notice("verdict-need-unknown", "inertia in roll", parameters=("mass.inertia.xx",), **of),
         notice("verdict-need-inaccurate", "thrust", use="performance", parameter="CT1", error=0.31),
     ]
     channels = [
         notice("verdict-channels", use, channels=("V", "ax")) for use in ("simulation", "performance")
     ]
-    lacks = [
-        notice("verdict-lacks", name, statistic=-5.0, line=f"{name} = 1") for name in ("CQalphar", "ClV")
-    ]
-    doubt = notice(
-        "contribution-in-doubt", effects=("p (...)",), parameters=("Clp",), variables=("p", "q"), aim=0.1
-    )
-    single = notice("verdict-no-held-back")
+    lacks = [notice("verdict-lacks", n, statistic=-5.0, line=f"{n} = 1") for n in ("CQalphar", "ClV")]
+    figures = {"effects": ("p (...)",), "parameters": ("Clp",), "variables": ("p", "q")}
+    doubt, single = notice("contribution-in-doubt", **figures, aim=0.1), notice("verdict-no-held-back")
     told = grouped([doubt, *needs, channels[0], single, channels[1], *lacks])
     assert [one.code for one in told] == [
         "verdict-contributions", "verdict-needs", "verdict-need-inaccurate", "verdict-channels-of-uses",
         "verdict-no-held-back", "verdict-lacks-several",
     ]  # fmt: skip
-    assert told[1].values["needs"] == (
+    damping, inertia = (
         "damping in roll (Clp +- 23%)",
         "inertia in roll (mass.inertia.xx not identifiable or at a bound)",
     )
+    assert told[1].values["needs"] == (damping, inertia)
     assert told[2] is needs[2]
     assert "simulation in V and ax and performance in V and ax" in str(told[3])
     assert "CQalphar = 1; ClV = 1" in str(told[5])

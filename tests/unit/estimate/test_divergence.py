@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from unit.flown import maneuver, with_few_free
 
 from stoop.errors import StoopError
 from stoop.estimate import methods, shooting_windows
@@ -19,21 +20,11 @@ from stoop.kernels.kernel import Kernel
 from stoop.problem.windows import Window
 from stoop.simulation import trajectories
 from stoop.simulation.fly import simulate_flight
-from stoop.simulation.maneuver import parse_maneuver
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 
 FREE = ("Cmalpha", "Cmq", "Cmelevator")
-MANEUVER = """
-duration = 4.0
-rate = 50.0
-[[input]]
-control = "elevator"
-shape = "3-2-1-1"
-start = 0.5
-step = 0.3
-amplitude = 0.05
-"""
+MANEUVER = maneuver(4.0, ("elevator", "3-2-1-1", 0.5, 0.3, 0.05))
 STATUSES = {"converged", "stalled", "budget", "generations", "interrupted", "target"}
 #: entry points of the compiled model, through which every trajectory of an estimator comes
 ENTRIES = (
@@ -44,10 +35,8 @@ ENTRIES = (
 
 @pytest.fixture(scope="module")
 def problem() -> tuple[Vehicle, Flight]:
-    whole = resolve_vehicle("twin-boom").reduced("longitudinal")
-    held = {p.name: {"free": False} for p in whole.parameters if p.free and p.name not in FREE}
-    vehicle = whole.with_numbers(held)
-    return vehicle, simulate_flight(vehicle, parse_maneuver(MANEUVER, "m"), seed=1, name="a")
+    vehicle = with_few_free(resolve_vehicle("twin-boom").reduced("longitudinal"), FREE)
+    return vehicle, simulate_flight(vehicle, MANEUVER, seed=1, name="a")
 
 
 def lost(found: Any) -> Any:

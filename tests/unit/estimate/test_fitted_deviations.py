@@ -4,27 +4,18 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from unit.flown import maneuver
 
 import stoop
 from stoop.simulation.fly import simulate_flight
-from stoop.simulation.maneuver import parse_maneuver
 
-MANEUVER = """
-duration = 12.0
-rate = 50.0
-[[input]]
-control = "elevator"
-shape = "3-2-1-1"
-start = 1.0
-step = 0.3
-amplitude = 0.1
-"""
+MANEUVER = maneuver(12.0, ("elevator", "3-2-1-1", 1.0, 0.3, 0.1))
 
 
 @pytest.mark.parametrize("method", ["output-error", "filter-error", "multiple-shooting"])
 def test_the_band_of_a_right_model_holds_the_readings(method: str) -> None:
     vehicle = stoop.load_vehicle("twin-boom").reduced("longitudinal")
-    flight = simulate_flight(vehicle, parse_maneuver(MANEUVER, "m"), 3, name="f")
+    flight = simulate_flight(vehicle, MANEUVER, 3, name="f")
     (trace,) = stoop.fit(vehicle, flight, ["0:12"], options=stoop.Options(method=method)).traces
     inside = []
     for one in trace.channels.values():

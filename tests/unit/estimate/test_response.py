@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from unit.flown import maneuver
 
 from stoop.base.arrays import FloatArray
 from stoop.estimate.filter_gains import Noise, Steady, Varying, first_guess
@@ -20,7 +21,7 @@ from stoop.estimate.shooting_problem import ShootingProblem
 from stoop.problem import Misfit
 from stoop.problem.windows import Window
 from stoop.simulation.fly import simulate_flight
-from stoop.simulation.maneuver import parse_maneuver
+from stoop.simulation.maneuver import Maneuver
 from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop.vehicle.document import with_entries
@@ -30,42 +31,15 @@ GUSTS = """
 u = { intensity = { value = 0.5, free = true, bounds = [0.05, 6.0] }, length = 200.0 }
 w = { intensity = { value = 0.5, free = true, bounds = [0.05, 6.0] }, length = 100.0 }
 """
-WING = """
-duration = 6.0
-rate = 50.0
-[[input]]
-control = "elevator"
-shape = "3-2-1-1"
-start = 1.0
-step = 0.3
-amplitude = 0.06
-"""
-ROTORS = """
-duration = 4.0
-rate = 100.0
-[[input]]
-control = "roll"
-shape = "doublet"
-start = 0.4
-step = 0.15
-amplitude = 8.0
-[[input]]
-control = "heave"
-shape = "doublet"
-start = 1.2
-step = 0.25
-amplitude = 2.0
-[[input]]
-control = "north"
-shape = "doublet"
-start = 2.0
-step = 0.7
-amplitude = 2.0
-"""
+WING = maneuver(6.0, ("elevator", "3-2-1-1", 1.0, 0.3, 0.06))
+ROTORS = maneuver(
+    4.0, ("roll", "doublet", 0.4, 0.15, 8.0), ("heave", "doublet", 1.2, 0.25, 2.0), ("north", "doublet", 2.0, 0.7, 2.0),
+    rate=100.0,
+)  # fmt: skip
 
 
-def problem_of(vehicle: Vehicle, maneuver: str, noise: bool = True) -> Misfit:
-    flight = simulate_flight(vehicle, parse_maneuver(maneuver, "m"), seed=3, noise=noise, name="sim")
+def problem_of(vehicle: Vehicle, flown: Maneuver, noise: bool = True) -> Misfit:
+    flight = simulate_flight(vehicle, flown, seed=3, noise=noise, name="sim")
     window = Window("sim", 0.0, float(flight.time[-1]))
     return estimation_problem(vehicle, {"sim": flight}, [window], DEFAULTS)[0]
 

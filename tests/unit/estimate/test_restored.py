@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import io
 import json
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
+from unit.flown import maneuver, with_few_free
 
 from stoop.assessment.assessment import pack
 from stoop.assessment.error_bars import error_bars
@@ -24,32 +25,16 @@ from stoop.flight.flight import from_columns
 from stoop.prediction.predict import expected_biases, predict, predictor
 from stoop.problem.windows import Window
 from stoop.simulation.fly import simulate_flight
-from stoop.simulation.maneuver import parse_maneuver
 from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 
 from .regression.test_rotors import TRUTH, WOBBLE, flown
 
 FREE = ("CLalpha", "Cmalpha", "Cmq", "Cmelevator")
-MANEUVER = """
-duration = 8.0
-rate = 50.0
-[[input]]
-control = "elevator"
-shape = "3-2-1-1"
-start = 0.5
-step = 0.4
-amplitude = 0.05
-"""
+MANEUVER = maneuver(8.0, ("elevator", "3-2-1-1", 0.5, 0.4, 0.05))
 
 
 Problem = tuple[Vehicle, dict[str, Flight], Window]
-
-
-def with_few_free(vehicle: Vehicle, free: Collection[str]) -> Vehicle:
-    """Return the vehicle with the other numbers held."""
-    held = {p.name: {"free": False} for p in vehicle.parameters if p.free and p.name not in free}
-    return vehicle.with_numbers(held)
 
 
 @pytest.fixture(scope="module")
@@ -58,7 +43,7 @@ def aircraft() -> Problem:
     late = parse_vehicle(resolve_vehicle("twin-boom").text + "[sensors.alpha]\ndelay = 0.033\n", "late")
     vehicle, out = with_few_free(late.reduced("longitudinal"), FREE), {}
     for seed, name in enumerate(("a", "b")):
-        record = simulate_flight(vehicle, parse_maneuver(MANEUVER, "m"), seed=seed, name=name)
+        record = simulate_flight(vehicle, MANEUVER, seed=seed, name=name)
         columns = {c: record.column(c).copy() for c in record.names}
         columns["q"][[50, 170]] += 3.0
         out[name] = from_columns(name, record.time, columns)

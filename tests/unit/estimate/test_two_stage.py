@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from unit.flown import maneuver, with_few_free
 
 from stoop.assessment.error_bars import error_bars
 from stoop.base.arrays import FloatArray
@@ -17,30 +18,18 @@ from stoop.flight import Flight
 from stoop.problem.prepare import prepare
 from stoop.problem.windows import Window
 from stoop.simulation.fly import simulate_flight
-from stoop.simulation.maneuver import parse_maneuver
 from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 
 COEFFICIENTS = ("CL0", "CLalpha", "Cm0", "Cmalpha", "Cmq", "Cmelevator")
 WINDOW = Window("sim", 0.0, 10.0)
 FLIGHTS = 10
-MANEUVER = """
-duration = 10.0
-rate = 50.0
-noise = { alpha = 0.015 }
-[[input]]
-control = "elevator"
-shape = "3-2-1-1"
-start = 0.5
-step = 0.4
-amplitude = 0.05
-[[input]]
-control = "elevator"
-shape = "doublet"
-start = 5.0
-step = 0.6
-amplitude = 0.04
-"""
+MANEUVER = maneuver(
+    10.0,
+    ("elevator", "3-2-1-1", 0.5, 0.4, 0.05),
+    ("elevator", "doublet", 5.0, 0.6, 0.04),
+    noise={"alpha": 0.015},
+)
 BIASES = """
 [sensors.q]
 bias = { value = 0.0, free = true, prior = 0.01 }
@@ -53,15 +42,12 @@ TRUTH = {"sensors.q.bias": 0.008, "sensors.az.bias": 0.1}
 @pytest.fixture(scope="module")
 def vehicle() -> Vehicle:
     full = parse_vehicle(resolve_vehicle("twin-boom").text + BIASES, "biased").reduced("longitudinal")
-    free = (*COEFFICIENTS, "CD0", *TRUTH)
-    return full.with_numbers(
-        {p.name: {"free": False} for p in full.parameters if p.free and p.name not in free}
-    )
+    return with_few_free(full, (*COEFFICIENTS, "CD0", *TRUTH))
 
 
-def flown(vehicle: Vehicle, seed: int, maneuver: str = MANEUVER, noise: bool = True) -> Flight:
+def flown(vehicle: Vehicle, seed: int) -> Flight:
     true = vehicle.with_numbers({name: {"value": x} for name, x in TRUTH.items()})
-    return simulate_flight(true, parse_maneuver(maneuver, "m"), seed=seed, noise=noise, name="sim")
+    return simulate_flight(true, MANEUVER, seed=seed, name="sim")
 
 
 def fitted(method: str, vehicle: Vehicle, flight: Flight) -> Estimate:
@@ -99,7 +85,7 @@ def test_known_truth_comes_back_within_its_intervals(vehicle: Vehicle) -> None:
 def test_states_and_biases_are_reconstructed(vehicle: Vehicle) -> None:
     """Against the flight without noise: the vane's noise of 0.015 rad is filtered to a tenth."""
     silent = vehicle.with_numbers({name: {"value": 0.0} for name in TRUTH})
-    true = simulate_flight(silent, parse_maneuver(MANEUVER, "m"), noise=False, name="sim")
+    true = simulate_flight(silent, MANEUVER, noise=False, name="sim")
     (piece,) = prepare(vehicle, {"sim": flown(vehicle, 1)}, [WINDOW]).pieces
     noise = {c: getattr(vehicle.file.sensors, c).sigma for c in vehicle.outputs} | {"alpha": 0.015}
     (found, converged), measured = reconstructed(vehicle, piece, noise), Motion.of(vehicle, piece)

@@ -24,7 +24,6 @@ from stoop.performance.effectiveness import (
     hover,
     indistinct,
     judge,
-    least_detectable,
     leave_one_out,
     pooled,
 )
@@ -139,12 +138,11 @@ def healthy(balance: Balance, rng: np.random.Generator, count: int, scatter: flo
 
 @pytest.mark.parametrize("count", [1, 3, 8])
 def test_healthy_flights_are_accused_as_often_as_stated(quad: Balance, count: int) -> None:
-    rng = np.random.default_rng(count)
-    accused = 0
+    rng, verdicts = np.random.default_rng(count), []
     for _ in range(800):
         reference = healthy(quad, rng, count)
-        accused += judge(assess(flown(quad, rng, "new"), reference), 0.05).kind != "healthy"
-    assert accused / 800 < 0.05 + 0.01 + 3.0 * np.sqrt(0.06 / 800)  # 1 % are called odd besides
+        verdicts.append(judge(assess(flown(quad, rng, "new"), reference), 0.05).kind != "healthy")
+    assert np.mean(verdicts) < 0.05 + 0.01 + 3.0 * np.sqrt(0.06 / 800)  # 1 % are called odd besides
 
 
 def test_a_weak_rotor_is_found_and_its_error_bar_holds(quad: Balance, hexa: Balance) -> None:
@@ -267,19 +265,6 @@ def test_rotors_that_explain_it_nearly_as_well_are_named_with_it(hexa: Balance, 
     assert indistinct(plain) == ("M3",)
     gains = assess(flown(quad, rng, "gains", M1=-0.3, M2=-0.3, M3=-0.3, M4=-0.3), healthy(quad, rng, 3))
     assert indistinct(gains) == ()
-
-
-def test_what_is_advised_brings_what_is_promised(quad: Balance) -> None:
-    """In the mean, eight healthy flights show what flights of three were told that eight would."""
-    rng = np.random.default_rng(15)
-    promised, kept = [], []
-    for _ in range(60):
-        few, many, new = healthy(quad, rng, 3), healthy(quad, rng, 8), flown(quad, rng, "new")
-        promised += [100.0 * float(n.values["then"]) for n in advice(few, [new], [], 0.05)]  # type: ignore[arg-type]
-        kept.append(100.0 * least_detectable(assess(new, many)))
-        assert advice(many, [new], [], 0.05) == ()
-    assert len(promised) > 50
-    assert np.mean(kept) == pytest.approx(np.mean(promised), abs=0.5)
 
 
 def test_an_accused_propeller_is_to_be_swapped(quad: Balance) -> None:

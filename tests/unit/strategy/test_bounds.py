@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from unit.flown import maneuver, with_few_free
 
 from stoop.estimate.estimate import Estimate
 from stoop.estimate.fit import Options
@@ -17,7 +18,6 @@ from stoop.flight import Flight
 from stoop.problem.weights import Weights
 from stoop.problem.windows import Window
 from stoop.simulation.fly import simulate_flight
-from stoop.simulation.maneuver import Maneuver
 from stoop.strategy import Strategy
 from stoop.strategy.bounds import widen
 from stoop.strategy.decision import Fitted, Setup, estimate
@@ -28,20 +28,18 @@ from stoop.vehicle.builtin import builtin_vehicle
 from stoop.vehicle.defaults import wider_bounds
 
 INERTIA = "mass.inertia.yy"
-PULSE = {"control": "elevator", "shape": "doublet", "start": 0.5, "step": 0.5, "amplitude": 0.05}
 
 
 @cache
 def known() -> Vehicle:
-    vehicle = builtin_vehicle("twin-boom").reduced("longitudinal")
-    fixed = {p.name: {"free": False} for p in vehicle.parameters if p.free}
-    return vehicle.with_numbers(fixed | {INERTIA: {"free": True}})
+    vehicle = with_few_free(builtin_vehicle("twin-boom").reduced("longitudinal"), ())
+    return vehicle.with_numbers({INERTIA: {"free": True}})
 
 
 @cache
 def flight() -> Flight:
-    maneuver = Maneuver.model_validate({"duration": 5.0, "rate": 50.0, "altitude": 200.0, "input": [PULSE]})
-    return simulate_flight(known(), maneuver, name="flight")
+    pulse = ("elevator", "doublet", 0.5, 0.5, 0.05)
+    return simulate_flight(known(), maneuver(5.0, pulse, altitude=200.0), name="flight")
 
 
 def found(share: float, method: str = "output-error", **fields: object) -> Estimate:

@@ -10,7 +10,7 @@ import pytest
 
 from stoop.assessment.error_bars import error_bars
 from stoop.estimate.fit import Options
-from stoop.estimate.regression.command_delay import LONGEST, DelayScan, scan_delays
+from stoop.estimate.regression.command_delay import LONGEST, Scan, scan_delays
 from stoop.flight import Flight
 from stoop.problem.prepare import prepare
 from stoop.problem.windows import Window
@@ -47,7 +47,7 @@ def windows() -> list[Window]:
     return [Window(name, 0.0, scenes.DURATION) for name in NAMES]
 
 
-def scanned(flights: list[Flight]) -> DelayScan | None:
+def scanned(flights: list[Flight]) -> Scan | None:
     """Return the scan of delays of all controls in these flights."""
     vehicle = scenes.aircraft()
     pieces = prepare(vehicle, {one.name: one for one in flights}, windows()).pieces

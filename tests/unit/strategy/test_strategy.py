@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.signal import lfilter
+from unit.flown import maneuver, with_few_free
 
-from stoop.app.fit_view import switches
 from stoop.base.notices import notice
 from stoop.base.verbs import verbs
 from stoop.cli.identify import strategy_of
@@ -27,17 +27,14 @@ from stoop.estimate.treatment import Treatment
 from stoop.flight import Flight
 from stoop.flight.faults import Fault
 from stoop.problem.windows import Window
-from stoop.results.extensions import ExtensionTests
 from stoop.simulation.fly import simulate_flight
-from stoop.simulation.maneuver import Maneuver
-from stoop.strategy import DECISIONS, Strategy, decision, fit
+from stoop.strategy import DECISIONS, Strategy, fit
 from stoop.strategy.decision import Fitted
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import builtin_vehicle
 from stoop.vehicle.document import with_entries
 from stoop.workflow.identification import identify
 
-DOUBLET = {"control": "elevator", "shape": "doublet", "start": 0.5, "step": 0.5, "amplitude": 0.05}
 WINDOWS = (Window("a", 0.0, 5.0), Window("b", 0.0, 5.0))
 FREE = ("Cmalpha", "Cmq", "Cmelevator")
 PLAIN = Treatment(
@@ -52,14 +49,13 @@ PLAIN = Treatment(
 def known() -> Vehicle:
     """Return a longitudinal aircraft with three free numbers and a servo without lag."""
     vehicle = with_entries(builtin_vehicle("twin-boom"), {("controls", "elevator", "lag"): 0.0})
-    vehicle = vehicle.reduced("longitudinal")
-    return vehicle.with_numbers({p.name: {"free": p.name in FREE} for p in vehicle.parameters if p.free})
+    return with_few_free(vehicle.reduced("longitudinal"), FREE)
 
 
 @cache
 def flights() -> dict[str, Flight]:
-    maneuver = Maneuver.model_validate({"duration": 5.0, "rate": 50.0, "altitude": 200.0, "input": [DOUBLET]})
-    return {name: simulate_flight(known(), maneuver, seed=i, name=name) for i, name in enumerate("ab")}
+    flown = maneuver(5.0, ("elevator", "doublet", 0.5, 0.5, 0.05), altitude=200.0)
+    return {name: simulate_flight(known(), flown, seed=i, name=name) for i, name in enumerate("ab")}
 
 
 def changed(name: str, channel: str, change: Callable[[np.ndarray], np.ndarray]) -> dict[str, Flight]:
@@ -174,10 +170,7 @@ def test_textbook_is_output_error_to_the_last_bit(clean: Fitted) -> None:
 
 
 def test_assumptions_free_the_lag_that_a_file_leaves_out() -> None:
-    incomplete = builtin_vehicle("twin-boom").reduced("longitudinal")
-    incomplete = incomplete.with_numbers(
-        {p.name: {"free": p.name in FREE} for p in incomplete.parameters if p.free}
-    )
+    incomplete = with_few_free(builtin_vehicle("twin-boom").reduced("longitudinal"), FREE)
     only = Strategy.textbook().only("assumptions")
     assumed = decided(only, flights(), incomplete)
     lags = {name for name in assumed.estimate.estimates if name.endswith(".lag")}
@@ -190,15 +183,6 @@ def test_treatment_is_decided_by_the_strategy_alone() -> None:
         fit(Strategy.default(), known(), flights(), WINDOWS, options=Options(treatment=PLAIN))
     with pytest.raises(TypeError, match="no keyword 'treatment'"):
         identify(known(), [*flights().values()], ["a@0:5"], treatment=PLAIN)
-
-
-def test_tests_that_were_computed_survive_an_interrupt(monkeypatch: pytest.MonkeyPatch) -> None:
-    done = decision.Tested(None, ExtensionTests())  # type: ignore[arg-type]
-    monkeypatch.setattr("stoop.strategy.decision.test", lambda found: (done, True))
-    fitted = Fitted(None, None)  # type: ignore[arg-type]
-    with pytest.raises(KeyboardInterrupt):
-        fitted.tested  # noqa: B018
-    assert fitted.tested is done
 
 
 def parsed(words: list[str]) -> argparse.Namespace:
@@ -256,10 +240,12 @@ def test_names_and_switches_choose_decisions() -> None:
         (["--only", "faults", "--only", "bounds"], {"faults", "bounds"}),
     ):
         assert strategy_of(parsed(words)).names == names, words
-    for chosen in (
-        default,
-        textbook,
-        default.without("bounds").including("extensions"),
-    ):  # as the app writes them
+
+
+def test_the_app_writes_the_switches_that_give_the_checked_decisions() -> None:
+    from stoop.app.fit_view import switches
+
+    default = Strategy.default()
+    for chosen in (default, Strategy.textbook(), default.without("bounds").including("extensions")):
         words = switches({one.name: one.name in chosen.names for one in DECISIONS})
         assert strategy_of(parsed(words)).names == chosen.names, words

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import pytest
+from unit.flown import maneuver
 
 from stoop.flight import Flight
 from stoop.simulation.fly import simulate_flight
-from stoop.simulation.maneuver import parse_maneuver
 from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop.workflow.demo import misled
@@ -16,22 +16,7 @@ TABLE = """
 u = { intensity = { value = 1.5, free = true, bounds = [0.05, 6.0] }, length = 200.0 }
 w = { intensity = { value = 1.2, free = true, bounds = [0.05, 6.0] }, length = 100.0 }
 """
-MANEUVER = """
-duration = 15.0
-rate = 50.0
-[[input]]
-control = "elevator"
-shape = "3-2-1-1"
-start = 1.0
-step = 0.4
-amplitude = 0.06
-[[input]]
-control = "elevator"
-shape = "doublet"
-start = 7.0
-step = 1.0
-amplitude = 0.04
-"""
+MANEUVER = maneuver(15.0, ("elevator", "3-2-1-1", 1.0, 0.4, 0.06), ("elevator", "doublet", 7.0, 1.0, 0.04))
 
 
 @pytest.fixture(scope="session")
@@ -42,7 +27,7 @@ def gusty() -> Vehicle:
 
 @pytest.fixture(scope="session")
 def gusty_flight(gusty: Vehicle) -> Flight:
-    return simulate_flight(gusty, parse_maneuver(MANEUVER, "test"), seed=4, name="sim")
+    return simulate_flight(gusty, MANEUVER, seed=4, name="sim")
 
 
 @pytest.fixture(scope="session")

@@ -18,7 +18,6 @@ from stoop.flight import load
 from stoop.flight.flight import from_columns
 from stoop.problem.windows import Window
 from stoop.simulation.fly import simulate_flight
-from stoop.simulation.maneuver import parse_maneuver
 from stoop.strategy import Strategy
 from stoop.strategy import gusts as decision
 from stoop.strategy.decision import Setup
@@ -39,7 +38,7 @@ def flown(intensity=0.0, numbers=(), seed=1):
     if numbers:
         text += "\n[sensors]\nalpha = { scale = 1.15 }\n"
     vehicle = parse_vehicle(text, "truth").with_numbers({n: {"value": v} for n, v in dict(numbers).items()})
-    return {"sim": simulate_flight(vehicle, parse_maneuver(MANEUVER, "test"), seed=seed, name="sim")}
+    return {"sim": simulate_flight(vehicle, MANEUVER, seed=seed, name="sim")}
 
 
 def levels(flights):

@@ -17,7 +17,6 @@ from stoop.prediction.predict import predict
 from stoop.problem.windows import Window
 from stoop.results.result import Covariance, NoiseCovariance, ProcessNoise, Result, from_json, to_json
 from stoop.simulation.fly import simulate_flight
-from stoop.simulation.maneuver import parse_maneuver
 from stoop.vehicle import Vehicle
 from stoop.workflow.fitted_model import FittedModel
 from stoop.workflow.identification import identify
@@ -30,10 +29,7 @@ LAST = Window("flight2", 0.0, 15.0)
 
 @pytest.fixture(scope="module")
 def flights(gusty: Vehicle) -> list[Flight]:
-    return [
-        simulate_flight(gusty, parse_maneuver(MANEUVER, "test"), seed=20 + k, name=f"flight{k}")
-        for k in range(3)
-    ]
+    return [simulate_flight(gusty, MANEUVER, seed=20 + k, name=f"flight{k}") for k in range(3)]
 
 
 def model(vehicle: Vehicle) -> Predictor:

@@ -13,7 +13,6 @@ from stoop.estimate.fit import Options
 from stoop.estimate.treatment import Treatment
 from stoop.problem.windows import Window
 from stoop.simulation.fly import simulate_flight
-from stoop.simulation.maneuver import parse_maneuver
 
 from .conftest import MANEUVER
 
@@ -91,7 +90,7 @@ def test_output_error_is_worse_than_filter_error_and_too_sure_by_weights_of_whit
     cases["plain"] = (fixed, "output-error", False)
     off, held = {case: [] for case in cases}, {case: [] for case in cases}
     for seed in range(8):
-        flight = simulate_flight(gusty, parse_maneuver(MANEUVER, "test"), seed=seed, name="sim")
+        flight = simulate_flight(gusty, MANEUVER, seed=seed, name="sim")
         truth = json.loads(flight.data.attrs["truth"])
         for case, (vehicle, method, colored) in cases.items():
             options = Options(method=method, treatment=Treatment(noise_color=colored))

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from stoop.assessment.assessment import Finding, pack, packed, unpack
+from stoop.assessment.assessment import Finding
 from stoop.assessment.bootstrap import Bootstrap, bootstrap_plan, refit_chunk
 from stoop.assessment.covariance import data_information, standard_errors
 from stoop.assessment.error_bars import error_bars, estimate_uncertainty
@@ -203,16 +203,6 @@ def bootstrap(
 ) -> Finding:
     assessment = Bootstrap(count, Given(ThreadPoolExecutor(1)), store)
     return assessment(fit, error_bars(fit), 0, watch)  # type: ignore[arg-type]
-
-
-def test_a_problem_comes_back_from_text_with_the_same_residuals(fit: Estimate) -> None:
-    problem = fit.refit_problem
-    again, arrays = unpack(packed(fit, error_bars(fit), {}))
-    assert isinstance(again, LinearProblem)
-    Z = fit.z + 1e-3 * np.random.default_rng(0).standard_normal((3, len(fit.z)))
-    np.testing.assert_array_equal(again.residuals(Z, 0), problem.residuals(Z, 0))
-    assert again.deviations == problem.deviations  # type: ignore[union-attr]
-    assert pack(again, {"z": arrays["z"]}) == pack(problem, {"z": fit.z})
 
 
 def test_the_bootstrap_agrees_with_the_corrected_errors(fit: Estimate) -> None:

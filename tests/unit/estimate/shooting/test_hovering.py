@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from unit.flown import maneuver
 
 from stoop.checks.excitation import in_ratio, ratios
 from stoop.checks.rotors import foreign_motors, rotor_notices
@@ -15,18 +16,12 @@ from stoop.estimate.fit import Options, estimation_problem
 from stoop.flight import from_columns
 from stoop.problem.windows import Window
 from stoop.simulation.fly import simulate_flight
-from stoop.simulation.maneuver import parse_maneuver
 from stoop.vehicle import parse_vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop.workflow import identify
 
 WINDOW = [Window("sim", 0.0, 16.0)]
 WIND = (2.0, -1.0, 0.0)
-MANEUVER = """
-duration = 16.0
-rate = 100.0
-wind = [2.0, -1.0, 0.0]
-"""
 INPUTS = (
     ("roll", "doublet", 1.0, 0.15, 8.0),
     ("pitch", "doublet", 2.0, 0.15, 8.0),
@@ -44,12 +39,6 @@ WRONG = {
 }  # fmt: skip
 
 
-def maneuver_text() -> str:
-    names = ("control", "shape", "start", "step", "amplitude")
-    entries = ["".join(f"{n} = {v!r}\n" for n, v in zip(names, one, strict=True)) for one in INPUTS]
-    return MANEUVER + "".join(f"[[input]]\n{one}" for one in entries)
-
-
 @pytest.fixture(scope="module")
 def quad():
     text = resolve_vehicle("quad-x").text.replace("lag = ", "delay = 0.012\nlag = ", 1)
@@ -58,7 +47,7 @@ def quad():
 
 @pytest.fixture(scope="module")
 def flight(quad):
-    return simulate_flight(quad, parse_maneuver(maneuver_text(), "m"), seed=1, name="sim")
+    return simulate_flight(quad, maneuver(16.0, *INPUTS, rate=100.0, wind=WIND), seed=1, name="sim")
 
 
 @pytest.fixture(scope="module")
@@ -215,7 +204,7 @@ def test_the_log_of_another_vehicle_is_recognized(start, flight):
 def test_a_wrong_mass_or_inertia_is_named_and_its_value_comes_out(name, wrong):
     """Thrust takes up the error silently: thrust nearly independent of the command, and much more drag."""
     vehicle = resolve_vehicle("quad-x")
-    calm = simulate_flight(vehicle, parse_maneuver(maneuver_text(), "m"), seed=1, name="sim")
+    calm = simulate_flight(vehicle, maneuver(16.0, *INPUTS, rate=100.0, wind=WIND), seed=1, name="sim")
     off = vehicle.with_numbers({name: {"value": wrong * vehicle.value(name)}})
     given = identify(off, calm, ["0:11"], validate=["11.5:16"]).result
     assert given.extensions.found[0].name == name

@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from unit.flown import maneuver, with_few_free
 
 from stoop.assessment.error_bars import error_bars
 from stoop.estimate import methods
@@ -20,22 +21,7 @@ from stoop.workflow import demo
 
 DT = 0.02
 FREE = ("CL0", "CLalpha", "CLelevator", "CD0", "CDalpha", "Cm0", "Cmalpha", "Cmq", "Cmelevator")
-MANEUVER = """
-duration = 15.0
-rate = 50.0
-[[input]]
-control = "elevator"
-shape = "3-2-1-1"
-start = 1.0
-step = 0.5
-amplitude = 0.04
-[[input]]
-control = "elevator"
-shape = "3-2-1-1"
-start = 7.0
-step = 0.5
-amplitude = -0.05
-"""
+MANEUVER = maneuver(15.0, ("elevator", "3-2-1-1", 1.0, 0.5, 0.04), ("elevator", "3-2-1-1", 7.0, 0.5, -0.05))
 
 
 @pytest.fixture(scope="module")
@@ -45,19 +31,17 @@ def unstable():
     point = trim(vehicle)  # where Cmalpha is changed about, so that the trim stays
     alpha = point.start["alpha"]
     changed = {"Cmalpha": {"value": 1.5}, "Cm0": {"value": vehicle.value("Cm0") - 3.62 * alpha}}
-    held = {p.name: {"free": False} for p in vehicle.parameters if p.free and p.name not in FREE}
-    return vehicle.with_numbers({**changed, **held})
+    return with_few_free(vehicle, FREE).with_numbers(changed)
 
 
 @pytest.fixture(scope="module")
 def flight(unstable):
     """What sensors record while the elevator damps pitch rate and holds the angle of attack."""
-    maneuver = parse_maneuver(MANEUVER, "damped")
     point = trim(unstable)
     kernel, rows = unstable.kernel(), parameter_rows(unstable, point.changes)
     x = initial_states(unstable, point.start, rows, point.inputs)
-    pilot, u, inputs, readings = maneuver.deflections()["elevator"], point.inputs[:, None], [], []
-    for k in range(len(maneuver.time)):
+    pilot, u, inputs, readings = MANEUVER.deflections()["elevator"], point.inputs[:, None], [], []
+    for k in range(len(MANEUVER.time)):
         _, y = kernel.evaluate(rows, x, u)
         inputs.append(u[:, 0])
         readings.append(y[:, 0])
@@ -70,7 +54,7 @@ def flight(unstable):
     columns = dict(zip(unstable.outputs, (np.array(readings) + sigma * noise).T, strict=True))
     columns |= dict(zip(unstable.inputs, np.array(inputs).T, strict=True))
     columns["altitude"] = np.full(len(readings), 200.0)
-    made = from_columns("damped", maneuver.time, columns, ("simulated flight",))
+    made = from_columns("damped", MANEUVER.time, columns, ("simulated flight",))
     thrust = point.changes.get("propulsion.thrust", unstable.value("propulsion.thrust"))
     made.data.attrs["truth"] = json.dumps(
         {n: unstable.value(n) for n in FREE} | {"propulsion.thrust": thrust}
