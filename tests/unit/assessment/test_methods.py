@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 
@@ -10,7 +9,6 @@ import numpy as np
 import pytest
 from unit.flown import maneuver, with_few_free
 
-from stoop.assessment import sampling
 from stoop.assessment.assessment import check_method
 from stoop.errors import IdentificationError
 from stoop.estimate.fit import Options
@@ -19,7 +17,7 @@ from stoop.parallel import Given
 from stoop.simulation.fly import simulate_flight
 from stoop.vehicle import parse_vehicle
 from stoop.vehicle.builtin import resolve_vehicle
-from stoop.workflow import Bootstrap, FittedModel, Posterior, Profile, identify
+from stoop.workflow import Bootstrap, FittedModel, Profile, identify
 
 DELAY = "sensors.alpha.delay"
 FREE = ("CLalpha", "Cmalpha", "Cmq", "Cmelevator")
@@ -73,18 +71,6 @@ def test_bootstrap_and_profile_agree_with_the_corrected_errors(job: FittedModel)
         assert profile.std_error == pytest.approx(corrected[name].std_error, rel=0.2)
         assert profile.ci95_lower < result.parameters[name].estimate < profile.ci95_upper
         assert found[name].std_error == pytest.approx(corrected[name].std_error, rel=0.35)
-
-
-def test_the_posterior_agrees_with_the_corrected_errors(monkeypatch: pytest.MonkeyPatch) -> None:
-    # Two parameters are no V-tail. That of multiple shooting has the same sampler, and the likelihood of the profile above.
-    few = dataclasses.replace(sampling.SAMPLER, tuning=100, draws=200)
-    monkeypatch.setattr(sampling, "SAMPLER", few)
-    free = ("Cmalpha", "Cmq")
-    uncertainty = fitted("filter-error", "0:5", free).assess(Posterior()).result.uncertainty
-    corrected, found = (uncertainty[m].parameters for m in ("corrected", "posterior"))
-    assert uncertainty["posterior"].figures["rhat"] <= 1.01
-    for name in free:
-        assert found[name].std_error == pytest.approx(corrected[name].std_error, rel=0.2)
 
 
 @pytest.mark.parametrize("method", ["equation-error", "frequency-domain"])

@@ -92,26 +92,15 @@ def test_an_uncertain_parameter_widens_the_band_by_what_it_does(
     assert stretch.samples == pytest.approx(1.0 / piece.dt, abs=1)
     others = [aircraft.with_numbers({name: {"value": value + 1e-3 * error * s}}) for s in (1.0, -1.0)]
     up, down = (predict_stretch(model_of(other, ROUGH), stretch).readings for other in others)
-    known, uncertain = (
-        predict_stretch(model_of(aircraft, ROUGH, errors), stretch).deviation
-        for errors in ({}, {name: error})
+    known, uncertain, unbounded = (
+        predict_stretch(model_of(aircraft, ROUGH, errors), stretch)
+        for errors in ({}, {name: error}, {name: error, "CD0": np.inf})
     )
-    expected, found = np.abs(up - down) / 2e-3, np.sqrt(uncertain**2 - known**2)
+    expected, found = np.abs(up - down) / 2e-3, np.sqrt(uncertain.deviation**2 - known.deviation**2)
     some = expected > 0.2 * expected.max(axis=0)
     assert found[some] == pytest.approx(expected[some], rel=0.05)
-
-
-def test_an_unbounded_error_leaves_the_prediction_without_a_band(aircraft: Vehicle, truth: Flight) -> None:
-    window = Window("sim", 6.0, 10.0)
-    (piece,) = prepare(aircraft, {"sim": truth}, [window]).pieces
-    stretch = stretch_before(aircraft, {"sim": truth}, window, piece)
-    known, unknown = (
-        predict_stretch(model_of(aircraft, ROUGH, errors), stretch)
-        for errors in ({"Cmq": 1.0}, {"Cmq": 1.0, "CLalpha": np.inf})
-    )
-    np.testing.assert_allclose(unknown.readings, known.readings)
-    assert np.isfinite(known.deviation).all()
-    assert np.isnan(unknown.deviation).all()
+    np.testing.assert_allclose(unbounded.readings, uncertain.readings)
+    assert np.isnan(unbounded.deviation).all()
 
 
 def test_a_state_that_was_not_recorded_is_told_by_the_others(aircraft: Vehicle, truth: Flight) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
@@ -16,10 +15,8 @@ from stoop.problem.windows import Window
 from stoop.results.extensions import ExtensionTest, ExtensionTests
 from stoop.strategy import Strategy
 from stoop.strategy import extensions as extension
-from stoop.strategy.decision import Fitted, Setup
 from stoop.strategy.extensions import _freed
 from stoop.strategy.run import setup_of
-from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop.vehicle.document import with_entries
 from stoop.vehicle.extensions import extended
@@ -53,13 +50,6 @@ def test_missing_lag_is_added(tmp_path: Path, held_back: bool) -> None:
     for key in ("Clp", "Claileron"):
         one = job.parameters[key]
         assert abs(one.estimate - truth.value(key)) < 4.0 * one.std_error
-
-
-def test_right_model_stays() -> None:
-    base = resolve_vehicle("twin-boom")
-    job = identify(base, list(flights(base, 5).values()), WINDOWS, (), Options(seed=1), extend=True)
-    assert not [n for n in job.notices if n.code.startswith("extension")]
-    assert job.vehicle.structure == base.structure
 
 
 def asked_of(monkeypatch: pytest.MonkeyPatch, fitted: object, missing: object) -> None:
@@ -106,45 +96,6 @@ def test_after_a_refusal_the_next_is_tried(monkeypatch: pytest.MonkeyPatch, impo
     assert found is not None
     assert found.setup.vehicle == set()
     assert [n.code for n in found.setup.notices] == ["extension-refused"] * (1 if impossible else 2)
-
-
-@pytest.mark.parametrize("explained", [True, False])
-def test_in_gusts_every_trial_has_them_or_none(monkeypatch: pytest.MonkeyPatch, explained: bool) -> None:
-    """The filter's first fit decides; the extended vehicle has no table of gusts: the fit that follows adds it."""
-    one = ExtensionTest(
-        "controls.aileron.lag", "lag", 0.04, 0.01, "s", 4.0, 0.0, 1.0, "controls.aileron.lag", change=0.04
-    )
-    fits: list[tuple[str, bool]] = []
-
-    def fitted(setup: Setup) -> Fitted:
-        fits.append((setup.options.method, bool(setup.vehicle.gusts)))
-        outcome = SimpleNamespace(status="converged")
-        of_filter = 0.0 if explained else 0.9
-        found: Any = SimpleNamespace(
-            outcome=outcome, innovation_correlation=of_filter, correlation_time=1.0, first=not added(setup.vehicle),
-            start={},
-        )  # fmt: skip
-        return Fitted(setup, found)
-
-    def added(vehicle: Vehicle) -> bool:
-        return one.name in {p.name for p in vehicle.parameters}
-
-    def missing(fit: SimpleNamespace, bars: None) -> ExtensionTests:
-        return ExtensionTests(10, 0.01, (one,) * fit.first)
-
-    monkeypatch.setattr(extension, "estimate", fitted)
-    monkeypatch.setattr(extension, "error_bars", lambda fit: None)
-    monkeypatch.setattr(extension, "extension_tests", missing)
-    monkeypatch.setattr(extension, "penalized_rise", lambda before, after: 1.0)
-    monkeypatch.setattr(extension, "log_likelihood_rise", lambda before, after: (1.0, 1.0))
-    setup = setup_of(Strategy.textbook(), resolve_vehicle("twin-boom"), {}, [])
-    found = extension.extend(replace(setup, in_calm="output-error").by("filter-error"))
-    assert found is not None
-    assert added(found.setup.vehicle)
-    assert not found.setup.vehicle.gusts
-    assert (found.setup.options.method, found.setup.in_calm) == ("filter-error", "output-error")
-    calm, in_gusts = ("output-error", False), ("filter-error", True)
-    assert fits == [calm, in_gusts, in_gusts if explained else calm]
 
 
 def test_a_change_to_an_impossible_body_begins_nearer_the_present_value() -> None:

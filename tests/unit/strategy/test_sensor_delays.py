@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 
@@ -123,44 +122,6 @@ def longer(setup: Setup) -> bool:
     return setup.vehicle is not known()
 
 
-def freeing(fitter: Callable[[Setup], Fitted]) -> tuple[Fitted, list[Setup]]:
-    asked = list[Setup]()
-
-    def fit(setup: Setup) -> Fitted:
-        asked.append(setup)
-        return fitter(setup)
-
-    return sensor_delays.free_delays(calm().setup, fit), asked
-
-
-def test_a_filter_that_refuses_a_delay_keeps_its_fit(asks_for_a_delay: list[tuple[float, float]]) -> None:
-    def refusing(setup: Setup) -> Fitted:
-        if longer(setup):
-            raise IdentificationError("delays of sensors must be known")
-        return calm()
-
-    found, asked = freeing(refusing)
-    assert [longer(one) for one in asked] == [False, True]
-    assert found.estimate.estimates == calm().estimate.estimates
-    assert found.estimate.outcome.status == calm().estimate.outcome.status
-    assert not found.records
-
-
-@pytest.mark.parametrize("further", [False, True])
-def test_after_an_interruption_there_is_no_further_fit(
-    asks_for_a_delay: list[tuple[float, float]], further: bool
-) -> None:
-    """An interrupted further fit leaves the first, and says so."""
-    found, asked = freeing(
-        lambda setup: stopped(calm(), "converged" if further and not longer(setup) else "interrupted")
-    )
-    assert len(asked) == 1 + further
-    assert not asks_for_a_delay
-    assert found.estimate.outcome.status == "interrupted"
-    assert (sensor_delays.DOING in found.estimate.outcome.advice) == further
-    assert not found.records
-
-
 @pytest.mark.parametrize("gain", [3.0, -3.0])
 def test_likelihoods_of_two_methods_are_not_compared(
     asks_for_a_delay: list[tuple[float, float]], gain: float
@@ -229,3 +190,25 @@ def test_the_delay_of_velocities_is_known_before_the_fit(
     assert row.value == pytest.approx(value, abs=0.02)
     assert [one.code for one in change.setup.notices] == ["sensor-delay-found"] * bool(late)
     assert sensor_delays.find_delay(change.setup) is None  # the file decides now
+
+
+@pytest.mark.parametrize("ends", ["at once", "further", "refused"])
+def test_a_fit_with_a_delay_that_does_not_end_leaves_the_one_without(
+    asks_for_a_delay: list[tuple[float, float]], ends: str
+) -> None:
+    """After an interruption there is no further fit; a filter refuses delays, which must be known."""
+    asked = list[bool]()
+
+    def fit(setup: Setup) -> Fitted:
+        asked.append(longer(setup))
+        if ends == "refused" and asked[-1]:
+            raise IdentificationError("delays of sensors must be known")
+        return stopped(calm(), "interrupted" if asked[-1] or ends == "at once" else "converged")
+
+    found = sensor_delays.free_delays(calm().setup, fit)
+    assert asked == [False, True][: 1 if ends == "at once" else 2]
+    assert not asks_for_a_delay
+    assert not found.records
+    assert found.estimate.outcome.status == ("converged" if ends == "refused" else "interrupted")
+    assert (sensor_delays.DOING in found.estimate.outcome.advice) == (ends == "further")
+    assert found.estimate.estimates == calm().estimate.estimates

@@ -8,10 +8,8 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
-from stoop.assessment.error_bars import error_bars
 from stoop.estimate.fit import Options, estimation_problem
 from stoop.estimate.regression.least_squares import Estimates, TimeDomain, estimate
-from stoop.estimate.regression.method import equation_error
 from stoop.estimate.regression.rotors import MOMENTS, RotorEquations
 from stoop.flight import Flight
 from stoop.flight.flight import from_columns
@@ -19,7 +17,6 @@ from stoop.problem.windows import Window
 from stoop.simulation import initial_states, parameter_rows
 from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.vehicle.builtin import builtin_vehicle
-from stoop.workflow.summary import prior_conflicts
 
 DT = 0.01
 TRUTH = {"rotors.T2": 7.0, "rotors.inflow": 0.3, "rotors.drag": 0.1}
@@ -124,24 +121,6 @@ def smoothed_slope(x: np.ndarray) -> np.ndarray:
     slope = CubicSpline(DT * np.arange(len(x)), x)(DT * np.arange(len(x)), 1)
     weights = 1.0 - np.cos(2.0 * np.pi * np.arange(1, 22) / 22)
     return np.array([np.average(slope[k : k + 21], weights=weights) for k in range(len(x) - 20)])
-
-
-@pytest.mark.parametrize(("weighed", "contradicted"), [(1.0, ()), (1.2, ("sensors.az.bias",))])
-def test_a_bias_that_takes_up_a_wrong_mass_contradicts_its_prior(
-    weighed: float, contradicted: tuple[str, ...]
-) -> None:
-    """Thrust is held, mass 20 % wrong: the vertical accelerometer seems 2 m/s2 off, where 0.2 was expected."""
-    vehicle = builtin_vehicle("quad-x")
-    mass, free = vehicle.value("mass.mass"), ("rotors.drag", "sensors.az.bias")
-    held = {p.name: {"free": False} for p in vehicle.parameters if p.free and p.name not in free}
-    told = {"mass.mass": {"value": weighed * mass}, "sensors.az.bias": {"free": True, "prior": 0.2}}
-    own = vehicle.with_numbers({**held, **told})
-    noise = {c: 0.1 * np.random.default_rng(i).standard_normal(400) for i, c in enumerate(("ax", "ay", "az"))}
-    flight = flown(vehicle, False, {}, noise)
-    fit = equation_error(own, {"quad": flight}, [Window("quad", 0.0, 3.99)], Options())
-    found = prior_conflicts(fit, error_bars(fit))
-    assert tuple(n.subject for n in found) == contradicted
-    assert [n.values["prior"] for n in found] == [0.2] * len(contradicted)
 
 
 def test_a_turned_inertial_unit_with_scale_errors_is_in_the_equations() -> None:

@@ -7,6 +7,7 @@ import pytest
 from unit.flown import maneuver, with_few_free
 
 from stoop.assessment.error_bars import error_bars
+from stoop.errors import IdentificationError
 from stoop.estimate import methods
 from stoop.estimate.fit import Options, estimation_problem
 from stoop.estimate.multiple_shooting import MultipleShooting
@@ -118,16 +119,23 @@ def test_a_budget_ends_it_where_the_windows_are_and_more_of_it_goes_on(start, fl
     assert (few.outcome.status, few.outcome.generation) == ("generations", 3)
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_a_hostile_start_ends_in_a_value_or_in_one_line(unstable, flight, ends_well, seed):
+@pytest.mark.parametrize("seed", range(4))
+def test_a_hostile_start_ends_in_a_value_or_in_one_line(unstable, flight, seed):
     """Values anywhere in boxes a thousand times as wide as the file's, attitudes of windows included."""
     rng, wild = np.random.default_rng(seed), {}
     for p in unstable.parameters:
         if p.free:
             reach = 1e3 * max(abs(p.value), 0.1)
             wild[p.name] = {"value": float(rng.uniform(-reach, reach)), "bounds": [-reach, reach]}
-    args = (unstable.with_numbers(wild), {"damped": flight}, WINDOW, Options(budget=2000.0))
-    ends_well(lambda: MultipleShooting()(*args))
+    try:
+        found = MultipleShooting()(
+            unstable.with_numbers(wild), {"damped": flight}, WINDOW, Options(budget=2000.0)
+        )
+    except IdentificationError as error:
+        assert "\n" not in str(error)
+    else:
+        assert np.isfinite(found.z).all()
+        assert found.outcome.status == "converged" or found.outcome.advice
 
 
 def test_an_interrupted_fit_is_resumed_to_the_same_result(start, flight, resumed):
