@@ -8,8 +8,9 @@ from naive.aircraft import rotation
 
 from stoop.errors import FlightError
 from stoop.flight import Flight, from_columns
+from stoop.problem import Piece
 from stoop.problem.layout import Layout
-from stoop.problem.prepare import nuisances, prepare
+from stoop.problem.prepare import Prepared, nuisances, prepare, without_stuck_channels
 from stoop.problem.windows import Window, parse_window
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import builtin_vehicle
@@ -83,3 +84,18 @@ def test_wind_is_no_parameter_of_the_search(quad: Vehicle) -> None:
     layout = Layout.of(quad, [])
     assert not [p.name for p in layout.parameters if p.name.startswith("sensors.")]
     assert "rotors.T2" in [p.name for p in layout.parameters]
+
+
+def test_a_heading_about_south_is_not_stuck() -> None:
+    """Its readings jump by a whole turn, and are no spikes."""
+    vehicle, t = builtin_vehicle("twin-boom"), np.arange(400) * 0.01
+    measured, psi = np.full((400, 12), np.nan), vehicle.outputs.index("psi")
+    heading = np.pi + 0.02 * np.random.default_rng(1).standard_normal(400)
+    for wrapped, lost in (
+        ((heading + np.pi) % (2.0 * np.pi) - np.pi, []),
+        (0.0 * heading, ["stuck-channel"]),
+    ):
+        measured[:, psi] = wrapped
+        piece = Piece(0, t, np.zeros((400, len(vehicle.inputs))), measured, {})
+        found = without_stuck_channels(vehicle, Prepared((piece,), ()))
+        assert [n.code for n in found.notices] == lost

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from stoop.base.variables import POSITION
 from stoop.prediction.open_loop import ARX, LINE, channels_of, open_loop_scores, score
@@ -52,7 +53,10 @@ def test_an_autoregression_finds_a_linear_system() -> None:
         return piece({"q": q, "theta": theta}, u, {"V": 20.0})
 
     predicted = flight()
-    (scores,) = open_loop_scores(VEHICLE, [predicted], {"model": [predicted.measured]}, [flight(), flight()])
-    assert scores["model"] == 0.0
+    theta = np.arange(len(VEHICLE.outputs)) == VEHICLE.outputs.index("theta")
+    readings = {n: [predicted.measured + n * np.pi * theta] for n in (0, 1, 2)}
+    (scores,) = open_loop_scores(VEHICLE, [predicted], readings, [flight(), flight()])
+    assert scores[0] == scores[2] == pytest.approx(0.0, abs=1e-9), "whole turns are none"
+    assert scores[1] > 0.1
     assert scores[ARX] < 1e-6
     assert scores[LINE] > 0.2

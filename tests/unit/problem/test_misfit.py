@@ -18,7 +18,7 @@ from stoop.simulation.maneuver import Maneuver
 from stoop.vehicle import Vehicle, load_vehicle, parse_vehicle
 from stoop_studies.verify import scenes
 
-SPEC = {"duration": 3.0, "rate": 50.0}
+SPEC = {"duration": 2.0, "rate": 50.0}
 
 
 def step(control: str, start: float) -> dict[str, object]:

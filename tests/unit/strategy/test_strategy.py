@@ -165,8 +165,6 @@ def test_textbook_is_output_error_to_the_last_bit(clean: Fitted) -> None:
     assert done.estimate.estimates == alone.estimates
     assert done.estimate.cost == alone.cost
     assert np.array_equal(done.estimate.z, alone.z)
-    usual = fit(Strategy.default(), known(), given, WINDOWS, options=options)
-    assert usual.estimate.estimates != alone.estimates
 
 
 def test_assumptions_free_the_lag_that_a_file_leaves_out() -> None:
