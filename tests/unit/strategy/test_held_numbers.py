@@ -26,27 +26,37 @@ from stoop_studies.verify.closed_loop import quadrotor_scene
 
 HOLD = Strategy.only("held-numbers")
 PITCH = "mass.inertia.yy"
-FREE = ("Cmalpha", "Cmq")
 
 
 @cache
-def flight() -> Flight:
-    return simulate_flight(scenes.aircraft(), scenes.maneuvers()["pitch"], noise=True, seed=5, name="pitch")
+def flight(name: str) -> Flight:
+    seed = {"pitch": 5, "roll": 3}[name]
+    return simulate_flight(scenes.aircraft(), scenes.maneuvers()[name], noise=True, seed=seed, name=name)
 
 
-def user(scale: float, **inertia: object) -> Vehicle:
-    """Return the true vehicle whose elevator turns it so much less, the inertia and little else of it free."""
+def user(**numbers: dict[str, object]) -> Vehicle:
+    """Return the true vehicle with these free numbers alone, each with what is told of it."""
     truth = scenes.aircraft()
     changes: dict[str, dict[str, object]] = {p.name: {"free": False} for p in truth.parameters if p.free}
-    changes |= {n: {"free": True} for n in FREE} | {PITCH: {"free": True} | inertia}
-    changes["Cmelevator"] = {"value": scale * truth.value("Cmelevator"), "free": False}
-    return truth.with_numbers(changes)
+    return truth.with_numbers(changes | {n: {"free": True} | told for n, told in numbers.items()})
 
 
-def done(vehicle: Vehicle, strategy: Strategy = HOLD) -> Fitted:
-    windows = [Window("pitch", 0.0, scenes.DURATION)]
+def pitching(scale: float, **inertia: object) -> Vehicle:
+    """Return that whose elevator turns it so much less, with damping and moment of inertia free."""
+    elevator = {"value": scale * scenes.aircraft().value("Cmelevator"), "free": False}
+    return user(Cmalpha={}, Cmq={}, Cmelevator=elevator, **{PITCH: inertia})
+
+
+def rolling(**told: dict[str, object]) -> Vehicle:
+    """Return that with priors about the truth but for those given."""
+    names = ("Clp", "Claileron", "Clbeta", "Cnbeta", "Cnr", "Cnrudder")
+    return user(**{n: {"prior": 0.2 * abs(scenes.aircraft().value(n))} for n in names} | told)
+
+
+def done(vehicle: Vehicle, strategy: Strategy = HOLD, name: str = "pitch") -> Fitted:
+    windows = [Window(name, 0.0, scenes.DURATION)]
     options = Options(budget=3000.0, method="output-error")
-    return fit(strategy, vehicle, {"pitch": flight()}, windows, options=options)
+    return fit(strategy, vehicle, {name: flight(name)}, windows, options=options)
 
 
 def std(estimate: Estimate, name: str) -> float:
@@ -57,7 +67,7 @@ def std(estimate: Estimate, name: str) -> float:
 def test_an_inertia_of_no_body_is_held_and_the_written_vehicle_loads(prior: float | None) -> None:
     """A surface that is eight times too effective asks for more inertia: to a default bound, also where no body has it."""
     truth = scenes.aircraft().value(PITCH)
-    vehicle = user(8.0, prior=prior and prior * truth)
+    vehicle = pitching(8.0, prior=prior and prior * truth)
     free = done(vehicle, Strategy.textbook()).estimate
     assert is_body(free.identified_vehicle) == (prior is None)
     assert free.unknowns[0].fixed == "bound"
@@ -77,7 +87,7 @@ def test_an_inertia_of_no_body_is_held_and_the_written_vehicle_loads(prior: floa
 
 def test_a_held_moment_without_a_prior_is_known_as_its_bounds_say() -> None:
     """Evenly: the standard deviation is that of a number which is anywhere between them."""
-    vehicle = user(8.0)
+    vehicle = pitching(8.0)
     (moment,) = (p for p in vehicle.parameters if p.name == PITCH)
     found = held_inertia(done(vehicle).estimate)
     assert found == {PITCH: pytest.approx(np.std(np.linspace(moment.lower, moment.upper, 100_001)), rel=1e-4)}
@@ -101,17 +111,17 @@ def test_of_the_inertia_in_yaw_and_the_torque_of_rotors_a_flight_shows_the_ratio
 
 def held(value: float, known: float | None) -> Estimate:
     """Return the estimate with the moment held at a value, of which a standard deviation is known."""
-    return done(user(1.0, free=False, value=value, prior=known), Strategy.textbook()).estimate
+    return done(pitching(1.0, free=False, value=value, prior=known), Strategy.textbook()).estimate
 
 
 @pytest.mark.parametrize("share", [0.03, 0.3])
 def test_a_held_moment_widens_error_bars_as_a_free_one_does(share: float) -> None:
     """By its prior, or by what the flight leaves of that."""
     truth = scenes.aircraft().value(PITCH)
-    free = done(user(1.0, prior=share * truth), Strategy.textbook()).estimate
+    free = done(pitching(1.0, prior=share * truth), Strategy.textbook()).estimate
     held_there = held(free.estimates[PITCH], share * truth)
     alone = held(free.estimates[PITCH], None)
-    for name in FREE:
+    for name in ("Cmalpha", "Cmq"):
         assert std(held_there, name) == pytest.approx(std(free, name), rel=0.02)
     assert std(held_there, "Cmalpha") > 1.02 * std(alone, "Cmalpha")
 
@@ -126,33 +136,10 @@ def test_the_prior_of_a_moment_that_the_flight_contradicts_counts_whole() -> Non
     assert np.sqrt(after**2 - before**2) == pytest.approx(moved, rel=0.15)
 
 
-ONLY = Strategy.only("priors")
-FREE_PRIORS = ("Clp", "Claileron", "Clbeta", "Cnbeta", "Cnr", "Cnrudder")
-
-
-@cache
-def flight_priors() -> Flight:
-    return simulate_flight(scenes.aircraft(), scenes.maneuvers()["roll"], noise=True, seed=3, name="roll")
-
-
-def user_priors(**priors: dict[str, float]) -> Vehicle:
-    """Return the true vehicle with few free numbers, whose priors are about the truth but for those given."""
-    truth = scenes.aircraft()
-    changes: dict[str, dict[str, object]] = {p.name: {"free": False} for p in truth.parameters if p.free}
-    for name in FREE_PRIORS:
-        changes[name] = {"free": True, "prior": 0.2 * abs(truth.value(name))} | priors.get(name, {})
-    return truth.with_numbers(changes)
-
-
-def done_priors(vehicle: Vehicle, strategy: Strategy = ONLY) -> Fitted:
-    windows = [Window("roll", 0.0, scenes.DURATION)]
-    return fit(strategy, vehicle, {"roll": flight_priors()}, windows, options=Options(budget=3000.0))
-
-
 def test_a_prior_that_the_flight_contradicts_is_widened() -> None:
     truth = scenes.aircraft().value("Clp")
-    wrong = user_priors(Clp={"value": 0.4 * truth, "prior": 0.004 * abs(truth)})
-    held, found = done_priors(wrong, Strategy.textbook()), done_priors(wrong)
+    wrong = rolling(Clp={"value": 0.4 * truth, "prior": 0.004 * abs(truth)})
+    held, found = (done(wrong, one, "roll") for one in (Strategy.textbook(), Strategy.only("priors")))
     (record,) = (one for one in found.decisions if one.name == "priors")
     assert record.state == "applied"
     assert record.gained > 0.0
@@ -161,28 +148,18 @@ def test_a_prior_that_the_flight_contradicts_is_widened() -> None:
     # the fit that the prior held is far from the flight: to first order the difference is too small
     assert 0.3 * abs(truth) < said.values["consistent"] + 2.0 * said.values["std"] < 0.7 * abs(truth)
     assert said.values["prior"] == pytest.approx(0.004 * abs(truth))
-
-    def off(one: Fitted) -> float:
-        i = [p.name for p in one.estimate.problem.layout.parameters].index("Clp")
-        return abs(one.estimate.estimates["Clp"] - truth) / float(error_bars(one.estimate).std[i])
-
-    assert off(held) > 10.0
-    assert off(found) < 3.0
+    off = [abs(one.estimate.estimates["Clp"] - truth) / std(one.estimate, "Clp") for one in (held, found)]
+    assert off[1] < 3.0
+    assert off[0] > 10.0
     assert said.values["estimate"] / truth > 0.6
 
 
-def test_right_priors_stay() -> None:
-    found = done_priors(user_priors())
-    assert [one.state for one in found.decisions if one.name == "priors"] == ["not needed"]
-    assert found.estimate.estimates == done_priors(user_priors(), Strategy.textbook()).estimate.estimates
-
-
-def test_a_mass_is_a_measurement() -> None:
+def test_right_priors_stay_and_a_mass_is_a_measurement() -> None:
     """It is named by the notices of a result, and not estimated anew."""
-    mass = scenes.aircraft().value("mass.mass")
-    heavy = user_priors().with_numbers(
-        {"mass.mass": {"value": 1.3 * mass, "prior": 0.001 * mass, "free": True}}
-    )
-    found = done_priors(heavy)
+    mass, only = scenes.aircraft().value("mass.mass"), Strategy.only("priors")
+    found = done(rolling(), only, "roll")
+    assert [one.state for one in found.decisions if one.name == "priors"] == ["not needed"]
+    assert found.estimate.estimates == done(rolling(), Strategy.textbook(), "roll").estimate.estimates
+    found = done(rolling(**{"mass.mass": {"value": 1.3 * mass, "prior": 0.001 * mass}}), only, "roll")
     assert found.estimate.estimates["mass.mass"] == pytest.approx(1.3 * mass, rel=0.02)
     assert not any(one.subject == "mass.mass" for one in found.estimate.notices)

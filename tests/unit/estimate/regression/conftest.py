@@ -7,7 +7,7 @@ import pytest
 from stoop.flight import Flight
 from stoop.simulation import trim
 from stoop.simulation.fly import simulate_flight
-from stoop.simulation.maneuver import Maneuver, parse_maneuver
+from stoop.simulation.maneuver import Maneuver
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 
@@ -15,13 +15,12 @@ DURATION = 25.0
 
 
 def multisines(duration: float = DURATION, rate: float = 50.0) -> Maneuver:
-    text = f"duration = {duration}\nrate = {rate}\n"
-    for i, (control, amplitude) in enumerate((("elevator", 0.2), ("aileron", 0.08), ("rudder", 0.12))):
-        text += (
-            f'[[input]]\ncontrol = "{control}"\nshape = "multisine"\nstart = 0.0\nduration = {duration}\n'
-            f"amplitude = {amplitude}\nband = 1.2\nfirst = {3 + i}\nstride = 3\n"
-        )
-    return parse_maneuver(text, "multisines")
+    amplitudes = {"elevator": 0.2, "aileron": 0.08, "rudder": 0.12}
+    more = {"shape": "multisine", "start": 0.0, "duration": duration, "band": 1.2, "stride": 3}
+    inputs = [
+        {"control": c, "amplitude": a, "first": 3 + i, **more} for i, (c, a) in enumerate(amplitudes.items())
+    ]
+    return Maneuver.model_validate({"duration": duration, "rate": rate, "input": inputs})
 
 
 @pytest.fixture(scope="session")
