@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from naive.whiteness import naive_ljung_box
@@ -209,6 +209,7 @@ def test_gain_without_phase(hertz: float, gain: float) -> None:
     assert_allclose(low_pass(wave, HERTZ)[middle], gain * wave[middle], atol=2e-3)
 
 
+@settings(max_examples=25)
 @given(st.lists(st.integers(1, 60), min_size=1, max_size=5))
 def test_each_stretch_for_itself(sizes: list[int]) -> None:
     random = np.random.default_rng(1)

@@ -80,33 +80,27 @@ def test_a_lag_that_is_lacking_widens_what_it_moves() -> None:
     assert np.array_equal(found.bars.covariance, bars.covariance)
 
 
-def test_no_number_becomes_less_known_than_its_prior_says() -> None:
-    bars = error_bars(fitted(0.0))
+def test_no_number_becomes_less_known_than_its_prior_says(pitch: OutputErrorEstimate) -> None:
+    bars = error_bars(pitch)
     own = bars.free < len(bars.std)
     std = np.append(bars.std[bars.free[own]], np.ones(np.count_nonzero(~own)))
-    bound = np.where(np.arange(len(std)) % 3 == 0, 0.5, np.where(np.arange(len(std)) % 3 == 1, 1.2, np.inf))
+    bound = np.array([0.5, 1.2, np.inf])[np.arange(len(std)) % 3]
     wide = replace(bars, priors=bound * std).with_model_error(2.0 * std**2)
     expected = np.clip(bound, 1.0, np.sqrt(3.0))[own]
     assert wide.std[bars.free[own]] / std[own] == pytest.approx(expected)
 
 
-def test_another_weighting_makes_no_number_less_known_than_its_prior_says() -> None:
+def test_another_weighting_makes_no_number_less_known_than_its_prior_says(pitch: OutputErrorEstimate) -> None:
     """The prior alone says by how much an estimate is off: its variance and the square of the distance from its mean."""
-    done = fitted(0.0)
-    assert isinstance(done, OutputErrorEstimate)
-    apart = np.random.default_rng(3).normal(0.0, 2.0, len(done.z))
-    alone, both = (error_bars(replace(done, by_white=done.z + move)) for move in (0.0 * apart, apart))
-    free = both.free[both.free < len(both.std)]
-    added = (done.problem.layout.scales * apart)[free]
-    assert both.covariance[np.ix_(free, free)] == pytest.approx(
-        alone.covariance[np.ix_(free, free)] + np.outer(added, added)
-    )
-    means = [0.0] * done.problem.layout.dimension + [n.center for n in done.problem.layout.nuisances]
-    limits = np.array([np.hypot(u.prior, u.estimate - m) for u, m in zip(done.unknowns, means, strict=True)])[
-        free
-    ]
+    apart = np.random.default_rng(3).normal(0.0, 2.0, len(pitch.z))
+    alone, both = (error_bars(replace(pitch, by_white=pitch.z + move)) for move in (0.0 * apart, apart))
+    layout, free = pitch.problem.layout, both.free[both.free < len(both.std)]
+    added, own = (layout.scales * apart)[free], np.ix_(free, free)
+    assert both.covariance[own] == pytest.approx(alone.covariance[own] + np.outer(added, added))
+    means = [0.0] * layout.dimension + [n.center for n in layout.nuisances]
+    limits = [np.hypot(u.prior, u.estimate - m) for u, m in zip(pitch.unknowns, means, strict=True)]
+    limits, whole = np.array(limits)[free], np.hypot(alone.std[free], added)
     assert np.isfinite(limits).any()
-    whole = np.hypot(alone.std[free], added)
     assert np.any(whole > limits)
     assert both.std[free] == pytest.approx(np.maximum(alone.std[free], np.minimum(whole, limits)))
 
@@ -128,7 +122,7 @@ def test_same_bits_whatever_the_threads(
 def test_a_parameter_at_its_bound_makes_others_lean(wrong: Vehicle, flight: Flight) -> None:
     """CL0 held far from the truth: CLalpha takes its place, with an error bar that is only conditional."""
     boxed = wrong.with_numbers({"CL0": {"value": 0.3, "bounds": (0.2, 0.35)}})
-    job = identify(boxed, flight, ["0:20"])
+    job = identify(boxed, flight, ["0:12"])
     bars = error_bars(job.estimate)
     assert bars.at_bound[[p.name for p in job.estimate.problem.layout.parameters].index("CL0")]
     assert "CLalpha" in bars.conditional

@@ -202,30 +202,15 @@ def cases() -> Iterator[tuple[str, Result, tuple[Use, ...], str, tuple[str, ...]
          "Clp": ParameterEstimate(-0.5, 0.1), "CD0": CD0}), some, USED, {"verdict-lacks"}),
     ):  # fmt: skip
         yield subject, given, USES, grade, justified, against
-    # both are known within 30 % only, their ratio within 2 %: that is what turns the aircraft
-    for std, spread, correlation in (
-        (0.15, 0.3, -0.998),
-        (0.15, 0.3, 0.0),
-        (0.05, 0.1, -0.995),
-        (0.05, 0.1, 0.0),
-    ):
-        prior = (
-            {"prior_std": std} if std < 0.1 else {}
-        )  # or priors alone tell the parts, and the flight the ratio
-        inertia = (
-            ParameterEstimate(1.0, spread, prior_std=spread) if prior else ParameterEstimate(1.0, spread)
-        )
-        own = ParameterEstimate(-0.5, std, identifiable=not prior, **prior)  # type: ignore[arg-type]
-        good = ("control design",) if correlation else ()
+    # both are known within 30 % only, their ratio within 2 %: that is what turns the aircraft; or priors alone tell the parts
+    for std, prior, correlation, grade in (
+        (0.15, math.nan, -0.998, "trusted"), (0.15, math.nan, 0.0, no), (0.05, 0.05, -0.995, some), (0.05, 0.05, 0.0, no)
+    ):  # fmt: skip
+        inertia = ParameterEstimate(1.0, 2.0 * std, prior_std=2.0 * prior)
+        own = ParameterEstimate(-0.5, std, identifiable=math.isnan(prior), prior_std=prior)
+        justified = USED[:1] if correlation else REFUSED
         given = known(correlation, Clp=own, **{"mass.inertia.xx": inertia})
-        yield (
-            f"a ratio, {std}, {correlation}",
-            given,
-            USES[:1],
-            (some if prior else "trusted") if good else no,
-            good,
-            set(),
-        )
+        yield f"a ratio, {std}, {correlation}", given, USES[:1], grade, justified, set()
     # Clp is 0.001 of the value at which it would be the largest effect: its own error of 400 % is no doubt
     need = dataclasses.replace(USES[0].needs[0], sizes=(1.0,))
     sized = (dataclasses.replace(USES[0], needs=(need,)), *USES[1:])
@@ -238,14 +223,7 @@ def cases() -> Iterator[tuple[str, Result, tuple[Use, ...], str, tuple[str, ...]
         if moved:
             given = dataclasses.replace(given, extensions=lacking(moves={"Clp": moved}).extensions)
         justified = REFUSED if grade == no else simulate if of is USES else USED
-        yield (
-            f"Clp near zero, {error}, {moved}",
-            given,
-            of,
-            grade if of is sized else "trusted",
-            justified,
-            against,
-        )
+        yield f"Clp near zero, {error}, {moved}", given, of, grade, justified, against
     # of several effects that with the largest one must be known, not that whose number is largest
     yaw = Need("control effectiveness in yaw", ("Cn1", "Cn2"), (100.0, 0.2), "mass.inertia.zz")
     given = known(Cn1=ParameterEstimate(2.0, 1.9), Cn2=ParameterEstimate(0.1, 0.001))

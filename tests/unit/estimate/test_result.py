@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -42,6 +41,7 @@ finite = st.floats(allow_nan=False, allow_infinity=False)
 name = st.text(st.characters(codec="utf-8"), max_size=12)
 quantity = st.builds(Quantity, number, number, name)
 quantities = st.dictionaries(name, quantity, max_size=3)
+state = st.builds(InitialState, st.integers(0, 9), st.integers(0, 9), number, quantities)
 figures = st.builds(GoodnessOfFit, number, number, number, number)
 
 
@@ -63,27 +63,12 @@ result = st.builds(
     Result,
     parameters=st.dictionaries(name, parameter, max_size=3),
     covariance=st.integers(0, 3).flatmap(lambda n: st.builds(Covariance, st.tuples(*[name] * n), square(n))),
-    noise_covariance=st.integers(0, 2).flatmap(
-        lambda n: st.builds(NoiseCovariance, st.tuples(*[name] * n), square(n))
-    ),
-    initial_states=st.lists(
-        st.builds(InitialState, st.integers(0, 9), st.integers(0, 9), number, quantities), max_size=2
-    ).map(tuple),
-    biases=st.lists(st.builds(SensorBiases, st.integers(0, 9), quantities), max_size=2).map(tuple),
-    wind=st.lists(st.builds(WindEstimate, name, quantities, number, notices), max_size=2).map(tuple),
-    maneuvers=st.lists(maneuver, max_size=2).map(tuple),
-    cost=number,
-    trajectories=number,
-    seconds=number,
-    seed=st.integers(0, 2**63),
-    optimizer=name,
-    status=name,
-    advice=name,
-    trust=notices,
-    notices=notices,
-    versions=st.dictionaries(name, name, max_size=2),
-    inputs=st.dictionaries(name, name, max_size=2),
-)
+    noise_covariance=st.just(NoiseCovariance((), np.empty((0, 0)))),
+    initial_states=st.lists(state, max_size=2).map(tuple), biases=st.just(()), wind=st.just(()),
+    maneuvers=st.lists(maneuver, max_size=2).map(tuple), cost=number, trajectories=number, seconds=number,
+    seed=st.integers(0, 2**63), optimizer=name, status=name, advice=name, trust=notices, notices=notices,
+    versions=st.dictionaries(name, name, max_size=2), inputs=st.dictionaries(name, name, max_size=2),
+)  # fmt: skip
 
 
 def minimal(**changes: object) -> Result:
@@ -148,32 +133,37 @@ def test_a_file_of_an_older_version_is_read() -> None:
         assert from_json(json.dumps(document)).process_noise == noise, method
 
 
-def test_modes_and_repeatability_survive() -> None:
-    some = DerivedValue(2.0, 0.1, 1.8, 2.2)
+def test_nested_parts_survive() -> None:
+    some, own = DerivedValue(2.0, 0.1, 1.8, 2.2), {"vn": Quantity(1.0, 0.1, "m/s")}
     remarks = (notice("mode-becomes-real", share=0.2), notice("mode-stability-unknown"))
-    mode = ModeEstimate("Dutch roll", some, some, some, some, DerivedValue(), "sampled", 0.2, remarks)
     seen = MeasuredMode(0, 1.0, 3.0, ("r", "beta"), some, some, notice("response-no-rest"))
-    linear = StateEquations(("p", "r"), ("rudder",), ((-1.0, 2.0), (0.0, -3.0)), ((4.0,), (5.0,)))
-    own = (replace(mode, measured=(seen,)),)
-    modes = (ConditionModes((0, 2), "trim", 20.0, 100.0, 0.05, own, linear=linear),)
-    single = SingleEstimate(1.0, 0.1, True)
-    repeated = Repeatability(
-        (0, 1), {"Clp": ParameterRepeatability((single, single), 1.0, 0.07, 0.0, 1, 1.0, "agree")}
+    mode = ModeEstimate(
+        "Dutch roll", some, some, some, some, DerivedValue(), "sampled", 0.2, remarks, measured=(seen,)
     )
-    text = to_json(minimal(modes=modes, repeatability=repeated))
+    linear = StateEquations(("p", "r"), ("rudder",), ((-1.0, 2.0), (0.0, -3.0)), ((4.0,), (5.0,)))
+    single = SingleEstimate(1.0, 0.1, True)
+    repeated = ParameterRepeatability((single, single), 1.0, 0.07, 0.0, 1, 1.0, "agree")
+    whole = minimal(
+        modes=(ConditionModes((0, 2), "trim", 20.0, 100.0, 0.05, (mode,), linear=linear),),
+        repeatability=Repeatability((0, 1), {"Clp": repeated}), biases=(SensorBiases(1, own),),
+        wind=(WindEstimate("a", own, 0.5, (as_notice("wind"),)),),
+        noise_covariance=NoiseCovariance(("p", "q"), np.array([[1.0, 0.2], [0.2, 2.0]])),
+    )  # fmt: skip
+    text = to_json(whole)
     again = from_json(text)
     (condition,) = json.loads(text)["modes"]  # texts, as readers of older versions expect
     assert condition["remark"] == ""
     said = "two real modes in 20 % of the draws; stability not determined by the data"
     assert condition["modes"][0]["remark"] == said
     assert condition["modes"][0]["measured"][0]["remark"] == "not identified: the controls never rest"
-    assert again.modes[0].remark is None
-    assert again.modes[0].linear == linear
-    assert [str(one) for one in again.modes[0].modes[0].remark] == [said]
-    assert str(again.modes[0].modes[0].measured[0].remark) == "not identified: the controls never rest"
-    assert to_json(again) == to_json(minimal(modes=modes, repeatability=repeated))
-    assert repr(again.modes[0].modes[0].frequency) == repr(some)
-    assert again.repeatability == repeated
+    assert to_json(again) == text
+    (found,) = again.modes
+    assert (found.remark, found.linear, repr(found.modes[0].frequency)) == (None, linear, repr(some))
+    assert [str(one) for one in found.modes[0].remark] == [said]
+    assert str(found.modes[0].measured[0].remark) == "not identified: the controls never rest"
+    assert (again.repeatability, again.biases) == (whole.repeatability, whole.biases)
+    assert repr(again.wind) == repr(whole.wind)
+    np.testing.assert_array_equal(again.noise_covariance.matrix, whole.noise_covariance.matrix)
 
 
 def test_what_is_no_result_is_refused_in_one_line(tmp_path: Path) -> None:

@@ -35,37 +35,16 @@ HALF = -0.0103 + 0.6 * 0.1825 - 0.36 * 0.0401  #: N, thrust of a rotor at a comm
 CROOKED = """
 format = "stoop-vehicle/1"
 name = "crooked"
+environment = { density = 1.225 }
+rotors = { gain = 0.9, idle = 0.05, nominal_voltage = 12.0, T0 = 0.1, T1 = 2.0, T2 = 7.0, Q0 = 0.001, Q1 = 0.02, Q2 = 0.11 }
 [mass]
 mass = 1.3
 inertia = { xx = 0.02, yy = 0.03, zz = 0.04, xz = 0.002 }
 center_of_gravity = [0.01, -0.02, 0.03]
-[environment]
-density = 1.225
-[rotors]
-gain = 0.9
-idle = 0.05
-nominal_voltage = 12.0
-T0 = 0.1
-T1 = 2.0
-T2 = 7.0
-Q0 = 0.001
-Q1 = 0.02
-Q2 = 0.11
-[rotor.a]
-channel = "motor_1"
-position = [0.2, 0.15, -0.05]
-axis = [0.1, 0.05, -1.0]
-spin = "ccw"
-factor = 0.8
-[rotor.b]
-channel = "motor_2"
-position = [-0.2, -0.15, 0.0]
-spin = "cw"
-torque_factor = 1.2
-[rotor.c]
-channel = "motor_3"
-position = [0.2, -0.2, 0.02]
-spin = "ccw"
+[rotor]
+a = { channel = "motor_1", position = [0.2, 0.15, -0.05], axis = [0.1, 0.05, -1.0], spin = "ccw", factor = 0.8 }
+b = { channel = "motor_2", position = [-0.2, -0.15, 0.0], spin = "cw", torque_factor = 1.2 }
+c = { channel = "motor_3", position = [0.2, -0.2, 0.02], spin = "ccw" }
 """
 
 

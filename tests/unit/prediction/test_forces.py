@@ -76,17 +76,9 @@ def test_the_voltage_is_averaged_where_the_file_says_so(quad: Vehicle) -> None:
     flight = from_columns("quad", t, {"voltage": sagging, "p": 0.0 * t})
     text = """
 name = "one"
-[mass]
-mass = 1.0
-inertia = { xx = 0.01, yy = 0.01, zz = 0.02 }
-[rotors]
-nominal_voltage = 16.8
-voltage_average = 10.0
-T2 = 30.0
-[rotor.m1]
-channel = "motor_1"
-position = [0.0, 0.0, 0.0]
-spin = "ccw"
+mass = { mass = 1.0, inertia = { xx = 0.01, yy = 0.01, zz = 0.02 } }
+rotors = { nominal_voltage = 16.8, voltage_average = 10.0, T2 = 30.0 }
+rotor.m1 = { channel = "motor_1", position = [0.0, 0.0, 0.0], spin = "ccw" }
 """
     slow = with_average_voltage(parse_vehicle(text, "one"), flight).column("voltage")
     np.testing.assert_array_equal(np.isnan(slow), np.isnan(sagging))

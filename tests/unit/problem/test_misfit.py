@@ -325,3 +325,21 @@ def test_a_positive_number_has_its_prior_in_the_logarithm() -> None:
     assert layout.prior_costs(z)[0] == pytest.approx(np.sum(layout.prior_residuals(z) ** 2))
     other = next(p for p in layout.parameters if p.name == "Clp")
     assert other.prior_about(1.0)[0] == other.prior_mean
+
+
+def test_a_bias_is_shared_by_the_pieces_of_its_maneuver(problem: Misfit) -> None:
+    z = np.concatenate([points(problem, 1)[0], np.zeros(problem.extra)])
+    places = [(n.name, n.maneuver) for n in problem.layout.nuisances]
+    moved = z + 2.0 * np.eye(len(z))[problem.dimension + places.index(("sensors.q.bias", 0))]
+    shift = 0.04 * (np.arange(6) == problem.layout.vehicle.outputs.index("q"))
+    for i, of_maneuver in enumerate((1.0, 1.0, 0.0)):
+        difference = problem.outputs(moved, i) - problem.outputs(z, i)
+        assert difference == pytest.approx(np.tile(of_maneuver * shift, (len(difference), 1)), abs=1e-15)
+
+
+def test_the_reference_is_a_model_that_says_nothing(problem: Misfit) -> None:
+    sigma, total = np.sqrt(np.diag(problem.weights.covariance)), 0.0
+    for p in problem.pieces:
+        first = np.array([c[np.isfinite(c)][0] if np.isfinite(c).any() else 0.0 for c in p.measured.T])
+        total += np.nansum(((p.measured - first) / sigma) ** 2)
+    assert problem.reference(len(problem.ladder) - 1) == pytest.approx(total, rel=1e-12)

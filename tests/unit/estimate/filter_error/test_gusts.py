@@ -10,6 +10,7 @@ import pytest
 from scipy.signal import lfilter
 
 from stoop.base.units import KNOT
+from stoop.errors import IdentificationError
 from stoop.estimate import filter_error, methods, scoring
 from stoop.estimate.fit import Options
 from stoop.estimate.gusts import LIMITS, exceed_sensors, gust_levels, unexplained, with_turbulence
@@ -20,7 +21,7 @@ from stoop.problem.windows import Window
 from stoop.simulation.fly import simulate_flight
 from stoop.strategy import Strategy
 from stoop.strategy import gusts as decision
-from stoop.strategy.decision import Setup
+from stoop.strategy.decision import Fitted, Setup
 from stoop.strategy.run import FIT_ALONE, choose_method, fit, setup_of
 from stoop.vehicle import parse_vehicle
 from stoop.vehicle.builtin import resolve_vehicle
@@ -195,3 +196,34 @@ def test_a_filter_whose_innovations_gusts_do_not_explain_ends_early(gusty_start,
     found = methods.find("filter-error").fitter()(gusty_start, flights, WINDOWS, Options(), None, None)
     assert searches[-1] == filter_error.TOLERANCES.last
     assert abs(found.innovation_correlation) > LIMITS.correlation
+
+
+@pytest.mark.parametrize("failing", ["output-error", "filter-error"])
+def test_the_method_that_fails_gives_way_to_the_other(monkeypatch, failing):
+    """A search in calm air that was interrupted goes on where it was, and the filter begins anew."""
+    setup = setup_of(
+        Strategy.default(), resolve_vehicle("twin-boom"), {}, WINDOWS, options=Options(method="output-error")
+    )
+    state = SimpleNamespace(optimizer="ps-gde-lm")
+    setup, asked = replace(setup, in_calm="output-error", state=state).by("filter-error"), []
+    estimate = SimpleNamespace(
+        outcome=SimpleNamespace(status="converged"), start={"CLalpha": 5.0}, notices=()
+    )
+
+    def fitted(one):
+        asked.append(
+            (one.options.method, one.state, dict(one.options.start or {}), one.options.treatment.gives_up)
+        )
+        if one.options.method == failing:
+            raise IdentificationError("the filter diverges from every start")
+        return Fitted(one, estimate)
+
+    monkeypatch.setattr(decision, "unexplained", lambda *args: ())
+    done = decision.fit_in_gusts(setup, fitted)
+    assert {done.setup.options.method, failing} == {"output-error", "filter-error"}
+    calm = failing == "filter-error"  # then the filter begins at its estimates, and may give up early
+    assert asked == [
+        ("output-error", state, {}, False),
+        ("filter-error", None, {"CLalpha": 5.0} if calm else {}, calm),
+    ]
+    assert [n.code for n in done.setup.notices] == (["filter-diverges"] if calm else [])

@@ -1,0 +1,17 @@
+"""A fit of the longitudinal aircraft, shared by these tests."""
+
+from __future__ import annotations
+
+import pytest
+
+from stoop.estimate.fit import Options, OutputErrorEstimate, fit
+from stoop.flight import Flight
+from stoop.problem.windows import Window
+from stoop.vehicle import Vehicle
+
+
+@pytest.fixture(scope="session")
+def pitch(wrong: Vehicle, flight: Flight) -> OutputErrorEstimate:
+    found = fit(wrong, {"sim": flight}, [Window("sim", 0.0, 12.0)], Options())
+    assert isinstance(found, OutputErrorEstimate)
+    return found
