@@ -123,28 +123,6 @@ def test_every_channel_answers_to_the_command_of_its_axis_alone() -> None:
     assert max(left.values()) < 1e-3
 
 
-@pytest.mark.parametrize("seed", range(4))
-def test_no_other_time_constant_or_delay_fits_better(seed: int) -> None:
-    own = [record(truth(0.15 * 2.0**seed, 0.03 * seed), 400, seed, noise=0.5)]
-    lag = fit_lags([own], RATE)[0]
-    assert lag is not None
-
-    def misfit(tau: float, delay: float) -> float:
-        """Return the sum of squares with the best gain, bias and initial value."""
-        parts = [
-            Lag(tau, delay, np.array([gain]), {}, (), RATE).respond(own[0].commands, bias, initial)
-            for gain, bias, initial in np.eye(3)
-        ]
-        return float(np.linalg.lstsq(np.column_stack(parts), own[0].measured, rcond=None)[1][0])
-
-    best = misfit(lag.time_constant, lag.dead_time)
-    others = [(lag.time_constant * factor, lag.dead_time) for factor in (0.9, 0.99, 1.01, 1.1)]
-    others += [
-        (lag.time_constant, lag.dead_time + shift / RATE) for shift in (-1, 1) if lag.dead_time or shift > 0
-    ]
-    assert all(misfit(*other) > best for other in others)
-
-
 def problem(seed: int, samples: int = 60, channels: int = 2, unknowns: int = 5) -> tuple[np.ndarray, ...]:
     random = np.random.default_rng(seed)
     J = random.standard_normal((samples, channels, unknowns))

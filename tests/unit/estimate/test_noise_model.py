@@ -63,20 +63,6 @@ def test_weights_and_slopes_are_derivatives_of_the_likelihood() -> None:
     assert np.isnan(mixture.weights(np.array([np.nan]))[0])
 
 
-def test_pseudo_observations_scatter_as_an_m_estimate_does() -> None:
-    """The location of contaminated noise: one step of the pseudo-residuals' mean, over many samples."""
-    rng, mixture, means = np.random.default_rng(1), Mixture(1.0, 0.05, 8.0), []
-    whole = contaminated(rng, 200_000, mixture.share, mixture.width)
-    w, slopes = mixture.weights(whole)
-    u = (w * whole / slopes.mean()).reshape(400, 500)
-    means = u.mean(axis=1)
-    assert np.std(means) * np.sqrt(500) == pytest.approx(np.std(u), rel=0.1)
-    assert np.std(u) == pytest.approx(
-        slopes.mean() ** -0.5, rel=0.01
-    )  # efficient: the inverse of the information
-    assert np.std(u) < 0.6 * np.std(whole)
-
-
 def test_outliers_are_found_and_nothing_else_is_called_so() -> None:
     for share, width in ((0.02, 10.0), (0.003, 80.0)):
         for seed in range(10):

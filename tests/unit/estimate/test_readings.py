@@ -13,7 +13,7 @@ from stoop.estimate.fit import Options, estimation_problem
 from stoop.estimate.linearization import advanced, aligned, as_recorded, undelayed
 from stoop.estimate.noise import correlation_times
 from stoop.flight import Flight
-from stoop.flight.gridding import Channels, Grid, grid_channels, source_rate
+from stoop.flight.gridding import Channels, grid_channels
 from stoop.problem import Layout, Misfit
 from stoop.problem.windows import Window
 from stoop.simulation.fly import simulate_flight
@@ -129,18 +129,6 @@ def slowed(flight: Flight) -> Flight:
 
 def problem_of(flight: Flight) -> Misfit:
     return estimation_problem(resolve_vehicle("twin-boom"), {"sim": flight}, [WINDOW], Options())[0]
-
-
-def test_readings_are_the_samples_of_the_grid_that_are_the_nearest() -> None:
-    grid = Grid(500, 101, 100.0)
-    time = 5.0 + 0.003 + np.arange(9) * 0.1123
-    found = source_rate("s", time).on(grid, time)
-    nearest = [int(np.argmin(np.abs(grid.time - t))) for t in time]
-    assert found.readings == tuple(nearest)
-    np.testing.assert_array_equal(np.flatnonzero(found.counted(grid.size)), nearest)
-    fast = source_rate("s", grid.time).on(grid, grid.time)
-    assert fast.readings == ()
-    assert fast.counted(grid.size).all()
 
 
 def test_a_residual_holds_nothing_interpolated(flown: Flight) -> None:

@@ -18,7 +18,6 @@ from stoop.performance.effectiveness import (
     Battery,
     Hover,
     Reference,
-    advice,
     assess,
     battery,
     hover,
@@ -244,11 +243,3 @@ def test_rotors_that_explain_it_nearly_as_well_are_named_with_it(hexa: Balance, 
     assert indistinct(plain) == ("M3",)
     gains = assess(flown(quad, rng, "gains", M1=-0.3, M2=-0.3, M3=-0.3, M4=-0.3), healthy(quad, rng, 3))
     assert indistinct(gains) == ()
-
-
-def test_an_accused_propeller_is_to_be_swapped(quad: Balance) -> None:
-    rng = np.random.default_rng(17)
-    reference, new = healthy(quad, rng, 8), flown(quad, rng, "new", M3=0.3)
-    (swap,) = advice(reference, [new], [judge(assess(new, reference))], 0.05)
-    assert swap.code == "rotors-swap-propellers"
-    assert swap.values["rotors"] == ("M3",)

@@ -80,7 +80,13 @@ mass = { mass = 1.0, inertia = { xx = 0.01, yy = 0.01, zz = 0.02 } }
 rotors = { nominal_voltage = 16.8, voltage_average = 10.0, T2 = 30.0 }
 rotor.m1 = { channel = "motor_1", position = [0.0, 0.0, 0.0], spin = "ccw" }
 """
-    slow = with_average_voltage(parse_vehicle(text, "one"), flight).column("voltage")
+    steady = from_columns("quad", t, {"voltage": drained})
+    slow, mean = (
+        with_average_voltage(parse_vehicle(text, "one"), f).column("voltage") for f in (flight, steady)
+    )
+    np.testing.assert_allclose(
+        mean[600:-600], drained[600:-600], atol=1e-9
+    )  # the mean of a line is its middle
     np.testing.assert_array_equal(np.isnan(slow), np.isnan(sagging))
     inside = np.isfinite(slow) & (t > 15.0) & (t < 50.0)
     np.testing.assert_allclose(slow[inside], (drained - 0.25)[inside], atol=0.03)

@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.interpolate import CubicSpline
 
 from stoop.estimate.fit import Options, estimation_problem
 from stoop.estimate.regression.least_squares import Estimates, TimeDomain, estimate
@@ -20,7 +19,6 @@ from stoop.vehicle.builtin import builtin_vehicle
 
 DT = 0.01
 TRUTH = {"rotors.T2": 7.0, "rotors.inflow": 0.3, "rotors.drag": 0.1}
-MOSTLY_HELD = {"rotors.T1": 8.0, "rotors.T2": 1.0, "rotors.inflow": 0.3, "rotors.drag": 0.1}
 WOBBLE = 0.06  #: rad/s, of the gyros' noise
 
 
@@ -91,36 +89,6 @@ def test_moments_that_no_command_explains_are_left_out() -> None:
     values, solved = regressed(mixed=True)
     assert not {"roll", "yaw"} & solved.r2.keys()
     assert values == {name: pytest.approx(value, rel=0.1) for name, value in TRUTH.items()}
-
-
-def thrust_mostly_held(start: float, mixed: bool, noise: dict[str, np.ndarray] | None = None) -> Estimates:
-    """Fit a flight of which the held T1 makes nearly all thrust, from some start of T2."""
-    begun = {name: {"value": value} for name, value in {**MOSTLY_HELD, "rotors.T2": start}.items()}
-    vehicle = builtin_vehicle("quad-x").with_numbers(begun)
-    values, solved = solved_for(
-        vehicle, flown(vehicle, mixed, MOSTLY_HELD, noise), ("rotors.T2", "rotors.drag")
-    )
-    assert values["rotors.T2"] == pytest.approx(1.0, rel=0.05)
-    return solved
-
-
-def test_a_share_is_of_what_was_measured() -> None:
-    """The equations know all but the noise of the gyros, so its share is what they leave; wherever they began."""
-    noise = {c: WOBBLE * np.random.default_rng(i).standard_normal(400) for i, c in enumerate("pqr")}
-    vehicle = builtin_vehicle("quad-x")
-    flight = flown(vehicle, False, MOSTLY_HELD, noise)
-    near, far = (thrust_mostly_held(start, False, noise).r2 for start in (1.0, 3.0))
-    for moment, rate in (("roll", "p"), ("pitch", "q")):
-        left, seen = smoothed_slope(noise[rate]), smoothed_slope(flight.column(rate))
-        assert near[moment] == pytest.approx(1.0 - left.var() / seen.var(), abs=0.02)
-        assert far[moment] == pytest.approx(near[moment], abs=1e-3)
-
-
-def smoothed_slope(x: np.ndarray) -> np.ndarray:
-    """Return the derivative of a signal, averaged over 0.2 s by a Hann window, the naive way."""
-    slope = CubicSpline(DT * np.arange(len(x)), x)(DT * np.arange(len(x)), 1)
-    weights = 1.0 - np.cos(2.0 * np.pi * np.arange(1, 22) / 22)
-    return np.array([np.average(slope[k : k + 21], weights=weights) for k in range(len(x) - 20)])
 
 
 def test_a_turned_inertial_unit_with_scale_errors_is_in_the_equations() -> None:
