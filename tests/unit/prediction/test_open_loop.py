@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 
 from stoop.base.variables import POSITION
 from stoop.prediction.open_loop import ARX, LINE, channels_of, open_loop_scores, score
@@ -46,17 +45,17 @@ def test_an_autoregression_finds_a_linear_system() -> None:
 
     def flight() -> Piece:
         u = np.repeat(rng.standard_normal((COUNT // 20, len(VEHICLE.inputs))), 20, axis=0)
-        q, theta = np.zeros(COUNT), np.zeros(COUNT)
+        q, psi = np.zeros(COUNT), np.zeros(COUNT)
         for k in range(1, COUNT):
-            q[k] = 0.9 * q[k - 1] - 0.1 * theta[k - 1] + 0.05 * u[k - 1, 0]
-            theta[k] = theta[k - 1] + DT * q[k - 1]
-        return piece({"q": q, "theta": theta}, u, {"V": 20.0})
+            q[k] = 0.9 * q[k - 1] - 0.1 * psi[k - 1] + 0.05 * u[k - 1, 0]
+            psi[k] = psi[k - 1] + DT * q[k - 1]
+        return piece({"q": q, "psi": psi}, u, {"V": 20.0})
 
     predicted = flight()
-    theta = np.arange(len(VEHICLE.outputs)) == VEHICLE.outputs.index("theta")
-    readings = {n: [predicted.measured + n * np.pi * theta] for n in (0, 1, 2)}
+    psi = np.arange(len(VEHICLE.outputs)) == VEHICLE.outputs.index("psi")
+    readings = {n: [predicted.measured + n * np.pi * psi] for n in (0, 1, 2)}
     (scores,) = open_loop_scores(VEHICLE, [predicted], readings, [flight(), flight()])
-    assert scores[0] == scores[2] == pytest.approx(0.0, abs=1e-9), "whole turns are none"
+    assert max(scores[0], scores[2]) < 1e-9, "whole turns are none"
     assert scores[1] > 0.1
     assert scores[ARX] < 1e-6
     assert scores[LINE] > 0.2

@@ -20,21 +20,17 @@ from stoop.simulation.initial import parameter_rows
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 
-DOMAIN = Domain((33.0, 37.0), 35.0, 200.0, 1.20165, (0.0, 0.2))
+DENSITY = 1.20165
+DOMAIN = Domain((33.0, 37.0), 35.0, 200.0, DENSITY, (0.0, 0.2))
 
 
-@pytest.fixture(scope="module")
-def vehicle() -> Vehicle:
-    return resolve_vehicle("twin-boom").reduced("longitudinal")
-
-
-def test_a_linear_expression_has_the_error_of_the_delta_method(vehicle: Vehicle) -> None:
+def test_a_linear_expression_has_the_error_of_the_delta_method(aircraft: Vehicle) -> None:
     names, covariance = ("CLalpha", "CD0"), np.array([[0.04, -0.001], [-0.001, 0.0001]])
     rng = np.random.default_rng(0)
     values = rng.multivariate_normal([4.78, 0.06], covariance, 20_000)
-    one = parse_expressions({"sum": "2*CLalpha - 30*CD0 + mass.inertia.yy/60"}, vehicle)["sum"]
-    drawn = parameter_rows(vehicle, dict(zip(names, values.T, strict=True)), len(values))
-    rows = np.hstack([parameter_rows(vehicle), drawn])
+    one = parse_expressions({"sum": "2*CLalpha - 30*CD0 + mass.inertia.yy/60"}, aircraft)["sum"]
+    drawn = parameter_rows(aircraft, dict(zip(names, values.T, strict=True)), len(values))
+    rows = np.hstack([parameter_rows(aircraft), drawn])
     found = figure("Expressions", one.samples(rows), names, values)
     gradient = np.array([2.0, -30.0])
     std = float(np.sqrt(gradient @ covariance @ gradient))
@@ -44,15 +40,15 @@ def test_a_linear_expression_has_the_error_of_the_delta_method(vehicle: Vehicle)
     assert found.sources[0][0] in names
 
 
-def test_a_value_that_does_not_exist_is_counted(vehicle: Vehicle) -> None:
+def test_a_value_that_does_not_exist_is_counted(aircraft: Vehicle) -> None:
     values = np.array([[0.0], [1.0]] * 20)
-    found = propagate_draws(vehicle, Draws(("CDV",), values, "covariance"), DOMAIN, {"inverse": "1/CDV"})
+    found = propagate_draws(aircraft, Draws(("CDV",), values, "covariance"), DOMAIN, {"inverse": "1/CDV"})
     assert found["inverse"].failed == 0.5
     (told,) = (n for n in found.notices if n.code == "propagate-figure-failed")
     assert told.values == {"figures": "inverse", "share": 0.5}
 
 
-def test_bad_expressions_are_refused_in_one_line(vehicle: Vehicle) -> None:
+def test_bad_expressions_are_refused_in_one_line(aircraft: Vehicle) -> None:
     for text, message in (
         ("CLalphaa/CD0", "no number 'CLalphaa'; did you mean CLalpha"),
         ("mass.inertia.x", "no number 'mass.inertia.x'; did you mean mass.inertia"),
@@ -63,25 +59,24 @@ def test_bad_expressions_are_refused_in_one_line(vehicle: Vehicle) -> None:
         ("[CD0]", "not allowed"),
     ):
         with pytest.raises(StoopError, match="expression x") as caught:
-            parse_expressions({"x": text}, vehicle)
+            parse_expressions({"x": text}, aircraft)
         assert message in str(caught.value), text
 
 
-def test_numbers_with_exponents_and_names_with_points(vehicle: Vehicle) -> None:
-    found = parse_expressions({"x": "1e2*mass.mass + abs(Cmq)^2"}, vehicle)["x"]
-    assert found.values(parameter_rows(vehicle)) == pytest.approx(100 * 189.40 + 47.6**2)
+def test_numbers_with_exponents_and_names_with_points(aircraft: Vehicle) -> None:
+    found = parse_expressions({"x": "1e2*mass.mass + abs(Cmq)^2"}, aircraft)["x"]
+    assert found.values(parameter_rows(aircraft)) == pytest.approx(100 * 189.40 + 47.6**2)
 
 
 WEIGHT = 1.5 * 9.80665
-DENSITY = SEA_LEVEL_DENSITY
-DOMAIN_ROTORS = Domain((0.0, 6.0), 0.0, 0.0, DENSITY, speeds=(0.1, 3.0))
+HOVER = Domain((0.0, 6.0), 0.0, 0.0, SEA_LEVEL_DENSITY, speeds=(0.1, 3.0))
 
 
 @pytest.fixture(scope="module")
 def found() -> Propagation:
     rng = np.random.default_rng(0)
     draws = Draws(("mass.mass",), rng.normal(1.5, 0.03, (400, 1)), "covariance")
-    return propagate_draws(resolve_vehicle("quad-x"), draws, DOMAIN_ROTORS)
+    return propagate_draws(resolve_vehicle("quad-x"), draws, HOVER)
 
 
 def test_speeds_faster_than_flown_are_marked(found: Propagation) -> None:
@@ -116,12 +111,12 @@ def test_hover_by_hand(found: Propagation) -> None:
 def test_what_does_not_hover_is_counted_or_an_error() -> None:
     values = np.concatenate([np.full((50, 1), 1.5), np.full((50, 1), 9.0)])
     draws = Draws(("mass.mass",), values, "covariance")
-    found = propagate_draws(resolve_vehicle("quad-x"), draws, DOMAIN_ROTORS)
+    found = propagate_draws(resolve_vehicle("quad-x"), draws, HOVER)
     assert found["hover throttle"].failed == 0.5
     assert "propagate-no-hover" in [n.code for n in found.notices]
     heavy = resolve_vehicle("quad-x").with_numbers({"mass.mass": {"value": 9.0}})
     with pytest.raises(SimulationError, match="too heavy to hover"):
-        propagate_draws(heavy, draws, DOMAIN_ROTORS)
+        propagate_draws(heavy, draws, HOVER)
 
 
 def test_forward_flight_is_that_of_trim(found: Propagation) -> None:
@@ -130,60 +125,53 @@ def test_forward_flight_is_that_of_trim(found: Propagation) -> None:
     assert theta.estimate[-1] == pytest.approx(alone.start["theta"], abs=1e-6)
 
 
-DENSITY_SHARE = 1.20165
-DOMAIN_SHARE = Domain((34.0, 36.0), 35.0, 200.0, DENSITY_SHARE, (0.0, 0.2))
-UNKNOWN = (
-    "CQ0",
-    "Cl0",
-    "Cn0",
-    "CQrudder",
-    "Clrudder",
-    "Cnrudder",
-)  #: a rudder that never moves determines no sum's parts
+CRUISE = Domain((34.0, 36.0), 35.0, 200.0, DENSITY, (0.0, 0.2))
+#: a rudder that never moves determines no sum's parts
+UNKNOWN = ("CQ0", "Cl0", "Cn0", "CQrudder", "Clrudder", "Cnrudder")
 KNOWN = ("CLalpha", "Cmelevator", "Cmalpha")
 SINGLES = 60
 
 
 @pytest.fixture(scope="module")
-def vehicle_share() -> Vehicle:
+def whole() -> Vehicle:
     return resolve_vehicle("twin-boom")
 
 
-def drawn(vehicle_share: Vehicle, count: int) -> Draws:
+def drawn(whole: Vehicle, count: int) -> Draws:
     """Return draws between the bounds of what is unknown, and normal ones of what is known to 0.3 %."""
-    rng, bounds = np.random.default_rng(0), {p.name: (p.lower, p.upper) for p in vehicle_share.parameters}
+    rng, bounds = np.random.default_rng(0), {p.name: (p.lower, p.upper) for p in whole.parameters}
     columns = [rng.uniform(*bounds[n], count) for n in UNKNOWN]
-    columns += [vehicle_share.value(n) * (1.0 + 0.003 * rng.standard_normal(count)) for n in KNOWN]
+    columns += [whole.value(n) * (1.0 + 0.003 * rng.standard_normal(count)) for n in KNOWN]
     return Draws((*UNKNOWN, *KNOWN), np.stack(columns, axis=1), "covariance", UNKNOWN)
 
 
 @pytest.fixture(scope="module")
-def found_share(vehicle_share: Vehicle) -> Propagation:
+def rudderless(whole: Vehicle) -> Propagation:
     expressions = {"even": "Cnrudder**2", "product": "Cn0*CLalpha", "known": "Cmalpha/CLalpha + 0.0001*Cn0"}
-    return propagate_draws(vehicle_share, drawn(vehicle_share, 400), DOMAIN_SHARE, expressions)
+    return propagate_draws(whole, drawn(whole, 400), CRUISE, expressions)
 
 
-def test_an_effect_without_a_slope_is_marked(found_share: Propagation) -> None:
+def test_an_effect_without_a_slope_is_marked(rudderless: Propagation) -> None:
     """A linear regression finds nothing of a square about its middle; the variance of a product is its prior's."""
-    assert found_share["even"].prior_share == 1.0
-    assert found_share["product"].prior_share > 0.99
-    assert found_share["known"].prior_share < 0.1
-    assert not found_share["static margin"].rests_on_prior
+    assert rudderless["even"].prior_share == 1.0
+    assert rudderless["product"].prior_share > 0.99
+    assert rudderless["known"].prior_share < 0.1
+    assert not rudderless["static margin"].rests_on_prior
 
 
 def test_trims_about_an_unknown_rudder_are_marked_as_by_single_draws(
-    vehicle_share: Vehicle, found_share: Propagation
+    whole: Vehicle, rudderless: Propagation
 ) -> None:
     """The naive twin: each draw is trimmed by itself, with and without the spread of what is unknown."""
-    draws = drawn(vehicle_share, 400)
-    trims = np.flatnonzero(np.isfinite(found_share.samples["alpha"]))[:SINGLES]
+    draws = drawn(whole, 400)
+    trims = np.flatnonzero(np.isfinite(rudderless.samples["alpha"]))[:SINGLES]
 
     def singles(values: FloatArray) -> FloatArray:
         rows = []
         for row in values[trims]:
             numbers = {n: {"value": float(v)} for n, v in zip(draws.names, row, strict=True)}
             try:
-                point = trim(vehicle_share.with_numbers(numbers), 35.0, 200.0, 0.0, DENSITY_SHARE)
+                point = trim(whole.with_numbers(numbers), 35.0, 200.0, 0.0, DENSITY)
             except StoopError:
                 rows.append([np.nan] * 4)
                 continue
@@ -197,19 +185,19 @@ def test_trims_about_an_unknown_rudder_are_marked_as_by_single_draws(
         return np.array(rows)
 
     held = draws.values.copy()
-    held[:, : len(UNKNOWN)] = [vehicle_share.value(n) for n in UNKNOWN]
+    held[:, : len(UNKNOWN)] = [whole.value(n) for n in UNKNOWN]
     shares = 1.0 - np.nanvar(singles(held), axis=0) / np.nanvar(singles(draws.values), axis=0)
     for name, single in zip(("alpha", "phi", "elevator", "rudder"), shares, strict=True):
         assert single > 0.97, name
-        assert found_share[name].prior_share == pytest.approx(single, abs=0.03)
-        assert found_share[name].rests_on_prior
+        assert rudderless[name].prior_share == pytest.approx(single, abs=0.03)
+        assert rudderless[name].rests_on_prior
 
 
-def test_many_figures_are_one_caution(found_share: Propagation) -> None:
-    codes = [n.code for n in found_share.notices]
-    assert sum(one.failed > 0.03 for one in found_share.figures) > 10
+def test_many_figures_are_one_caution(rudderless: Propagation) -> None:
+    codes = [n.code for n in rudderless.notices]
+    assert sum(one.failed > 0.03 for one in rudderless.figures) > 10
     assert codes.count("propagate-figure-failed") == 1
-    (told,) = (n for n in found_share.notices if n.code == "propagate-rests-on-priors")
+    (told,) = (n for n in rudderless.notices if n.code == "propagate-rests-on-priors")
     assert told.values["parameters"] == UNKNOWN
     assert {"alpha", "phi", "elevator", "rudder"} <= set(str(told.values["figures"]).split("; "))
 
