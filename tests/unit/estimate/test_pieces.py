@@ -95,6 +95,6 @@ def test_a_channel_that_is_stuck_or_all_spikes_counts_as_not_measured() -> None:
         measured = 1e-4 * rng.standard_normal((400, 12))
         measured[:, psi] = readings
         piece = Piece(0, t, np.zeros((400, len(vehicle.inputs))), measured, {})
-        found = without_stuck_channels(vehicle, Prepared((piece,), ()))
+        found = without_stuck_channels(vehicle, Prepared((), (piece,)))
         assert [n.code for n in found.notices] == lost
         assert np.isnan(found.pieces[0].measured[:, psi]).all() == bool(lost)
