@@ -146,7 +146,7 @@ def test_nested_parts_survive() -> None:
     whole = minimal(
         modes=(ConditionModes((0, 2), "trim", 20.0, 100.0, 0.05, (mode,), linear=linear),),
         repeatability=Repeatability((0, 1), {"Clp": repeated}), biases=(SensorBiases(1, own),),
-        wind=(WindEstimate("a", own, 0.5, (as_notice("wind"),)),),
+        wind=(WindEstimate("a", own, 0.5, ()),),
         noise_covariance=NoiseCovariance(("p", "q"), np.array([[1.0, 0.2], [0.2, 2.0]])),
     )  # fmt: skip
     text = to_json(whole)
