@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
@@ -81,6 +81,7 @@ def minimal(**changes: object) -> Result:
     return Result(**(given | changes))  # type: ignore[arg-type]
 
 
+@settings(max_examples=40)
 @given(result)
 def test_round_trip(original: Result) -> None:
     text = to_json(original)

@@ -30,8 +30,8 @@ def flown(
     return online.estimate()
 
 
-def batch_of(vehicle: Vehicle, flight: Flight) -> tuple[AircraftEquations, Estimates]:
-    problem, _ = estimation_problem(vehicle, {"noisy": flight}, [Window("noisy", 0.0, 25.0)], Options())
+def batch_of(vehicle: Vehicle, flight: Flight, stop: float = 25.0) -> tuple[AircraftEquations, Estimates]:
+    problem, _ = estimation_problem(vehicle, {"noisy": flight}, [Window("noisy", 0.0, stop)], Options())
     equations = AircraftEquations.of(problem.layout, problem.pieces)
     found = estimate(equations, BAND)
     assert found is not None
@@ -76,19 +76,19 @@ def with_servo(full: Vehicle, servo: str) -> Vehicle:
 
 def test_lags_and_delays_of_controls_are_those_of_the_batch(full: Vehicle, noisy: Flight) -> None:
     late = with_servo(full, "lag = 0.06\ndelay = 0.05\n")
-    equations, batch = batch_of(late, noisy)
-    found = flown(late, noisy, online(late, noisy))
+    equations, batch = batch_of(late, noisy, 12.5)
+    found = flown(late, noisy, online(late, noisy), 0, 626)
     for name in ("Cmelevator", "Cmalpha"):
         assert found[name].value == pytest.approx(batch.values[equations.names.index(name)], rel=0.02)
 
 
 def test_a_servo_is_followed_sample_by_sample(full: Vehicle, noisy: Flight) -> None:
     slow = with_servo(full, "rate_limit = 0.1\ndead_zone = 0.02\ndelay = 0.02\n")
-    found = flown(slow, noisy, online(slow, noisy))
+    found = flown(slow, noisy, online(slow, noisy), 0, 400)
     moved = rate_limited(play(noisy.column("elevator"), 0.02), 0.1 / noisy.rate)
     assert np.abs(moved - noisy.column("elevator")).max() > 0.02, "it shows"
     followed = replace(noisy, data=noisy.data.assign(elevator=("time", moved)))
     late = with_servo(full, "delay = 0.02\n")
-    expected = flown(late, followed, online(late, followed))
+    expected = flown(late, followed, online(late, followed), 0, 400)
     assert found.keys() == expected.keys()
     assert all(found[n].value == pytest.approx(one.value, rel=1e-6, abs=1e-9) for n, one in expected.items())
