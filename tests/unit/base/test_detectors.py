@@ -68,8 +68,7 @@ def _flight_file(folder: Path) -> Path:
 
 
 @pytest.mark.parametrize(
-    "name",
-    ["recorded_faults", "in_flight", "check_mapping", "check_rates", "rest_faults", "with_air"],
+    "name", ["recorded_faults", "in_flight", "check_mapping", "check_rates", "rest_faults", "with_air"]
 )
 def test_a_flight_is_read_whatever_detector_fails(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

@@ -67,15 +67,7 @@ def test_ctrl_c_gets_through(name: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "name",
-    [
-        "scipy-de",
-        "scipy-least-squares",
-        "cma",
-        "pymoo-ga",
-        "pymoo-pso",
-        "pygmo-sade",
-    ],
+    "name", ["scipy-de", "scipy-least-squares", "cma", "pymoo-ga", "pymoo-pso", "pygmo-sade"]
 )
 def test_a_run_can_be_repeated_from_its_state(
     name: str, oscillation: Callable[..., Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch

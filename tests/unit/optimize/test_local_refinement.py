@@ -96,9 +96,7 @@ def test_the_ledger_agrees_with_what_was_simulated(oscillation: Callable[..., An
 
 
 def test_a_dive_agrees_with_a_known_optimum_instead_of_converging(
-    oscillation: Callable[..., Any],
-    least: Callable[[Any], float],
-    near: Callable[[float], np.ndarray],
+    oscillation: Callable[..., Any], least: Callable[[Any], float], near: Callable[[float], np.ndarray]
 ) -> None:
     problem, z = oscillation(), near(0.97)
     alone, with_optimum = (

@@ -54,21 +54,13 @@ def test_resuming_from_any_generation_changes_nothing(name: str, tmp_path: Path)
     stop = Stop(generations=45, target_cost=-1.0)
     states: list[Any] = []
     whole = optimize.minimize(
-        optimize.create(name),
-        Rugged(),
-        seed=3,
-        stop=stop,
-        callback=lambda p: states.append(p.state),
+        optimize.create(name), Rugged(), seed=3, stop=stop, callback=lambda p: states.append(p.state)
     )
     path = tmp_path / "state.npz"
     state = None
     for expected in states:
         part = optimize.minimize(
-            optimize.create(name),
-            Rugged(),
-            seed=3,
-            stop=Stop(generations=expected.generation),
-            state=state,
+            optimize.create(name), Rugged(), seed=3, stop=Stop(generations=expected.generation), state=state
         )
         optimize.save_state(path, part.state)
         state = optimize.load_state(path)
@@ -400,9 +392,7 @@ def test_populations_leave_the_nuisances_of_a_start_out(name: str, oscillation: 
 def test_one_rung_is_enough(oscillation: Callable[..., Any], least: Callable[[Any], float]) -> None:
     problem = oscillation(shares=(1.0,))
     outcome = optimize.minimize(optimize.create(), problem, seed=0, stop=Stop(budget=20_000))
-    assert outcome.cost == pytest.approx(
-        (problem.residuals(outcome.z[None, :], 0) ** 2).sum(),
-    )
+    assert outcome.cost == pytest.approx((problem.residuals(outcome.z[None, :], 0) ** 2).sum())
     assert outcome.status == "converged"
 
 

@@ -25,16 +25,7 @@ def readings(vehicle: Vehicle, point: Trim) -> dict[str, float]:
     return dict(zip(vehicle.outputs, y[:, 0].tolist(), strict=True))
 
 
-@pytest.mark.parametrize(
-    "name",
-    [
-        "quad-x",
-        "quad-plus",
-        "hexa-x",
-        "octo-x",
-        "quadplane",
-    ],
-)
+@pytest.mark.parametrize("name", ["quad-x", "quad-plus", "hexa-x", "octo-x", "quadplane"])
 def test_templates_hover_on_equal_rotors(name: str) -> None:
     vehicle = builtin_vehicle(name)
     point = trim(vehicle)

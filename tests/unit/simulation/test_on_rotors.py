@@ -101,16 +101,7 @@ def test_set_points_are_reached(quad: Vehicle) -> None:
     assert turned.velocity[-1] == pytest.approx([1.5 * np.cos(2.5), 1.5 * np.sin(2.5), 0.0], abs=0.06)
 
 
-@pytest.mark.parametrize(
-    "name",
-    [
-        "quad-x",
-        "quad-plus",
-        "hexa-x",
-        "octo-x",
-        "quadplane",
-    ],
-)
+@pytest.mark.parametrize("name", ["quad-x", "quad-plus", "hexa-x", "octo-x", "quadplane"])
 def test_templates_answer_steps_and_come_to_rest(name: str) -> None:
     vehicle = builtin_vehicle(name)
     steps = [
