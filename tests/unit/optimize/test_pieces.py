@@ -7,7 +7,7 @@ from unittest.mock import Mock
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from stoop.optimize.population import ParameterMemory, binomial, greedy, latin_hypercube, midpoint
@@ -21,8 +21,6 @@ def _population(seed: int, n: int = 12, d: int = 5) -> tuple[np.ndarray, np.ndar
     return generator.random((n, d)), generator.random(n)
 
 
-# ---------------------------------------------------------------------------------------- initialization
-@settings(deadline=None)
 @given(SEEDS)
 def test_latin_hypercube_has_one_point_in_each_slice(seed: int) -> None:
     X = latin_hypercube(17, 3, np.random.default_rng(seed))
@@ -35,14 +33,6 @@ def test_chaos_is_the_logistic_map_of_each_variable() -> None:
     for row in X:
         assert row.tolist() == c
         c = [4.0 * v * (1.0 - v) for v in c]
-
-
-@settings(deadline=None)
-@given(SEEDS)
-def test_chaos_stays_inside_and_moves(seed: int) -> None:
-    X = chaos(50, 3, np.random.default_rng(seed))
-    assert ((X > 0.0) & (X < 1.0)).all()
-    assert (np.ptp(X, axis=0) > 0.5).all()
 
 
 def test_chaos_never_starts_where_the_map_is_not_chaotic() -> None:
@@ -61,8 +51,6 @@ def test_an_orbit_that_is_absorbed_begins_anew() -> None:
     assert X[:, 0].tolist() == [caught, 0.3, 4.0 * 0.3 * 0.7]
 
 
-# --------------------------------------------------------------------------- bounds, crossover, selection
-@settings(deadline=None)
 @given(SEEDS)
 def test_mended_mutants_are_inside_and_others_untouched(seed: int) -> None:
     X, _ = _population(seed)
@@ -77,17 +65,16 @@ def test_mended_mutants_are_inside_and_others_untouched(seed: int) -> None:
     assert (midpoint(V, X)[V > 1] == (X[V > 1] + 1) / 2).all()
 
 
-@pytest.mark.parametrize("rate", [0.0, 0.3, 0.9, 1.0])
-def test_crossover_equals_its_naive_twin(rate: float) -> None:
+def test_crossover_equals_its_naive_twin() -> None:
     X, _ = _population(2)
-    T = binomial(X, X + 10.0, rate, np.random.default_rng(4))
-    generator = np.random.default_rng(4)
-    draws, always = generator.random(X.shape), generator.random(len(X))
-    for i, row in enumerate(X):
-        j_always = int(always[i] * len(row))
-        naive = [x + 10.0 if j == j_always or draws[i, j] <= rate else x for j, x in enumerate(row)]
-        assert T[i].tolist() == naive
-        assert (T[i] != X[i]).any()
+    for rate in (0.0, 0.3, 0.9, 1.0):
+        T, generator = binomial(X, X + 10.0, rate, np.random.default_rng(4)), np.random.default_rng(4)
+        draws, always = generator.random(X.shape), generator.random(len(X))
+        for i, row in enumerate(X):
+            j_always = int(always[i] * len(row))
+            naive = [x + 10.0 if j == j_always or draws[i, j] <= rate else x for j, x in enumerate(row)]
+            assert T[i].tolist() == naive
+            assert (T[i] != X[i]).any()
 
 
 def test_selection_keeps_the_parent_on_a_tie_and_never_takes_nan() -> None:
@@ -98,8 +85,6 @@ def test_selection_keeps_the_parent_on_a_tie_and_never_takes_nan() -> None:
     assert F.tolist() == [1.0, 0.5, 2.0, 1.0]
 
 
-# -------------------------------------------------------------------------------------------- adaptation
-@settings(deadline=None)
 @given(SEEDS)
 def test_sampled_scales_and_rates_are_in_range(seed: int) -> None:
     scales, rates = ParameterMemory.fresh().sample(100, np.random.default_rng(seed))
@@ -116,12 +101,8 @@ def test_memory_learns_weighted_lehmer_means_in_turn() -> None:
     assert (memory.scales[1], memory.rates[1], memory.slot) == (0.5, 0.8, 1)
     assert memory.learn(scales, rates, gains, won).slot == 0
     assert memory.learn(scales, rates, gains, np.zeros(3, dtype=bool)) is memory
-
-
-def test_memory_survives_infinite_parents() -> None:
-    memory = ParameterMemory.fresh().learn(
-        np.array([0.4]), np.array([0.6]), np.array([np.inf]), np.array([True])
-    )
+    one, best = np.array([0.4]), np.array([True])
+    memory = ParameterMemory.fresh().learn(one, one + 0.2, np.array([np.inf]), best)  # of an infinite parent
     assert (memory.scales[0], memory.rates[0]) == (pytest.approx(0.4), pytest.approx(0.6))
 
 

@@ -1,0 +1,199 @@
+"""Other libraries: calls are counted, an end of the run passes through the library, and the process stays as it was.
+
+SciPy's two optimizers here; `test_adapters` makes the same checks with those of optional packages.
+"""
+
+from __future__ import annotations
+
+import importlib
+import threading
+import warnings
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from naive.landscapes import Only, sphere
+from threadpoolctl import threadpool_info
+
+from stoop import optimize
+from stoop.errors import IdentificationError
+from stoop.optimize import libraries
+from stoop.optimize.libraries import LARGE, Escape, draw_seed, finite_costs, one_blas_thread
+
+SCIPY = ("scipy-de", "scipy-least-squares")
+EXTRA = ("pymoo-ga", "pymoo-pso", "cma", "pygmo-sade")  #: of optional packages
+
+
+def search(name: str, problem: Any, budget: float = 600.0, **stop: Any) -> optimize.Outcome:
+    stop = {"generations": 10**6, "budget": budget, "target_cost": -1.0, **stop}
+    return optimize.minimize(optimize.create(name), problem, seed=3, stop=optimize.Stop(**stop))
+
+
+def check_budget_and_process(name: str, problem: Any, folder: Path, patch: pytest.MonkeyPatch) -> None:
+    """The budget ends a run to the trajectory; random state, filters of warnings and folder stay as they were."""
+    patch.chdir(folder)
+    np.random.seed(7)  # noqa: NPY002
+    filters = list(warnings.filters)
+    outcome = search(name, problem, 333.0)
+    assert outcome.status == "budget"
+    assert outcome.trajectories == pytest.approx(problem.spent)
+    # a Jacobian that no longer fits the budget is not begun
+    assert 333.0 - problem.dimension - problem.extra <= problem.spent <= 333.0 + 1e-9
+    assert problem.largest <= 0.0
+    assert np.random.random(3).tolist() == np.random.RandomState(7).random(3).tolist()  # noqa: NPY002
+    assert list(warnings.filters) == filters
+    assert list(folder.iterdir()) == []
+
+
+def check_target_and_interrupt(name: str) -> None:
+    problem = Only(sphere, 3)
+    outcome = search(name, problem, 1e5, target_cost=1e-4)
+    assert (outcome.status, outcome.cost <= 1e-4) == ("target", True)
+    assert outcome.trajectories <= problem.asked
+
+    def cost(X: np.ndarray) -> np.ndarray:
+        if problem.asked > 200:
+            raise KeyboardInterrupt
+        return sphere(X)
+
+    problem = Only(cost, 3)
+    outcome = search(name, problem, 1e5)
+    assert (outcome.status, np.isfinite(outcome.cost)) == ("interrupted", True)
+    assert outcome.state is not None
+
+
+def check_repetition(
+    name: str, make: Callable[[], Any], folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The second run of a library begins from the first one's stream, through a file and by a fresh optimizer."""
+    monkeypatch.setattr(libraries, "RESTARTS", 0)
+    whole, first = (search(name, make(), 40_000.0, generations=n) for n in (2, 1))
+    optimize.save_state(folder / "state.npz", first.state)
+    state, stop = optimize.load_state(folder / "state.npz"), optimize.Stop(generations=2, budget=40_000.0)
+    again = optimize.minimize(optimize.create(name), make(), seed=99, stop=stop, state=state)
+    assert again.z.tobytes() == whole.z.tobytes()
+    assert again.history.tobytes() == whole.history.tobytes()
+    assert again.trajectories == whole.trajectories > first.trajectories
+
+
+def check_infinite_costs(name: str) -> None:
+    assert search(name, Only(lambda X: np.where(X[:, 0] > 0.5, np.inf, sphere(X)), 3)).cost < 0.2
+    outcome = search(name, Only(lambda X: np.full(len(X), np.nan), 3), 200.0)
+    assert (outcome.status, outcome.cost) == ("budget", np.inf)
+
+
+def first_run(name: str, problem: Any, start: np.ndarray) -> optimize.Outcome:
+    """Return a run from a start that ends within 2 % of its cost."""
+    target = float(problem.costs(start[None, :], 2)[0]) * 1.02
+    stop = optimize.Stop(generations=1, budget=300.0, target_cost=target)
+    return optimize.minimize(optimize.create(name), problem, seed=0, starts=start[None, :], stop=stop)
+
+
+@pytest.mark.parametrize("name", SCIPY)
+def test_scipy(
+    name: str, oscillation: Callable[..., Any], near: Callable[[float], np.ndarray], tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    folder = tmp_path / "empty"
+    folder.mkdir()
+    check_budget_and_process(name, oscillation(), folder, monkeypatch)
+    assert capfd.readouterr() == ("", "")
+    check_repetition(name, lambda: oscillation(noise=0.3), tmp_path, monkeypatch)
+    assert first_run(name, oscillation(), near(1.0)[:4]).status == "target"
+
+
+def test_scipys_evolution() -> None:
+    """It converges on a floor, where costs differ by less than a hundredth, polishes there, and begins anew."""
+    check_target_and_interrupt("scipy-de")
+    check_infinite_costs("scipy-de")
+    outcome = search("scipy-de", Only(lambda X: 50.0 + sphere(X), 3), 2000.0)
+    assert outcome.generation >= 3
+    assert outcome.cost == pytest.approx(50.0, abs=1e-9), "polished"
+
+
+def test_scipys_least_squares_gives_a_start_up_after_twenty_steps_or_where_it_diverges(
+    oscillation: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    outcome = search("scipy-least-squares", oscillation(broken=lambda Z: Z[:, 2] > 0.2), 300.0)
+    assert (outcome.status, np.isfinite(outcome.cost)) == ("budget", True)
+    assert outcome.generation > 10
+    asked: list[int] = []
+    monkeypatch.setattr("scipy.optimize.least_squares", lambda *_, max_nfev, **__: asked.append(max_nfev))
+    search("scipy-least-squares", oscillation(), generations=2)
+    assert asked == [20, 20]
+
+
+@pytest.mark.parametrize("name", EXTRA)
+def test_a_missing_package_is_named(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    package, real = name.split("-")[0], importlib.import_module
+
+    def missing(module: str, *arguments: Any, **options: Any) -> Any:
+        if module.split(".")[0] == package:
+            raise ImportError(module)
+        return real(module, *arguments, **options)
+
+    monkeypatch.setattr("importlib.import_module", missing)
+    assert name in optimize.names()
+    with pytest.raises(IdentificationError, match=rf"{package}; .*pip install '\.\[compare\]'") as error:
+        optimize.create(name)
+    assert "\n" not in str(error.value)
+
+
+def test_limits_of_the_whole_process_are_taken_one_at_a_time() -> None:
+    inside, leave = threading.Event(), threading.Event()
+    order: list[str] = []
+
+    def first() -> None:
+        with one_blas_thread():
+            inside.set()
+            leave.wait(5.0)
+            order.append("first")
+
+    def second() -> None:
+        inside.wait(5.0)
+        leave.set()
+        with one_blas_thread():
+            order.append("second")
+
+    before = [(one["filepath"], one["num_threads"]) for one in threadpool_info()]
+    threads = [threading.Thread(target=work) for work in (first, second)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert order == ["first", "second"]
+    assert [(one["filepath"], one["num_threads"]) for one in threadpool_info()] == before
+
+
+def test_optimizers_that_need_residuals_are_refused_without() -> None:
+    assert {n for n in optimize.names() if optimize.needs_residuals(n)} == {
+        "ps-gde-lm",
+        "scipy-least-squares",
+    }
+    with pytest.raises(IdentificationError, match="no residuals"):
+        search("scipy-least-squares", Only(sphere, 3))
+
+
+def test_an_exception_is_carried_past_a_library() -> None:
+    problem = Only(sphere, 2)
+    ledger = optimize.Ledger(problem, optimize.Evaluations.none(problem), budget=3.0)
+    escape = Escape(ledger)
+    assert escape.costs(np.full((2, 2), 0.5)).max() < 1.0
+    escape.check()
+    assert escape.costs(np.full((4, 2), 0.5)).tolist() == [LARGE] * 4
+    assert escape.costs(np.full((1, 2), 0.5)).tolist() == [LARGE]
+    assert problem.asked == 3
+    with pytest.raises(optimize.ledger.Halt):
+        escape.check()
+    finite_costs(
+        optimize.Ledger(problem, optimize.Evaluations.none(problem)), np.array([[1.0 + 1e-16, -1e-18]])
+    )
+    assert problem.outside <= 0.0, "points beside the box are evaluated on its bound"
+
+
+def test_seeds_are_positive_and_differ() -> None:
+    seeds = {draw_seed(np.random.default_rng(k)) for k in range(200)}
+    assert len(seeds) == 200
+    assert 1 <= min(seeds) <= max(seeds) < 2**31
