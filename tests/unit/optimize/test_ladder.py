@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -9,7 +10,7 @@ import pytest
 from stoop.optimize import Ledger
 from stoop.optimize.ladder import GATE, Optima, climb, explains, passes, refine_fully
 from stoop.optimize.ledger import Evaluations
-from stoop.optimize.local_refinement import Ending, Refinement
+from stoop.optimize.local_refinement import Refinement
 
 NONE = np.full(3, np.inf)
 
@@ -46,14 +47,19 @@ def test_what_is_worse_on_a_part_than_a_trusted_optimum_on_the_whole_is_shelved(
     assert barred.rung == 0
 
 
-def test_gates_know_no_noise() -> None:
-    class Known:
-        dimension, extra, prices = 1, 0, (0.5, 1.0)
+@dataclass
+class Known:
+    known: float
+    dimension, extra, prices = 1, 0, (0.5, 1.0)
 
-        def reference(self, rung: int) -> float:
-            return 100.0
+    def reference(self, rung: int) -> float:
+        return self.known
 
-    ledger = pen(Known())
+
+def test_gates() -> None:
+    for reference, open_ in ((np.nan, True), (np.inf, True), (0.0, False)):
+        assert explains(pen(Known(reference)), 5.0, 0) is open_, "without a reference there is no gate"
+    ledger = pen(Known(100.0))
     assert explains(ledger, GATE * 100.0, 0)
     assert not explains(ledger, GATE * 100.0 + 1e-9, 0)
     # an imperfect model never explains, but it may do as well as any
@@ -63,51 +69,37 @@ def test_gates_know_no_noise() -> None:
     assert not passes(ledger, np.inf, 0, np.array([np.inf, np.inf]))
 
 
-@pytest.mark.parametrize(("reference", "open_"), [(np.nan, True), (np.inf, True), (0.0, False)])
-def test_without_a_reference_there_is_no_gate(reference: float, open_: bool) -> None:
-    class Unknown:
-        dimension, extra, prices = 1, 0, (1.0,)
-
-        def reference(self, rung: int) -> float:
-            return reference
-
-    assert explains(pen(Unknown()), 5.0, 0) is open_
-
-
 def test_a_diverging_prey_is_stopped(oscillation: Callable[..., Any]) -> None:
     found = climb(pen(oscillation(broken=lambda Z: Z[:, 0] < 2.0)), np.full(5, 0.5), NONE)
     assert not found.passed
     assert (found.cost, found.score) == (np.inf, np.inf)
 
 
-# ------------------------------------------------------------------------------------------ confirmation
-def ends(*rows: tuple[float, int, Ending]) -> Optima:
+def ends(*rows: Any) -> Optima:
     found = Optima.none(2)
     for cost, lineage, ending in rows:
         found = found.add(Refinement(np.zeros(3), cost, ending, 5), lineage)
     return found
 
 
-@pytest.mark.parametrize(
-    ("rows", "confirmed"),
-    [
-        ([(100.0, 1, "converged")], False),
-        ([(100.0, 1, "converged"), (100.05, 2, "converged")], True),
-        ([(100.0, 1, "converged"), (100.05, 2, "agreed")], True),
-        ([(100.0, 1, "converged"), (100.05, 1, "converged")], False),  # not independent
-        ([(100.0, 1, "converged"), (100.5, 2, "converged")], False),  # another optimum
-        ([(100.0, 1, "stalled"), (100.05, 2, "converged")], False),  # the first was none
-        ([(100.0, 1, "converged"), (100.05, 2, "limit")], False),
-        ([(100.0, 1, "converged"), (50.0, 2, "converged")], False),  # a better one: begin again
-        ([(100.0, 1, "converged"), (50.0, 2, "stalled"), (100.0, 3, "converged")], False),
-        ([(100.0, 1, "converged"), (300.0, 2, "hopeless"), (100.0, 3, "converged")], True),
-    ],
-)
-def test_confirmation_needs_two_independent_dives_to_the_best(
-    rows: list[tuple[float, int, Ending]], confirmed: bool
-) -> None:
-    best = min(r[0] for r in rows)
-    assert ends(*rows).confirmed(best, 1e4) is confirmed
+def test_confirmation_needs_two_independent_refinements_to_the_best() -> None:
+    for second, confirmed in (
+        ([], False),
+        ([(100.05, 2, "converged")], True),
+        ([(100.05, 2, "agreed")], True),
+        ([(100.05, 1, "converged")], False),  # not independent
+        ([(100.5, 2, "converged")], False),  # another optimum
+        ([(100.05, 2, "limit")], False),
+        ([(50.0, 2, "converged")], False),  # a better one: begin again
+        ([(50.0, 2, "stalled"), (100.0, 3, "converged")], False),
+        ([(300.0, 2, "hopeless"), (100.0, 3, "converged")], True),
+    ):
+        rows = [(100.0, 1, "converged"), *second]
+        assert ends(*rows).confirmed(min(r[0] for r in rows), 1e4) is confirmed, second
+    assert not ends((100.0, 1, "stalled"), (100.05, 2, "converged")).confirmed(100.0, 1e4)
+    exact = ends((1e-11, 1, "converged"), (3e-12, 2, "converged"))
+    assert exact.confirmed(3e-12, 1e4)
+    assert not exact.confirmed(3e-12, np.inf)
 
 
 def test_three_must_agree_where_much_is_left_unexplained() -> None:
@@ -117,9 +109,3 @@ def test_three_must_agree_where_much_is_left_unexplained() -> None:
     assert two.add(Refinement(np.zeros(3), 100.02, "agreed", 5), 3).confirmed(100.0, 999.0)
     assert not two.add(Refinement(np.zeros(3), 100.02, "agreed", 5), 2).confirmed(100.0, 999.0)
     assert not ends(*[(100.0, i, "agreed") for i in range(4)]).confirmed(100.0, 999.0)
-
-
-def test_two_exact_fits_agree() -> None:
-    found = ends((1e-11, 1, "converged"), (3e-12, 2, "converged"))
-    assert found.confirmed(3e-12, 1e4)
-    assert not found.confirmed(3e-12, np.inf)

@@ -1,8 +1,5 @@
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
-
 import numpy as np
 import pytest
 
@@ -31,12 +28,11 @@ def column(*values: float) -> np.ndarray:
     return np.array(values)[:, None]
 
 
-@pytest.fixture
-def ledger() -> Callable[..., Ledger]:
-    return lambda **limits: Ledger(Line(), Evaluations.none(Line()), **limits)
+def ledger(**limits: float) -> Ledger:
+    return Ledger(Line(), Evaluations.none(Line()), **limits)
 
 
-def test_every_call_is_booked_at_its_price(ledger: Callable[..., Ledger]) -> None:
+def test_every_call_is_booked_at_its_price() -> None:
     pen = ledger()
     pen.costs(column(3.0, 2.0), 1)
     pen.costs(column(1.0, 1.0, 1.0, 1.0), 0)
@@ -45,7 +41,7 @@ def test_every_call_is_booked_at_its_price(ledger: Callable[..., Ledger]) -> Non
     assert pen.evaluations.trajectories == pytest.approx(2.0 + 1.0 + 1.0 + 0.7)
 
 
-def test_only_the_full_record_counts_for_the_best(ledger: Callable[..., Ledger]) -> None:
+def test_only_the_full_record_counts_for_the_best() -> None:
     pen = ledger()
     pen.costs(column(0.1), 0)
     assert pen.evaluations.cost == np.inf
@@ -55,7 +51,7 @@ def test_only_the_full_record_counts_for_the_best(ledger: Callable[..., Ledger])
     assert pen.evaluations.history == pytest.approx(np.array([[1.25, 3.0], [2.25, 2.0], [4.25, 1.0]]))
 
 
-def test_whatever_is_not_finite_costs_infinity(ledger: Callable[..., Ledger]) -> None:
+def test_whatever_is_not_finite_costs_infinity() -> None:
     pen = ledger()
     assert pen.costs(column(np.nan, 2.0, -np.inf, np.inf), 1).tolist() == [np.inf, 2.0, np.inf, np.inf]
     assert pen.evaluations.cost == 2.0
@@ -64,7 +60,7 @@ def test_whatever_is_not_finite_costs_infinity(ledger: Callable[..., Ledger]) ->
     assert pen.reference(0) == np.inf
 
 
-def test_the_target_is_booked_at_the_candidate_that_reaches_it(ledger: Callable[..., Ledger]) -> None:
+def test_the_target_is_booked_at_the_candidate_that_reaches_it() -> None:
     pen = ledger(target=1.0)
     with pytest.raises(Halt) as halt:
         pen.costs(column(5.0, 0.9, 0.1, 3.0), 1)
@@ -72,21 +68,15 @@ def test_the_target_is_booked_at_the_candidate_that_reaches_it(ledger: Callable[
     assert (pen.evaluations.trajectories, pen.evaluations.cost) == (2.0, 0.9)
 
 
-def test_improvements_are_booked_at_their_own_place_and_the_batch_is_paid_for(
-    ledger: Callable[..., Ledger],
-) -> None:
+def test_improvements_are_booked_at_their_own_place_and_the_batch_is_paid_for() -> None:
     pen = ledger()
     pen.costs(column(5.0, 6.0, 4.0, 4.0, np.inf), 1)
     pen.costs(column(9.0, 3.0, 8.0), 1)
     assert pen.evaluations.history.tolist() == [[1.0, 5.0], [3.0, 4.0], [7.0, 3.0]]
-    assert (pen.evaluations.trajectories, pen.evaluations.cost, pen.evaluations.best.tolist()) == (
-        8.0,
-        3.0,
-        [3.0, 0.0],
-    )
+    assert (pen.spent, pen.cost, pen.evaluations.best.tolist()) == (8.0, 3.0, [3.0, 0.0])
 
 
-def test_the_budget_is_used_up_and_never_exceeded(ledger: Callable[..., Ledger]) -> None:
+def test_the_budget_is_used_up_and_never_exceeded() -> None:
     pen = ledger(budget=3.6)
     with pytest.raises(Halt) as halt:
         pen.costs(column(5.0, 4.0, 3.0, 0.1), 1)
@@ -99,41 +89,24 @@ def test_the_budget_is_used_up_and_never_exceeded(ledger: Callable[..., Ledger])
     assert pen.evaluations.trajectories == 3.5
 
 
-def test_prices_that_sum_to_the_budget_are_all_spent(ledger: Callable[..., Ledger]) -> None:
-    pen = Ledger(_tenths(), Evaluations.none(Line()), budget=1.0)
+def test_prices_that_sum_to_the_budget_are_all_spent() -> None:
+    problem = Line()
+    problem.prices = (0.1, 1.0)
+    pen = Ledger(problem, Evaluations.none(problem), budget=1.0)
     for _ in range(10):
         pen.costs(column(1.0), 0)
     assert pen.evaluations.trajectories == pytest.approx(1.0)
 
 
-def _tenths() -> Any:
-    problem = Line()
-    problem.prices = (0.1, 1.0)
-    return problem
-
-
-def test_reopening_goes_back_to_the_page(ledger: Callable[..., Ledger]) -> None:
-    pen = ledger()
-    pen.costs(column(3.0), 1)
-    page = pen.evaluations
-    pen.costs(column(1.0), 1)
-    again = Ledger.at(pen, page)
-    assert again is pen
-    assert (again.evaluations.trajectories, again.evaluations.cost, len(again.evaluations.history)) == (
-        1.0,
-        3.0,
-        1,
-    )
-    fresh = Ledger.at(Line(), page)
-    assert (fresh.spent, fresh.cost) == (1.0, 3.0)
-
-
-def test_the_page_does_not_move_with_the_pen(ledger: Callable[..., Ledger]) -> None:
-    pen = ledger()
-    X = column(3.0)
+def test_evaluations_are_a_page_to_go_back_to() -> None:
+    pen, X = ledger(), column(3.0)
     pen.costs(X, 1)
-    page: Evaluations = pen.evaluations
+    page = pen.evaluations
     X[0] = 9.0
     pen.costs(column(1.0), 1)
-    assert page.best.tolist() == [3.0, 0.0]
-    assert len(page.history) == 1
+    assert (page.best.tolist(), len(page.history)) == ([3.0, 0.0], 1)
+    again = Ledger.at(pen, page)
+    assert again is pen
+    assert (again.spent, again.cost, len(again.evaluations.history)) == (1.0, 3.0, 1)
+    fresh = Ledger.at(Line(), page)
+    assert (fresh.spent, fresh.cost) == (1.0, 3.0)

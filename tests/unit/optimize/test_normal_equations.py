@@ -1,14 +1,12 @@
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from threadpoolctl import threadpool_limits
 
+from stoop.optimize.ledger import sum_of_squares
 from stoop.optimize.normal_equations import TallMatrix, project, solve_damped
 
 
@@ -16,7 +14,7 @@ def gram(rows: np.ndarray) -> np.ndarray:
     return TallMatrix.of(rows).gram()
 
 
-@settings(deadline=None)
+@settings(max_examples=40)
 @given(st.integers(0, 30), st.integers(0, 3000))
 def test_gram_and_project_are_the_plain_products(v: int, n: int) -> None:
     generator = np.random.default_rng(v * 10_000 + n)
@@ -24,6 +22,7 @@ def test_gram_and_project_are_the_plain_products(v: int, n: int) -> None:
     assert gram(rows) == pytest.approx(rows @ rows.T, rel=1e-11, abs=1e-11 * n)
     assert (gram(rows) == gram(rows).T).all()
     assert project(rows, r) == pytest.approx(rows @ r, rel=1e-11, abs=1e-11 * n)
+    assert not gram(0.0 * rows).any()
 
 
 def stretches(seed: int) -> TallMatrix:
@@ -36,7 +35,7 @@ def stretches(seed: int) -> TallMatrix:
     return TallMatrix.stacked(parts, 7)
 
 
-@settings(deadline=None, max_examples=50)
+@settings(max_examples=50)
 @given(st.integers(0, 1000))
 def test_a_matrix_by_stretches_is_that_with_its_zeros(seed: int) -> None:
     tall, generator = stretches(seed), np.random.default_rng(seed + 1)
@@ -60,31 +59,19 @@ def test_a_variable_with_huge_numbers_anywhere_has_no_part() -> None:
         assert np.array_equal(left[:, 1:], tall.dense()[:, 1:])
 
 
-CODE = """
-import hashlib, numpy as np
-from stoop.optimize.normal_equations import TallMatrix, project, solve_damped
-from stoop.optimize.ledger import sum_of_squares
-g = np.random.default_rng(0)
-rows, r = g.standard_normal((60, 30000)), g.standard_normal(30000)
-A = TallMatrix.of(rows).gram()
-b = project(rows, r)
-tall = TallMatrix.of(rows)
-parts = [A, b, solve_damped(A, b, 1e-3), tall.project(r), tall.apply(b), np.array(sum_of_squares(r))]
-print(hashlib.sha256(b"".join(np.ascontiguousarray(p).tobytes() for p in parts)).hexdigest())
-"""
-
-
 def test_rounding_does_not_depend_on_the_number_of_threads() -> None:
-    seen = set()
-    for threads in ("1", "2", "4"):
-        names = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
-        environment = os.environ | dict.fromkeys(names, threads)
-        done = subprocess.run([sys.executable, "-c", CODE], env=environment, capture_output=True, check=True)
-        seen.add(done.stdout)
+    generator = np.random.default_rng(0)
+    rows, r = generator.standard_normal((60, 30000)), generator.standard_normal(30000)
+    tall, seen = TallMatrix.of(rows), set()
+    for threads in (1, 2, 4):
+        with threadpool_limits(threads):
+            A, b = gram(rows), project(rows, r)
+            x = solve_damped(A, b, 1e-3)
+            parts = [A, b, x, tall.project(r), tall.apply(b), np.array(sum_of_squares(r))]
+            seen.add(b"".join(np.ascontiguousarray(part).tobytes() for part in parts))
     assert len(seen) == 1
 
 
-@settings(deadline=None)
 @given(st.integers(1, 12), st.floats(1e-10, 1e3), st.integers(0, 1000))
 def test_solution_does_not_depend_on_units(v: int, damping: float, seed: int) -> None:
     generator = np.random.default_rng(seed)
@@ -104,22 +91,7 @@ def test_singular_systems_have_a_finite_answer() -> None:
     assert solve_damped(np.zeros((2, 2)), np.zeros(2), 1e-3).tolist() == [0.0, 0.0]
 
 
-@settings(deadline=None, max_examples=20)
-@given(st.integers(2, 5), st.integers(0, 1000))
-def test_variables_without_a_part_in_a_stretch_change_nothing(pieces: int, seed: int) -> None:
-    """Initial states of several maneuvers: zeros in all but one block of the long axis."""
-    generator = np.random.default_rng(seed)
-    rows = generator.standard_normal((4 + 3 * pieces, 3000 * pieces))
-    for i in range(pieces):
-        for j in range(pieces):
-            if i != j:
-                rows[4 + 3 * i : 7 + 3 * i, 3000 * j : 3000 * (j + 1)] = 0.0
-    assert gram(rows) == pytest.approx(rows @ rows.T, rel=1e-11, abs=1e-9)
-    assert (gram(rows) == gram(rows).T).all()
-    assert gram(np.zeros((3, 5000))).tolist() == np.zeros((3, 3)).tolist()
-
-
-@settings(deadline=None, max_examples=20)
+@settings(max_examples=20)
 @given(st.integers(1, 12), st.integers(1, 5000), st.integers(0, 1000))
 def test_a_tall_matrix_is_the_plain_one_without_what_is_lost(v: int, n: int, seed: int) -> None:
     generator = np.random.default_rng(seed)

@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import json
 import zipfile
 from collections.abc import Callable
 from dataclasses import replace
@@ -9,10 +8,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from naive.landscapes import Only
 
 from stoop import optimize
 from stoop.errors import IdentificationError, OutputError
-from stoop.optimize.state import FORMER_CLASSES
 
 RELEASE_0_1 = Path(__file__).parent / "data" / "state-0.1.npz"
 
@@ -25,34 +24,21 @@ def state(oscillation: Callable[..., Any]) -> Any:
     return run.state
 
 
-def test_a_file_can_be_opened_without_pickle(state: Any, tmp_path: Path) -> None:
-    path = tmp_path / "state.npz"
-    optimize.save_state(path, state)
-    with np.load(path, allow_pickle=False) as file:
-        assert all(not file[name].dtype.hasobject for name in file.files)
-    assert optimize.load_state(path).evaluations.cost == state.evaluations.cost
-    assert [p.name for p in tmp_path.iterdir()] == ["state.npz"]
-
-
-def test_a_tag_lies_in_the_same_file(state: Any, tmp_path: Path) -> None:
-    path = tmp_path / "state.npz"
-    optimize.save_state(path, state, "this problem")
-    loaded, tag = optimize.load_tagged(path)
-    assert tag == "this problem"
-    assert loaded.evaluations.cost == state.evaluations.cost == optimize.load_state(path).evaluations.cost
-    optimize.save_state(path, state)
-    assert optimize.load_tagged(path)[1] == ""
-
-
-def test_infinity_and_large_integers_survive(state: Any, tmp_path: Path) -> None:
+def test_a_file_holds_state_and_tag_without_pickle(state: Any, tmp_path: Path) -> None:
     path = tmp_path / "state.npz"
     books = replace(state.evaluations, cost=np.inf, trajectories=1 / 3)
-    optimize.save_state(path, replace(state, evaluations=books))
-    loaded = optimize.load_state(path)
-    assert loaded.evaluations.cost == np.inf
-    assert loaded.evaluations.trajectories == 1 / 3
+    optimize.save_state(path, replace(state, evaluations=books), "this problem")
+    with np.load(path, allow_pickle=False) as file:
+        assert all(not file[name].dtype.hasobject for name in file.files)
+    loaded, tag = optimize.load_tagged(path)
+    assert tag == "this problem"
+    assert (loaded.evaluations.cost, loaded.evaluations.trajectories) == (np.inf, 1 / 3)
     assert loaded.stream == state.stream
     assert loaded.stream.state > 2**64
+    assert [p.name for p in tmp_path.iterdir()] == ["state.npz"]
+    optimize.save_state(path, state)
+    assert optimize.load_tagged(path)[1] == ""
+    assert optimize.load_state(path).evaluations.cost == state.evaluations.cost
 
 
 def test_a_damaged_file_is_named_and_nothing_worse(state: Any, tmp_path: Path) -> None:
@@ -80,37 +66,28 @@ def _refusal(path: Path, content: bytes) -> str | None:
     return None
 
 
-def test_another_version_is_refused(state: Any, tmp_path: Path) -> None:
-    path, other = tmp_path / "state.npz", tmp_path / "other.npz"
+def test_other_files_are_refused(state: Any, tmp_path: Path) -> None:
+    path = tmp_path / "state.npz"
     optimize.save_state(path, state)
     with np.load(path) as file:
         arrays = {name: file[name] for name in file.files}
-    header = arrays["header"].tobytes().replace(b"stoop-state/1", b"stoop-state/9")
-    arrays["header"] = np.frombuffer(header, dtype=np.uint8)
-    np.savez(other, **arrays)
-    with pytest.raises(IdentificationError, match="stoop-state/9"):
-        optimize.load_state(other)
-
-
-def test_a_file_names_no_class_but_ours(tmp_path: Path) -> None:
-    path = tmp_path / "state.npz"
+    later = arrays["header"].tobytes().replace(b"stoop-state/1", b"stoop-state/9")
     header = b'{"schema": "stoop-state/1", "state": {"class": "Path", "fields": {}}}'
-    np.savez(path, header=np.frombuffer(header, dtype=np.uint8))
-    with pytest.raises(IdentificationError, match="not a usable state"):
-        optimize.load_state(path)
-    header = header.replace(b"Path", b"Stream").replace(
-        b"{}}", b'{"state":1,"inc":1,"has_uint32":0,"uinteger":0}}'
-    )
-    np.savez(path, header=np.frombuffer(header, dtype=np.uint8))
-    with pytest.raises(IdentificationError, match="holds no state"):
-        optimize.load_state(path)
-
-
-def test_missing_files_and_folders_are_told(state: Any, tmp_path: Path) -> None:
+    stream = b'Stream", "fields": {"state":1,"inc":1,"has_uint32":0,"uinteger":0}'
+    for text, says in (
+        (later, "stoop-state/9"),
+        (header, "not a usable state"),  # a file names no class but ours
+        (header.replace(b'Path", "fields": {}', stream), "holds no state"),
+    ):
+        np.savez(path, **arrays | {"header": np.frombuffer(text, dtype=np.uint8)})
+        with pytest.raises(IdentificationError, match=says):
+            optimize.load_state(path)
     with pytest.raises(IdentificationError, match="there is no saved state"):
         optimize.load_state(tmp_path / "none.npz")
     with pytest.raises(OutputError, match="cannot be written"):
         optimize.save_state(tmp_path / "none" / "state.npz", state)
+    with pytest.raises(TypeError, match="cannot hold set"):
+        optimize.save_state(tmp_path / "other.npz", replace(state, round={1}))
 
 
 def test_a_failed_write_leaves_the_old_file(
@@ -131,20 +108,15 @@ def test_a_failed_write_leaves_the_old_file(
     assert [p.name for p in tmp_path.iterdir()] == ["state.npz"]
 
 
-def test_what_cannot_be_stored_is_an_error_of_ours(state: Any, tmp_path: Path) -> None:
-    with pytest.raises(TypeError, match="cannot hold set"):
-        optimize.save_state(tmp_path / "state.npz", replace(state, round={1}))
-    assert not list(tmp_path.iterdir())
+def hills(X: np.ndarray) -> np.ndarray:
+    Y = 8 * X - 4
+    return 10 * 3 + (Y**2 - 10 * np.cos(2 * np.pi * Y)).sum(axis=1)
 
 
-class Rastrigin:
+class Rastrigin(Only):
     """Thousands of local optima: the file beside this one holds a run on it, saved by release 0.1."""
 
-    dimension, extra, prices = 3, 0, (1.0,)
-
-    def costs(self, X: np.ndarray, rung: int) -> np.ndarray:
-        Y = 8 * X - 4
-        return 10 * 3 + (Y**2 - 10 * np.cos(2 * np.pi * Y)).sum(axis=1)
+    extra, prices = 0, (1.0,)
 
     def residuals(self, Z: np.ndarray, rung: int) -> np.ndarray:
         return np.sqrt(self.costs(Z, rung))[:, None]
@@ -156,63 +128,9 @@ class Rastrigin:
         return 1e3
 
 
-STOP = optimize.Stop(generations=80)
-FORMER_NAMES = {
-    **{ours: theirs for theirs, ours in FORMER_CLASSES.items()},
-    "evaluations": "books",
-    "resumed": "gone_on",
-    "deferred": "shelved",
-    "least": "seen",
-    "optima": "ends",
-    "population": "herd",
-    "population_size": "herd_size",
-    "refined": "dived",
-}
-LATER_FIELDS = {"prolonged", "evolved"}  # which release 0.1 did not have
-
-
-def renamed(value: Any) -> Any:
-    """Return an encoded state with the names of release 0.1."""
-    if not isinstance(value, dict) or "array" in value:
-        return value
-    fields = {FORMER_NAMES.get(name, name): renamed(item) for name, item in value["fields"].items()}
-    return {"class": FORMER_NAMES.get(value["class"], value["class"]), "fields": fields}
-
-
-def test_a_state_with_the_names_of_release_0_1_continues_as_an_uninterrupted_run(tmp_path: Path) -> None:
-    """Saved here, so that it may be held to the last bit: BLAS has other kernels, and rounds otherwise, on other processors."""
-    path = tmp_path / "state.npz"
-    whole = optimize.minimize(optimize.create(), Rastrigin(), seed=3, stop=STOP)
-    half = optimize.minimize(optimize.create(), Rastrigin(), seed=3, stop=optimize.Stop(generations=60))
-    assert half.state is not None
-    assert half.state.population is not None
-    optimize.save_state(path, half.state)
-    with np.load(path) as file:
-        arrays = {name: file[name] for name in file.files}
-    header = json.loads(arrays["header"].tobytes())
-    header["state"] = renamed(header["state"])
-    with np.load(RELEASE_0_1) as file:
-        kind, fields = names(header["state"])
-        former = {name: item for name, item in fields.items() if name not in LATER_FIELDS}
-        assert (kind, former) == names(json.loads(file["header"].tobytes())["state"])
-    np.savez(path, **arrays | {"header": np.frombuffer(json.dumps(header).encode(), dtype=np.uint8)})
-    resumed = optimize.minimize(
-        optimize.create(), Rastrigin(), seed=0, stop=STOP, state=optimize.load_state(path)
-    )
-    assert (resumed.trajectories, resumed.cost) == (whole.trajectories, whole.cost)
-    assert np.array_equal(resumed.history, whole.history)
-
-
-def names(value: Any) -> Any:
-    """Return the names in an encoded state."""
-    if not isinstance(value, dict) or "array" in value:
-        return None
-    return value["class"], {name: names(item) for name, item in value["fields"].items()}
-
-
-def test_the_state_of_release_0_1_itself_loads_and_continues() -> None:
-    old = optimize.load_state(RELEASE_0_1)
-    outcome = optimize.minimize(optimize.create(), Rastrigin(), seed=0, stop=STOP, state=old)
+def test_the_state_of_release_0_1_loads_and_continues() -> None:
+    old, stop = optimize.load_state(RELEASE_0_1), optimize.Stop(generations=80)
+    outcome = optimize.minimize(optimize.create(), Rastrigin(hills, 3), seed=0, stop=stop, state=old)
     assert (old.generation, outcome.generation) == (60, 80)
     assert outcome.trajectories > old.evaluations.trajectories == 4359.0
     assert outcome.cost == pytest.approx(0.117749, rel=1e-4)
