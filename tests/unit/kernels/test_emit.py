@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 import sympy as sp
 from naive import oscillator
@@ -28,17 +30,17 @@ def test_equal_models_give_equal_source() -> None:
     assert emit(oscillator.equations()) == emit(oscillator.equations())
 
 
-@pytest.mark.parametrize("rate", [x ** sp.Rational(1, 3), x**y, sp.exp(x), sp.zoo * x])
-def test_what_has_no_vector_form_is_refused(rate: sp.Expr) -> None:
-    with pytest.raises(NotImplementedError):
-        emit(model(rate))
+def test_what_has_no_vector_form_is_refused() -> None:
+    for rate in (x ** sp.Rational(1, 3), x**y, sp.exp(x), sp.zoo * x):
+        with pytest.raises(NotImplementedError):
+            emit(model(rate))
 
 
-@pytest.mark.parametrize("power", [-3, -2, -1, 0, 1, 2, 5])
-@pytest.mark.parametrize("half", [0, 1])
-def test_powers(power: int, half: int) -> None:
-    exponent = sp.Integer(power) + sp.Rational(half, 2)
-    source = emit(model(sp.Integer(0), (x + 2) ** exponent)).source
-    scope: dict[str, object] = {}
-    exec(source, scope)  # noqa: S102  our own text, to see what it computes
-    assert scope["observe"]((0.3,), (0.0,), ())[1] == pytest.approx(2.3 ** float(exponent), rel=1e-14)  # type: ignore[operator]
+def test_powers() -> None:
+    for halves in (-6, -5, -4, -3, -2, -1, 0, 1, 2, 3, 4, 5, 10, 11):
+        source = emit(model(sp.Integer(0), (x + 2) ** sp.Rational(halves, 2))).source
+        scope: dict[str, Any] = {}
+        exec(source, scope)  # noqa: S102  our own text, to see what it computes
+        assert scope["observe"]((0.3,), (0.0,), ())[1] == pytest.approx(2.3 ** (halves / 2), rel=1e-14), (
+            halves
+        )

@@ -78,30 +78,16 @@ def test_covariance_and_gains_along_a_record_with_holes(kernel: Kernel, measured
 
 
 def test_every_candidate_flies_with_its_own_gains(kernel: Kernel, measured: np.ndarray) -> None:
-    stiffness, start = np.array([4.0, 9.0, 16.0] * 4), np.array([0.1, -0.2, 0.3])
+    stiffness, start = np.array([4.0, 9.0, 16.0]), np.array([0.1, -0.2, 0.3])
     Q, R, P = np.diag([1e-4, 2e-4, 3e-4]), np.array([0.04, 0.09]), 0.1 * np.eye(3)
     seen, which = np.isfinite(measured), np.zeros(300, dtype=np.int64)
-    gains = np.stack(
-        [
-            filtering.riccati(kernel, transition(s)[None], H[None], Q[None], R, seen.astype(float), which, P)[
-                0
-            ]
-            for s in stiffness
-        ],
-        axis=2,
-    )
-    samples = np.arange(300, dtype=np.int64)
-    inputs, many = np.zeros((300, 1)), len(stiffness)
+    own = [transition(s)[None] for s in stiffness]
+    found = [filtering.riccati(kernel, F, H[None], Q[None], R, seen.astype(float), which, P)[0] for F in own]
+    gains, many = np.stack(found, axis=2), len(stiffness)
+    begin, samples = np.repeat(start[:, None], many, 1), np.arange(300, dtype=np.int64)
+    inputs = np.zeros((300, 1))
     found, states = filtering.innovations(
-        kernel,
-        stiffness[None, :],
-        np.repeat(start[:, None], many, 1),
-        gains,
-        samples,
-        inputs,
-        measured,
-        DT,
-        states=True,
+        kernel, stiffness[None, :], begin, gains, samples, inputs, measured, DT, states=True
     )
     for b, s in enumerate(stiffness):
         plain, *_ = kalman(transition(s), H, Q, R, start, P, measured)
@@ -112,11 +98,8 @@ def test_every_candidate_flies_with_its_own_gains(kernel: Kernel, measured: np.n
 
 
 def test_without_a_gain_it_is_the_simulation(kernel: Kernel) -> None:
-    p, x, u = (
-        np.full((1, 5), 9.0),
-        np.repeat([[0.3], [0.1], [0.2]], 5, 1),
-        np.random.default_rng(2).normal(size=(200, 1)),
-    )
+    p, x = np.full((1, 5), 9.0), np.repeat([[0.3], [0.1], [0.2]], 5, 1)
+    u = np.random.default_rng(2).normal(size=(200, 1))
     plain = kernel.trajectories(p, x, u, DT)
     none = np.zeros((1, 6, 5))
     found, states = filtering.innovations(
@@ -135,14 +118,14 @@ def test_an_innovation_of_an_angle_takes_the_short_way(kernel: Kernel) -> None:
     assert found[0, 0, 1] == pytest.approx(2.0 * np.pi - 6.0)
 
 
-def test_arrays_that_do_not_fit_are_refused(kernel: Kernel) -> None:
+def test_arrays_that_do_not_fit_and_models_without_moves_are_refused(
+    kernel: Kernel, pendulum: Kernel
+) -> None:
     p, x, u, z = np.full((1, 1), 9.0), np.zeros((3, 1)), np.zeros((5, 1)), np.zeros((5, 2))
+    which = np.zeros(5, dtype=np.int64)
     with pytest.raises(ValueError, match="gains"):
-        filtering.innovations(kernel, p, x, np.zeros((1, 5, 1)), np.zeros(5, dtype=np.int64), u, z, DT)
+        filtering.innovations(kernel, p, x, np.zeros((1, 5, 1)), which, u, z, DT)
     with pytest.raises(ValueError, match="which"):
-        filtering.innovations(kernel, p, x, np.zeros((1, 6, 1)), np.ones(5, dtype=np.int64), u, z, DT)
-
-
-def test_a_model_without_moves_says_so(pendulum: Kernel) -> None:
+        filtering.innovations(kernel, p, x, np.zeros((1, 6, 1)), which + 1, u, z, DT)
     with pytest.raises(ValueError, match="error state"):
         pendulum.entry("filter", 1)
