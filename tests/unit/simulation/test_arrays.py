@@ -17,46 +17,28 @@ MANEUVER = (
 )
 
 
-def test_recorded_channels_of_a_flight_fly_it_again() -> None:
-    vehicle = builtin_vehicle("twin-boom")
-    flight = simulate_flight(vehicle, parse_maneuver(MANEUVER, "m"), noise=False)
-    again = simulate(vehicle, flight)
-    for channel in ("q", "alpha", "az", "altitude"):
-        np.testing.assert_allclose(again.column(channel), flight.column(channel), rtol=0.0, atol=1e-9)
-
-
-def test_a_deflection_as_array() -> None:
-    vehicle = builtin_vehicle("twin-boom")
-    time = np.arange(201) / 50.0
-    maneuver = parse_maneuver(MANEUVER, "m")
+def test_inputs_as_arrays_fly_the_maneuver_again_with_noise_by_seed() -> None:
+    vehicle, maneuver = builtin_vehicle("twin-boom"), parse_maneuver(MANEUVER, "m")
+    flight = simulate_flight(vehicle, maneuver, noise=False)
     deflection = trim(vehicle).deflections["elevator"] + maneuver.deflections()["elevator"]
-    flown = simulate(vehicle, {"elevator": deflection}, time)
-    expected = simulate_flight(vehicle, maneuver, noise=False)
-    np.testing.assert_allclose(flown.column("q"), expected.column("q"), atol=1e-9)
-
-
-def test_inputs_of_a_dataset_and_noise_by_seed() -> None:
-    vehicle = builtin_vehicle("twin-boom")
-    flight = simulate_flight(vehicle, parse_maneuver(MANEUVER, "m"), noise=False)
+    flown = simulate(vehicle, flight), simulate(vehicle, {"elevator": deflection}, np.arange(201) / 50.0)
+    for again in flown:
+        for channel in ("q", "alpha", "az", "altitude"):
+            np.testing.assert_allclose(again.column(channel), flight.column(channel), rtol=0.0, atol=1e-9)
     one, two = (simulate(vehicle, flight.data, noise=True, seed=s) for s in (1, 1))
     np.testing.assert_array_equal(one.column("q"), two.column("q"))
-    assert np.std(one.column("q") - flight.column("q")) == pytest.approx(
-        vehicle.file.sensors.q.sigma, rel=0.2
-    )
+    error = one.column("q") - flight.column("q")
+    assert np.std(error) == pytest.approx(vehicle.file.sensors.q.sigma, rel=0.2)
 
 
-@pytest.mark.parametrize(
-    ("inputs", "time", "advice"),
-    [
-        ({"elevater": np.zeros(3)}, np.arange(3.0), "did you mean elevator"),
-        ({"elevator": np.zeros(2)}, np.arange(3.0), "as long as the time"),
+def test_inputs_that_cannot_be_flown() -> None:
+    vehicle, three = builtin_vehicle("twin-boom"), np.arange(3.0)
+    for inputs, time, advice in (
+        ({"elevater": np.zeros(3)}, three, "did you mean elevator"),
+        ({"elevator": np.zeros(2)}, three, "as long as the time"),
         ({"elevator": np.zeros(3)}, np.array([0.0, 1.0, 3.0]), "one rate"),
         ({"elevator": np.zeros(3)}, None, "no time"),
-        ({"elevator": np.array([0.0, np.nan, 0.0])}, np.arange(3.0), "not finite"),
-    ],
-)
-def test_what_cannot_be_flown_is_said(
-    inputs: dict[str, np.ndarray], time: np.ndarray | None, advice: str
-) -> None:
-    with pytest.raises(ManeuverError, match=advice):
-        simulate(builtin_vehicle("twin-boom"), inputs, time)
+        ({"elevator": np.array([0.0, np.nan, 0.0])}, three, "not finite"),
+    ):
+        with pytest.raises(ManeuverError, match=advice):
+            simulate(vehicle, inputs, time)

@@ -72,6 +72,9 @@ def test_dimensional_ones_by_hand(boom: Vehicle, found: Derivatives) -> None:
     assert table["L_p"] == pytest.approx(common * n("reference.span") ** 2 * n("Clp"), rel=1e-9)
     assert specific["M_q"] == pytest.approx(table["M_q"] / n("mass.inertia.yy"), rel=1e-12)
     assert specific["Z_w"] == pytest.approx(table["Z_w"] / n("mass.mass"), rel=1e-12)
+    model = linearize(boom, trim(boom))
+    q = model.states.index("q")
+    assert specific["M_q"] == pytest.approx(model.A[q, q], rel=1e-9)
 
 
 @pytest.mark.parametrize("name", ["crooked", "quad-x"])
@@ -116,8 +119,7 @@ def test_there_and_back(found: Derivatives) -> None:
         ours, theirs = found.table(form), again.table(form)
         assert np.array_equal(ours.identified, theirs.identified)
         kept = ours.identified
-        both = (t.covariance[np.ix_(kept, kept)] for t in (ours, theirs))
-        first, second = both
+        first, second = (t.covariance[np.ix_(kept, kept)] for t in (ours, theirs))
         assert second == pytest.approx(first, rel=1e-9, abs=1e-12 * first.max())
 
 
@@ -152,14 +154,6 @@ def test_an_estimated_inertia_cancels_from_what_is_divided_by_it(boom: Vehicle) 
     assert specific.std_errors[i] == pytest.approx(
         abs(specific.values[i]) / boom.value("mass.inertia.yy"), rel=1e-5
     )
-
-
-def test_a_matrix_entry_of_the_linear_model_is_a_specific_derivative(
-    boom: Vehicle, found: Derivatives
-) -> None:
-    model = linearize(boom, trim(boom))
-    q = model.states.index("q")
-    assert named(found, "specific")["M_q"] == pytest.approx(model.A[q, q], rel=1e-9)
 
 
 def test_refusals(boom: Vehicle) -> None:

@@ -22,6 +22,10 @@ def shape(**keys: object) -> str:
     )
 
 
+def of(control: str, amplitude: float, step: float = 0.5, **keys: object) -> str:
+    return shape(control=control, shape="doublet", start=1.0, step=step, amplitude=amplitude, **keys)
+
+
 def flown(text: str) -> np.ndarray:
     return parse_maneuver(text, "x").deflections()["elevator"]
 
@@ -34,17 +38,15 @@ def test_3211_has_its_steps_on_the_samples_they_name() -> None:
     assert np.array_equal(y, expected)
 
 
-@pytest.mark.parametrize(("name", "units"), [("doublet", (1, 1)), ("1-1", (1, 1)), ("2-1-1", (2, 1, 1))])
-def test_steps_alternate(name: str, units: tuple[int, ...]) -> None:
-    y = flown(shape(shape=name, start=2.0, step=0.5, amplitude=-0.1))
-    runs = np.split(y, np.flatnonzero(np.diff(y)) + 1)
-    assert [len(r) for r in runs[1:-1]] == [50 * u for u in units]
-    assert [r[0] for r in runs[1:-1]] == [-0.1 * (-1) ** i for i in range(len(units))]
-
-
-def test_pulse() -> None:
-    y = flown(shape(shape="pulse", start=0.0, duration=3.0, amplitude=0.2))
-    assert np.array_equal(y, np.where(np.arange(1001) < 300, 0.2, 0.0))
+def test_steps_alternate_and_inputs_on_one_control_add() -> None:
+    for name, units in (("doublet", (1, 1)), ("1-1", (1, 1)), ("2-1-1", (2, 1, 1))):
+        y = flown(shape(shape=name, start=2.0, step=0.5, amplitude=-0.1))
+        runs = np.split(y, np.flatnonzero(np.diff(y)) + 1)
+        assert [len(r) for r in runs[1:-1]] == [50 * u for u in units]
+        assert [r[0] for r in runs[1:-1]] == [-0.1 * (-1) ** i for i in range(len(units))]
+    pulse = shape(shape="pulse", start=0.0, duration=3.0, amplitude=0.2)
+    assert np.array_equal(flown(pulse), np.where(np.arange(1001) < 300, 0.2, 0.0))
+    assert np.allclose(flown(f"{pulse}\n[[input]]\n" + pulse.split("[[input]]\n")[1]), 2 * flown(pulse))
 
 
 def test_multisine_keeps_its_amplitude_band_and_low_peaks() -> None:
@@ -54,25 +56,16 @@ def test_multisine_keeps_its_amplitude_band_and_low_peaks() -> None:
     assert power[1:21].min() > 0.99 * power[1:21].max(), "equal power up to 2 Hz"
     assert power[21:].max() < 1e-20 * power[1]
     assert np.abs(y).max() / np.sqrt(np.mean(y**2)) < 2.0, "low peak factor"
-
-
-def test_multisines_of_one_stride_are_orthogonal() -> None:
     text = shape(shape="multisine", start=0.0, duration=10.0, amplitude=0.1, band=2.0, first=1, stride=2)
     other = text.split("[[input]]")[1].replace("elevator", "rudder").replace("first = 1", "first = 2")
     both = parse_maneuver(f"{text}\n[[input]]{other}", "x").deflections()
     a, b = both["elevator"][:1000], both["rudder"][:1000]
-    assert abs(a @ b) < 1e-12 * (a @ a)
+    assert abs(a @ b) < 1e-12 * (a @ a), "those of one stride are orthogonal"
 
 
 def test_harmonics_have_the_amplitudes_and_phases_they_are_given() -> None:
-    text = shape(
-        shape="harmonics",
-        start=0.0,
-        duration=10.0,
-        harmonics=[2, 7],
-        amplitudes=[0.1, -0.03],
-        phases=[0.4, 1.0],
-    )
+    given = {"harmonics": [2, 7], "amplitudes": [0.1, -0.03], "phases": [0.4, 1.0]}
+    text = shape(shape="harmonics", start=0.0, duration=10.0, **given)
     spectrum = np.fft.rfft(flown(text)[:1000]) / 500.0
     assert np.allclose(spectrum[[2, 7]], [-0.1j * np.exp(0.4j), 0.03j * np.exp(1.0j)])
     spectrum[[2, 7]] = 0.0
@@ -84,7 +77,7 @@ def test_slew_bounds_the_rate_and_keeps_the_levels() -> None:
     y = flown(text)
     assert np.abs(np.diff(y)).max() <= 0.01 * (1.0 + 1e-9)
     assert y[[100, 110, 250, 350, 400, 450, 470]] == pytest.approx(
-        [0.0, 0.1, 0.1, -0.1, 0.1, -0.1, 0.0], abs=1e-12
+        [0, 0.1, 0.1, -0.1, 0.1, -0.1, 0], abs=1e-12
     )
 
 
@@ -99,24 +92,16 @@ def test_levels_are_held_one_after_the_other() -> None:
     assert slow[[120, 149, 179, 200]] == pytest.approx([0.1, 0.1, -0.05, 0.0])
 
 
-def test_inputs_on_one_control_add() -> None:
-    one = shape(shape="pulse", start=1.0, duration=1.0, amplitude=0.1)
-    twice = f"{one}\n[[input]]\n" + one.split("[[input]]\n")[1]
-    assert np.allclose(flown(twice), 2 * flown(one))
-
-
+ROTORS = "duration = 9.0\n"
 PULSE = {"shape": "pulse", "start": 1.0, "duration": 1.0, "amplitude": 0.1}
 SINE = {"shape": "multisine", "start": 0.0, "duration": 5.0, "amplitude": 0.1, "band": 2.0}
 
 
-@pytest.mark.parametrize(
-    ("text", "says"),
-    [
+def test_what_cannot_be_flown() -> None:
+    for text, says in (
         ("", "duration: missing; add it"),
         ("duration = 0.0", "duration: it must be greater than 0"),
-        ("duration = -1.0", "duration: it must be greater than 0"),
         ("duration = nan", "duration: it must be a finite number"),
-        ("duration = inf", "duration: it must be a finite number"),
         (f"duration = 1{'0' * 400}", "duration: an integer of more than 308 digits"),
         ("duration = '9'", "duration: it must be a valid number"),
         ("duration = 1e9", "duration: it must be less than or equal to 36000"),
@@ -125,19 +110,13 @@ SINE = {"shape": "multisine", "start": 0.0, "duration": 5.0, "amplitude": 0.1, "
         ("duration = 9.0\nrate = 0.0", "rate: it must be greater than 0"),
         ("duration = 9.0\nairspeed = -3.0", "airspeed: it must be greater than 0"),
         ("duration = 9.0\naltitude = 40000.0", "altitude: it must be less than or equal to 11000"),
-        ("duration = 9.0\nspeed = 3.0", "speed: unknown key"),
         ("duration = 9.0\nairsped = 3.0", "airsped: unknown key; remove it or correct its name (did you mean airspeed?)"),
         ("duration = 9.0\n[noise]\nq = -0.1", "noise.q: it must be greater than or equal to 0"),
-        ("duration = 9.0\n[noise]\nq = nan", "noise.q: it must be a finite number"),
         ("duration = 9.0\ninput = 3", "input: this must be a list"),
-        ("duration = 9.0\n[input]\ncontrol = 'elevator'", "input: this must be a list"),
         ("format = 'x'\nduration = 9.0", "format: it must be 'stoop-maneuver/1'"),
         ("duration = 9.0\n[[input]]\ncontrol = 'elevator'", "input.0: the key 'shape' is missing"),
         (shape(shape="sine"), "input.0: 'shape' is 'sine'; choose one of '3-2-1-1', 'doublet'"),
-        (
-            shape(**PULSE | {"amplitude": 11.46}),
-            "input.0.amplitude: 11.46 looks like degrees; write radians (0.2), or, on rotors without a surface 'elevator', name",
-        ),
+        (shape(**PULSE | {"amplitude": 11.46}), "input.0.amplitude: 11.46 looks like degrees; write radians (0.2), or"),
         (shape(shape="pulse", start=1.0, amplitude=0.1), "input.0.duration: missing"),
         (shape(**PULSE | {"start": -1.0}), "input.0.start: it must be greater than or equal to 0"),
         (shape(**PULSE, step=3.0), "input.0.step: unknown key; remove it or correct its name (known here: control, shape"),
@@ -154,23 +133,33 @@ SINE = {"shape": "multisine", "start": 0.0, "duration": 5.0, "amplitude": 0.1, "
         (shape(shape="harmonics", start=0.0, duration=5.0, harmonics=[], amplitudes=[], phases=[]), "input.0.harmonics: "),
         ("duration", "not valid TOML"),
         ("[" * 9000, "not valid TOML"),
-    ],
-)  # fmt: skip
-def test_what_cannot_be_flown(text: str, says: str) -> None:
-    with pytest.raises(ManeuverError) as caught:
-        parse_maneuver(text, WHERE)
-    said = str(caught.value)
-    assert said.startswith(f"{WHERE}: ")
-    assert says in said
-    assert said.isprintable()
+        (ROTORS + "wind = [1.0, 2.0]", "wind.2: too few entries; write one more"),
+        (ROTORS + "wind = [1.0, 2.0, 900.0]", "wind.2: it must be less than or equal to 200"),
+        (ROTORS + "wind = 4.0", "wind: this must be a list"),
+        (ROTORS + "velocity = [1.0, 2.0, nan]", "velocity.2: it must be a finite number"),
+        (ROTORS + "velocity = [0.0, 0.0, 0.0]\nairspeed = 10.0", "airspeed and velocity: one flies on wings"),
+        (ROTORS + "heading = 90.0", "heading: it must be less than or equal to 6.28"),
+        (ROTORS + "[battery]\nstart = 0.0", "battery.start: it must be greater than 0"),
+        (ROTORS + "[battery]\nfall = -1.0", "battery.fall: it must be greater than or equal to 0"),
+        (ROTORS + "[battery]\nsagg = 1.0", "battery.sagg: unknown key; remove it or correct its name (did you mean sag?)"),
+        (of("heading", 90.0), "input.0.amplitude: 90 looks like degrees; write radians (1.571)"),
+        (of("pitch", 1e9), "input.0.amplitude: 1e+09 is out of range; write it in rad/s2"),
+        (of("yaw", 9.0, step=0.1, slew=1.0), "a slew of 1 rad/s2/s does not get from 0 to 9 rad/s2"),
+    ):  # fmt: skip
+        with pytest.raises(ManeuverError) as caught:
+            parse_maneuver(text, WHERE)
+        said = str(caught.value)
+        assert said.startswith(f"{WHERE}: "), text[:80]
+        assert says in said
+        assert said.isprintable()
 
 
-@pytest.mark.parametrize("content", [bytes(range(256)), b"#" * 1_000_001])
-def test_files_that_are_none(tmp_path: Path, content: bytes) -> None:
+def test_files_that_are_none(tmp_path: Path) -> None:
     path = tmp_path / "m.toml"
-    path.write_bytes(content)
-    with pytest.raises(ManeuverError, match=r"m\.toml: .*check the path"):
-        load_maneuver(path)
+    for content in (bytes(range(256)), b"#" * 1_000_001):
+        path.write_bytes(content)
+        with pytest.raises(ManeuverError, match=r"m\.toml: .*check the path"):
+            load_maneuver(path)
     with pytest.raises(ManeuverError, match=r"none\.toml: cannot read the maneuver file"):
         load_maneuver(tmp_path / "none.toml")
 
@@ -193,7 +182,7 @@ lines = st.lists(st.tuples(word, literal).map(" = ".join), max_size=6).map("\n".
         st.text(max_size=80), lines, lines.map("duration = 5.0\n[[input]]\ncontrol = 'elevator'\n{}".format)
     )
 )
-@settings(max_examples=400, deadline=None)
+@settings(max_examples=100)
 def test_any_text_flies_or_is_refused_in_one_line(text: str) -> None:
     try:
         maneuver = parse_maneuver(text, WHERE)
@@ -206,10 +195,6 @@ def test_any_text_flies_or_is_refused_in_one_line(text: str) -> None:
     assert said.isprintable()
 
 
-def of(control: str, amplitude: float) -> str:
-    return shape(control=control, shape="doublet", start=1.0, step=0.5, amplitude=amplitude)
-
-
 def test_units_follow_the_control() -> None:
     """Accelerations, speeds and channels may be larger than an angle; a surface and a heading are angles still."""
     for control, amplitude in (("roll", 40.0), ("north", -12.0), ("motor_1", 0.2), ("pwm_3", 150.0)):
@@ -217,36 +202,3 @@ def test_units_follow_the_control() -> None:
         assert np.abs(y).max() == abs(amplitude)
     assert maneuver.unit_of("heave") == "m/s2"
     assert maneuver.unit_of("elevator") == "rad"
-    with pytest.raises(
-        ManeuverError, match=r"input.0.amplitude: 90 looks like degrees; write radians \(1.571\)"
-    ):
-        parse_maneuver(of("heading", 90.0), WHERE)
-    with pytest.raises(ManeuverError, match=r"input.0.amplitude: 1e\+09 is out of range; write it in rad/s2"):
-        parse_maneuver(of("pitch", 1e9), WHERE)
-    slow = shape(control="yaw", shape="doublet", start=1.0, step=0.1, amplitude=9.0, slew=1.0)
-    with pytest.raises(ManeuverError, match="a slew of 1 rad/s2/s does not get from 0 to 9 rad/s2"):
-        parse_maneuver(slow, WHERE)
-
-
-@pytest.mark.parametrize(
-    ("text", "says"),
-    [
-        ("wind = [1.0, 2.0]", "wind.2: too few entries; write one more"),
-        ("wind = [1.0, 2.0, 900.0]", "wind.2: it must be less than or equal to 200"),
-        ("wind = 4.0", "wind: this must be a list"),
-        ("velocity = [1.0, 2.0, nan]", "velocity.2: it must be a finite number"),
-        ("velocity = [0.0, 0.0, 0.0]\nairspeed = 10.0", "airspeed and velocity: one flies on wings"),
-        ("heading = 90.0", "heading: it must be less than or equal to 6.28"),
-        ("[battery]\nstart = 0.0", "battery.start: it must be greater than 0"),
-        ("[battery]\nfall = -1.0", "battery.fall: it must be greater than or equal to 0"),
-        (
-            "[battery]\nsagg = 1.0",
-            "battery.sagg: unknown key; remove it or correct its name (did you mean sag?)",
-        ),
-    ],
-)
-def test_what_rotors_add_is_checked(text: str, says: str) -> None:
-    with pytest.raises(ManeuverError) as caught:
-        parse_maneuver(f"duration = 9.0\n{text}", WHERE)
-    assert says in str(caught.value)
-    assert str(caught.value).startswith(f"{WHERE}: ")

@@ -35,13 +35,8 @@ def maneuver(duration: float = 8.0, *inputs: dict[str, object], **keys: object) 
 
 
 def pulse(control: str, amplitude: float, start: float = 1.0, duration: float = 100.0) -> dict[str, object]:
-    return {
-        "control": control,
-        "shape": "pulse",
-        "start": start,
-        "duration": duration,
-        "amplitude": amplitude,
-    }
+    times = {"start": start, "duration": duration}
+    return {"control": control, "shape": "pulse", "amplitude": amplitude} | times
 
 
 def replayed(vehicle: Vehicle, flown: Flown, dt: float) -> np.ndarray:
@@ -53,8 +48,7 @@ def replayed(vehicle: Vehicle, flown: Flown, dt: float) -> np.ndarray:
     return late_outputs(vehicle, truth, rows, dt)[0]
 
 
-@pytest.mark.parametrize("rate", [25.0, 77.0, 100.0, 400.0])
-@pytest.mark.parametrize("delay", [0.0, 0.004, 0.013, 0.04])
+@pytest.mark.parametrize(("rate", "delay"), [(25.0, 0.0), (77.0, 0.04), (100.0, 0.013), (400.0, 0.004)])
 def test_recorded_channels_give_the_same_flight_again(quad: Vehicle, rate: float, delay: float) -> None:
     vehicle = quad.with_numbers({"rotors.delay": {"value": delay}})
     battery = {"fall": 0.05, "sag": 0.8}
@@ -63,13 +57,13 @@ def test_recorded_channels_give_the_same_flight_again(quad: Vehicle, rate: float
     assert np.abs(flown.velocity[-1]).max() < 0.4, "and the autopilot has it in hand"
 
 
-@pytest.mark.parametrize("delay", [0.0, 0.013])
-def test_flights_side_by_side_are_those_alone(quad: Vehicle, delay: float) -> None:
+def test_flights_side_by_side_are_those_alone(quad: Vehicle) -> None:
     """Lanes of other values, delays, maneuvers and lengths have the bits of single flights; failures are values."""
-    late = quad.with_numbers({"rotors.delay": {"value": delay}, "mass.mass": {"value": 1.6}})
+    late = quad.with_numbers({"rotors.delay": {"value": 0.013}, "mass.mass": {"value": 1.6}})
     helpless = quad.with_numbers({"rotor.m1.factor": {"value": 0.0}})
-    busy, calm = maneuver(5.0, *BUSY, battery={"sag": 0.8}), maneuver(5.0, *BUSY[:2], wind=(3.0, 1.0, 0.2))
-    pairs = [(quad, busy), (helpless, busy), (late, calm), (quad, calm), (late, maneuver(2.0, *BUSY[:1]))]
+    busy, calm = maneuver(3.0, *BUSY, battery={"sag": 0.8}), maneuver(3.0, *BUSY[:2], wind=(3.0, 1.0, 0.2))
+    punctual = quad.with_numbers({"rotors.delay": {"value": 0.0}})
+    pairs = [(quad, busy), (helpless, busy), (late, calm), (punctual, calm), (late, maneuver(2.0, *BUSY[:1]))]
     found = fly_together(pairs)
     assert isinstance(found.pop(1), SimulationError)
     del pairs[1]
@@ -82,9 +76,9 @@ def test_flights_side_by_side_are_those_alone(quad: Vehicle, delay: float) -> No
 
 
 def test_it_stays_where_nothing_is_asked_of_it(quad: Vehicle) -> None:
-    still = fly(quad, maneuver(20.0, wind=(5.0, -3.0, 0.5)))
+    still = fly(quad, maneuver(8.0, wind=(5.0, -3.0, 0.5)))
     assert np.abs(still.velocity).max() < 1e-3
-    away = fly(quad, maneuver(20.0, velocity=(2.0, 1.0, -0.5), heading=1.0))
+    away = fly(quad, maneuver(8.0, velocity=(2.0, 1.0, -0.5), heading=1.0))
     assert np.abs(away.velocity - [2.0, 1.0, -0.5]).max() < 1e-3
 
 
@@ -101,17 +95,13 @@ def test_set_points_are_reached(quad: Vehicle) -> None:
     assert turned.velocity[-1] == pytest.approx([1.5 * np.cos(2.5), 1.5 * np.sin(2.5), 0.0], abs=0.06)
 
 
-@pytest.mark.parametrize("name", ["quad-x", "quad-plus", "hexa-x", "octo-x", "quadplane"])
+@pytest.mark.parametrize("name", ["quad-x", "hexa-x", "octo-x", "quadplane"])
 def test_templates_answer_steps_and_come_to_rest(name: str) -> None:
     vehicle = builtin_vehicle(name)
     steps = [
-        pulse("roll", 5.0, 1.0, 0.5),
-        pulse("pitch", -5.0, 3.0, 0.5),
-        pulse("yaw", 0.5, 5.0, 0.5),
-        pulse("heave", 2.0, 7.0, 0.5),
-        pulse("north", 2.0, 9.0, 3.0),
-        pulse("heading", 0.8, 13.0, 100.0),
-    ]
+        pulse("roll", 5.0, 1.0, 0.5), pulse("pitch", -5.0, 3.0, 0.5), pulse("yaw", 0.5, 5.0, 0.5),
+        pulse("heave", 2.0, 7.0, 0.5), pulse("north", 2.0, 9.0, 3.0), pulse("heading", 0.8, 13.0),
+    ]  # fmt: skip
     flown = fly(vehicle, maneuver(25.0, *steps))
     y = dict(zip(vehicle.outputs, flown.outputs.T, strict=True))
     for rate, start, sign in (("p", 1.0, 1), ("q", 3.0, -1), ("r", 5.0, 1)):
@@ -125,14 +115,8 @@ def test_templates_answer_steps_and_come_to_rest(name: str) -> None:
     assert not flown.clipped.any()
 
 
-def test_the_examples_fly_without_an_end_of_range() -> None:
-    vehicle = builtin_vehicle("quad-x")
-    flight = simulate_flight(vehicle, load_maneuver(EXAMPLES / "maneuver_quad.toml"), seed=1)
-    assert [found.code for found in flight.notices] == ["simulated"]
-
-
-@pytest.mark.parametrize("name", ["hexa-x", "octo-x", "quadplane"])
-def test_larger_vehicles_fly_the_examples(name: str) -> None:
+@pytest.mark.parametrize("name", ["quad-x", "quadplane"])
+def test_the_examples_fly_without_an_end_of_range(name: str) -> None:
     file = "maneuver_quadplane.toml" if name == "quadplane" else "maneuver_quad.toml"
     flight = simulate_flight(builtin_vehicle(name), load_maneuver(EXAMPLES / file), seed=1)
     assert [found.code for found in flight.notices] == ["simulated"]
@@ -174,31 +158,22 @@ def test_momentum_is_what_the_accelerometers_felt(quad: Vehicle) -> None:
     assert flight.column("altitude") == pytest.approx(200.0 - position[:, 2], abs=1e-12)
 
 
-def test_a_seed_names_a_flight(quad: Vehicle) -> None:
-    one, again, other = (simulate_flight(quad, maneuver(3.0, *BUSY), seed=s) for s in (1, 1, 2))
-    assert np.array_equal(one.column("q"), again.column("q"))
-    assert not np.array_equal(one.column("q"), other.column("q"))
-    assert np.array_equal(one.column("motor_1"), other.column("motor_1")), "the autopilot sees true states"
-
-
-def test_the_flight_file_holds_it_all(quad: Vehicle, tmp_path: Path) -> None:
-    flight = simulate_flight(quad, maneuver(3.0, *BUSY, wind=(3.0, -1.0, 0.2)), seed=2)
+def test_the_flight_file_holds_it_all_and_noise_by_seed(quad: Vehicle, tmp_path: Path) -> None:
+    windy = maneuver(3.0, *BUSY, wind=(3.0, -1.0, 0.2))
+    flight, other = (simulate_flight(quad, windy, seed=s) for s in (2, 3))
+    assert not np.array_equal(flight.column("q"), other.column("q"))
+    assert np.array_equal(flight.column("motor_1"), other.column("motor_1")), "the autopilot sees true states"
     save(flight, tmp_path / "flight.nc")
-    again = load(tmp_path / "flight.nc")
-    names = {
-        *quad.outputs,
-        "motor_1", "motor_2", "motor_3", "motor_4", "voltage", "altitude", "pn", "pe", "pd", "q0", "q1", "q2", "q3",
-    }  # fmt: skip
-    assert set(again.data.data_vars) == names
+    names = {*quad.outputs, "voltage", "altitude", "pn", "pe", "pd", "q0", "q1", "q2", "q3"}
+    assert set(load(tmp_path / "flight.nc").data.data_vars) == names | {f"motor_{i}" for i in (1, 2, 3, 4)}
     truth = json.loads(flight.data.attrs["truth"])
     assert [truth[f"sensors.{c}.bias"] for c in ("vn", "ve", "vd")] == [3.0, -1.0, 0.2]
     assert truth["rotors.T2"] == 6.0
 
 
 def test_ends_of_the_range_are_reported(quad: Vehicle) -> None:
-    hard = maneuver(
-        4.0, {"control": "roll", "shape": "doublet", "start": 1.0, "step": 0.2, "amplitude": 160.0}
-    )
+    roll = {"control": "roll", "shape": "doublet", "start": 1.0, "step": 0.2, "amplitude": 160.0}
+    hard = maneuver(4.0, roll)
     flown = fly(quad, hard)
     area = channel_range(quad)
     commands = flown.inputs[:, area.columns]
@@ -227,68 +202,40 @@ def test_the_battery_falls_and_the_autopilot_makes_up_for_it(quad: Vehicle) -> N
 
 
 def test_gusts_push_and_the_autopilot_holds(quad: Vehicle) -> None:
-    gusty = parse_vehicle(
-        quad.text
-        + "\n[turbulence]\nairspeed = 5.0\nu = { intensity = 0.8, length = 30.0 }\nw = { intensity = 0.5, length = 15.0 }\n",
-        "gusty.toml",
-    )
-    one, again, other = (fly(gusty, maneuver(10.0, wind=(4.0, 0.0, 0.0)), seed=s) for s in (5, 5, 6))
+    gusts = "airspeed = 5.0\nu = { intensity = 0.8, length = 30.0 }\nw = { intensity = 0.5, length = 15.0 }"
+    gusty = parse_vehicle(f"{quad.text}\n[turbulence]\n{gusts}\n", "gusty.toml")
+    one, again, other = (fly(gusty, maneuver(4.0, wind=(4.0, 0.0, 0.0)), seed=s) for s in (5, 5, 6))
     assert np.array_equal(one.outputs, again.outputs)
     assert not np.array_equal(one.outputs, other.outputs)
     assert 0.01 < np.abs(one.velocity).max() < 1.0
     assert one.inputs[:, channel_range(gusty).columns].std(axis=0).min() > 1e-3
 
 
-@pytest.mark.parametrize(
-    ("given", "says"),
-    [
+def test_what_cannot_be_flown(twin_boom: Vehicle, quad: Vehicle) -> None:
+    slow = parse_vehicle(quad.text.replace("[rotors]", "[rotors]\nvoltage_average = 30.0"), "slow.toml")
+    refused = (ManeuverError, SimulationError)
+    for vehicle, given, says in (
+        (quad, {"input": [pulse("elevator", 0.1)]}, "moves 'elevator', but the controls are roll, pitch, yaw, heave, north"),
+        (quad, {"airspeed": 12.0}, "no wings to fly 12 m/s on"),
         (
-            {"input": [pulse("elevator", 0.1)]},
-            "moves 'elevator', but the controls are roll, pitch, yaw, heave, north",
-        ),
-        ({"airspeed": 12.0}, "no wings to fly 12 m/s on"),
-        (
-            {"airspeed": 12.0, "input": [pulse("roll", 1.0)]},
+            quad, {"airspeed": 12.0, "input": [pulse("roll", 1.0)]},
             "airspeed: quad.toml has no wings to fly 12 m/s on, so no trim there; leave it out, write velocity, and move roll, "
             "pitch, yaw, heave, north, east, down, forward, right, heading, motor_1",
         ),
-        ({"duration": 30000.0}, "more than 500000 samples under the autopilot; lower one of them"),
-        ({"noise": {"V": 0.1}}, "noise: 'V' is not observed; channels are vn, ve, vd"),
-    ],
-)
-def test_what_cannot_be_flown(quad: Vehicle, given: dict[str, object], says: str) -> None:
-    with pytest.raises((ManeuverError, SimulationError), match=says):
-        simulate_flight(quad, Maneuver.model_validate({"duration": 2.0} | given))
-
-
-def test_what_a_quadplane_moves_on_its_rotors_alone() -> None:
-    quadplane = resolve_vehicle("quadplane")
-    fast = Maneuver.model_validate({"duration": 2.0, "airspeed": 20.0, "input": [pulse("pitch", 1.0)]})
-    with pytest.raises(
-        ManeuverError,
-        match=r"moves 'pitch', but the controls are elevator.* or leave the airspeed out: 'pitch'",
-    ):
-        fly(quadplane, fast)
-
-
-def test_what_only_rotors_can_do(twin_boom: Vehicle, quad: Vehicle) -> None:
-    with pytest.raises(ManeuverError, match=r"velocity: .*twin.* has no rotors to hover on; write airspeed"):
-        fly(twin_boom, maneuver(2.0, velocity=(1.0, 0.0, 0.0)))
-    with pytest.raises(ManeuverError, match=r"battery: no rotor of .* depends on the voltage"):
-        fly(twin_boom, maneuver(2.0, battery={"fall": 0.1}))
-    slow = parse_vehicle(quad.text.replace("[rotors]", "[rotors]\nvoltage_average = 30.0"), "slow.toml")
-    with pytest.raises(
-        ManeuverError, match=r"battery.sag: .* take the voltage over 30 s \(voltage_average\)"
-    ):
-        fly(slow, maneuver(2.0, battery={"sag": 0.5}))
-    with pytest.raises(ManeuverError, match="moves 'heave', but the controls are elevator"):
-        fly(twin_boom, maneuver(2.0, pulse("heave", 1.0)))
-    assert fly(quad, maneuver(0.5, velocity=(1.0, 0.0, 0.0))).velocity[0] == pytest.approx([1.0, 0.0, 0.0])
-
-
-def test_a_flight_too_coarse_to_be_simulated(quad: Vehicle) -> None:
-    with pytest.raises(SimulationError, match=r"diverges at .* s; raise the rate of the maneuver"):
-        fly(quad, maneuver(400.0, pulse("roll", 1.0), rate=2.0))
+        (quad, {"duration": 30000.0}, "more than 500000 samples under the autopilot; lower one of them"),
+        (quad, {"noise": {"V": 0.1}}, "noise: 'V' is not observed; channels are vn, ve, vd"),
+        (quad, {"duration": 400.0, "input": [pulse("roll", 1.0)], "rate": 2.0}, "diverges at .* s; raise the rate of the"),
+        (
+            resolve_vehicle("quadplane"), {"airspeed": 20.0, "input": [pulse("pitch", 1.0)]},
+            "moves 'pitch', but the controls are elevator.* or leave the airspeed out: 'pitch'",
+        ),
+        (twin_boom, {"velocity": (1.0, 0.0, 0.0)}, "velocity: .*twin.* has no rotors to hover on; write airspeed"),
+        (twin_boom, {"battery": {"fall": 0.1}}, "battery: no rotor of .* depends on the voltage"),
+        (twin_boom, {"input": [pulse("heave", 1.0)]}, "moves 'heave', but the controls are elevator"),
+        (slow, {"battery": {"sag": 0.5}}, r"battery.sag: .* take the voltage over 30 s \(voltage_average\)"),
+    ):  # fmt: skip
+        with pytest.raises(refused, match=says):
+            simulate_flight(vehicle, Maneuver.model_validate({"duration": 2.0} | given))
 
 
 def test_a_quadplane_flies_on_its_wings_in_a_wind() -> None:
@@ -315,9 +262,8 @@ def test_an_aircraft_in_a_wind_records_its_speed_over_ground(twin_boom: Vehicle)
     expected = (v + e0 * t + np.cross(e, t, axis=0)).T + wind
     assert pytest.approx(expected, abs=1e-8) == np.array([flight.column(c) for c in ("vn", "ve", "vd")]).T
     assert flight.column("psi")[0] == pytest.approx(1.0)
-    noisy = simulate_flight(
-        twin_boom, maneuver(5.0, *inputs, wind=wind, heading=1.0, noise={"vn": 0.3, "ve": 0.0})
-    )
+    sigmas = {"vn": 0.3, "ve": 0.0}
+    noisy = simulate_flight(twin_boom, maneuver(5.0, *inputs, wind=wind, heading=1.0, noise=sigmas))
     assert np.std(noisy.column("vn") - flight.column("vn")) == pytest.approx(0.3, rel=0.1)
     assert np.array_equal(noisy.column("ve"), flight.column("ve"))
     assert np.std(noisy.column("vd") - flight.column("vd")) == pytest.approx(0.1, rel=0.1)

@@ -59,17 +59,17 @@ def glider() -> Vehicle:
     return parse_vehicle(SYMMETRIC.replace(PROPULSION, ""), "glider.toml")
 
 
-def test_an_asymmetric_wing_is_trimmed_with_sideslip() -> None:
+def test_a_wing_with_propulsion_flies_the_path_that_was_asked_for_with_sideslip_where_it_is_asymmetric() -> (
+    None
+):
     vehicle = parse_vehicle(WING, "wing.toml")
     point = trim(vehicle)
     assert point.residual < 1e-7
     assert point.start["beta"] == pytest.approx(-0.001 / 0.04, rel=0.05)  # Cn0 + Cnbeta beta = 0
     assert linearize(vehicle, point).modes
-
-
-def test_a_symmetric_wing_flies_without() -> None:
-    vehicle = parse_vehicle(SYMMETRIC, "wing.toml")
-    assert trim(vehicle).start.get("beta", 0.0) == 0.0
+    climb = trim(parse_vehicle(SYMMETRIC, "wing.toml"), climb_angle=0.05)
+    assert climb.start.get("beta", 0.0) == 0.0
+    assert climb.climb_angle == pytest.approx(0.05, abs=1e-7)
 
 
 @pytest.mark.parametrize("airspeed", [11.0, 13.0, 20.0])
@@ -87,9 +87,3 @@ def test_without_propulsion_it_sinks_by_drag_over_lift(glider: Vehicle, airspeed
 def test_without_propulsion_it_does_not_climb(glider: Vehicle) -> None:
     with pytest.raises(SimulationError, match="leave the climb angle out"):
         trim(glider, climb_angle=0.02)
-
-
-def test_with_propulsion_the_path_is_the_one_that_was_asked_for() -> None:
-    assert trim(parse_vehicle(SYMMETRIC, "powered.toml"), climb_angle=0.05).climb_angle == pytest.approx(
-        0.05, abs=1e-7
-    )

@@ -6,7 +6,7 @@ from scipy.signal import welch
 
 from stoop.simulation.fly import simulate_flight
 from stoop.simulation.maneuver import parse_maneuver
-from stoop.simulation.trajectories import finer
+from stoop.simulation.trajectories import finer, gust_start
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop.vehicle.load import parse_vehicle
 
@@ -41,28 +41,23 @@ def dryden(axis: str, spatial: np.ndarray) -> np.ndarray:
     return 2.0 * scale / (1.0 + x) if axis == "u" else scale * (1.0 + 3.0 * x) / (1.0 + x) ** 2
 
 
-@pytest.mark.parametrize("axis", "uvw")
-def test_variance(gusts, axis):
-    independent = 1000.0 * SPEED / LENGTH[axis] / 2.0
-    assert np.var(gusts[axis]) == pytest.approx(SIGMA[axis] ** 2, rel=4.0 * np.sqrt(2.0 / independent))
-
-
-@pytest.mark.parametrize("axis", "uvw")
-def test_spectrum(gusts, axis):
-    f, power = welch(gusts[axis], RATE, nperseg=1024)
-    expected = 2.0 * np.pi / SPEED * dryden(axis, 2.0 * np.pi * f / SPEED)
-    for low, high in ((0.1, 0.5), (0.5, 1.5), (1.5, 4.0), (4.0, 8.0)):
-        band = (f >= low) & (f < high)
-        windows = 2.0 * 1000.0 * RATE / 1024
-        chance = 4.0 / np.sqrt(windows * band.sum() / 2.0)
-        assert np.mean(power[band]) == pytest.approx(np.mean(expected[band]), rel=chance + 0.01)
+def test_variance_and_spectrum(gusts):
+    for axis in "uvw":
+        independent = 1000.0 * SPEED / LENGTH[axis] / 2.0
+        scatter = 4.0 * np.sqrt(2.0 / independent)
+        assert np.var(gusts[axis]) == pytest.approx(SIGMA[axis] ** 2, rel=scatter), axis
+        f, power = welch(gusts[axis], RATE, nperseg=1024)
+        expected = 2.0 * np.pi / SPEED * dryden(axis, 2.0 * np.pi * f / SPEED)
+        for low, high in ((0.1, 0.5), (0.5, 1.5), (1.5, 4.0), (4.0, 8.0)):
+            band = (f >= low) & (f < high)
+            windows = 2.0 * 1000.0 * RATE / 1024
+            chance = 4.0 / np.sqrt(windows * band.sum() / 2.0)
+            assert np.mean(power[band]) == pytest.approx(np.mean(expected[band]), rel=chance + 0.01), axis
 
 
 def test_gusts_blow_as_hard_at_the_beginning(gusts):
     """No run-in: over seeds the first sample has the variance of any other."""
     vehicle = gusty(resolve_vehicle("twin-boom").text)
-    from stoop.simulation.trajectories import gust_start
-
     starts = [gust_start(vehicle, np.random.default_rng(i)) for i in range(4000)]
     root = np.sqrt(3.0)
     v = np.array([root * s["gust.v.fast"] + (1.0 - root) * s["gust.v.slow"] for s in starts])
