@@ -23,13 +23,9 @@ ROLL = parse_maneuver(
 @pytest.fixture(scope="module")
 def vehicle() -> Vehicle:
     """quad-x, driven by pulses."""
-    text = resolve_vehicle("quad-x").text
-    return parse_vehicle(
-        text.replace('"motor_', '"pwm_').replace(
-            'drive = "command"', 'drive = "command"\ngain = 0.001\nidle = 1000'
-        ),
-        "pulses.toml",
-    )
+    text = resolve_vehicle("quad-x").text.replace('"motor_', '"pwm_')
+    drive = 'drive = "command"'
+    return parse_vehicle(text.replace(drive, f"{drive}\ngain = 0.001\nidle = 1000"), "pulses.toml")
 
 
 @pytest.fixture(scope="module")
@@ -44,16 +40,15 @@ def test_windows_of_pulses(vehicle: Vehicle, flight: Flight) -> None:
     assert not [d for d in doubts({"f": flight}, vehicle) if "rotors" in d.code]
 
 
-def test_motors_are_told_by_gain_and_idle(vehicle: Vehicle, flight: Flight) -> None:
+def test_motors_are_told_by_gain_and_idle_and_a_pusher_does_not_lift(
+    vehicle: Vehicle, flight: Flight
+) -> None:
     told = with_motors(flight, vehicle)
     assert np.allclose(told.column("motor_3"), 0.001 * (flight.column("pwm_3") - 1000.0))
     assert flying(told).all()
     assert with_motors(flight, None) is flight
     assert with_motors(flight, resolve_vehicle("twin-boom")) is flight
     assert with_motors(told, vehicle) is told
-
-
-def test_a_pusher_does_not_lift(vehicle: Vehicle, flight: Flight) -> None:
     last = vehicle.text.index('channel = "pwm_4"')
     pusher = parse_vehicle(vehicle.text[:last] + "axis = [1, 0, 0]\n" + vehicle.text[last:], "pusher.toml")
     told = with_motors(flight, pusher)

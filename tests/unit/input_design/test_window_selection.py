@@ -29,32 +29,14 @@ def test_windows_that_tell_different_things_are_taken_and_doubles_held_out() -> 
     assert choice.gains[0] == pytest.approx(0.25 * np.log(103.0))
 
 
-def test_overlapping_windows_are_not_both_taken() -> None:
-    choice = chosen([at(0.0), at(4.0)], np.diag([100.0, 0.0]), np.diag([0.0, 99.0]))
-    assert choice.fitted == (0,)
-    assert choice.held_out == ()
-
-
-def test_the_shorter_of_two_equals_is_better() -> None:
-    told = 30.0 * np.eye(2)
-    assert chosen([at(0.0), at(1.0, 4.0)], told, told).fitted == (1,)
-
-
-def test_a_whole_maneuver_goes_before_a_window_that_cuts_it() -> None:
-    told = 30.0 * np.eye(2)
-    assert chosen([at(0.0, 4.0), at(0.5, 5.0, "roll")], told, told).fitted == (1,)
-
-
-def test_a_maneuver_flown_twice_is_predicted_once() -> None:
-    told = [np.diag([60.0, 0.0]), np.diag([0.0, 60.0]), np.diag([40.0, 0.0])]
-    found = [at(0.0, 5.0, "roll"), at(10.0, 5.0, "pitch"), at(20.0, 5.0, "roll")]
-    choice = chosen(found, *told)
-    assert set(choice.fitted) == {0, 1}
-    assert choice.held_out == (2,)
-
-
-def test_what_tells_little_is_left() -> None:
-    assert chosen([at(0.0)], 0.05 * np.eye(3)).fitted == ()
+def test_of_two_windows_one_is_taken() -> None:
+    told, other = np.diag([100.0, 0.0]), np.diag([0.0, 99.0])
+    choice = chosen([at(0.0), at(4.0)], told, other)
+    assert (choice.fitted, choice.held_out) == ((0,), ()), "they overlap"
+    same = 30.0 * np.eye(2)
+    assert chosen([at(0.0), at(1.0, 4.0)], same, same).fitted == (1,), "the shorter of two equals"
+    assert chosen([at(0.0, 4.0), at(0.5, 5.0, "roll")], same, same).fitted == (1,), "a whole maneuver"
+    assert chosen([at(0.0)], 0.05 * np.eye(3)).fitted == (), "what tells little is left"
 
 
 def test_greedy_is_near_the_best_of_its_size() -> None:

@@ -40,23 +40,19 @@ def test_accepted_windows_take_the_place_of_the_file(good: Path) -> None:
     fitted, predicted = expanded(["0:3", str(good)], [])
     assert fitted == ["0:3", "flight2@140.5:145.9"]
     assert predicted == ["a b@c@1:2.5#heavy"]
-
-
-def test_windows_to_validate_on_the_command_line_rule(good: Path) -> None:
-    assert expanded([str(good)], ["5:6"])[1] == ["5:6"]
+    assert expanded([str(good)], ["5:6"])[1] == ["5:6"], "windows to validate on the command line rule"
     assert expanded(["0:3"], [str(good)])[1] == ["a b@c@1:2.5#heavy"]
     assert expanded(["0:3"], []) == (["0:3"], [])
-
-
-def test_nothing_accepted_is_told(good: Path) -> None:
     good.write_text(good.read_text().replace("accept = true", "accept = false"))
     with pytest.raises(FlightError, match="no window is accepted for fitting; set accept = true"):
         expanded([str(good)], [])
+    with pytest.raises(FlightError, match=r"none\.toml: cannot read the windows file"):
+        expanded(["none.toml"], [])
 
 
-@pytest.mark.parametrize(
-    ("text", "advice"),
-    [
+def test_an_edited_file_is_refused_in_one_line(tmp_path: Path) -> None:
+    path = tmp_path / "w.toml"
+    for text, advice in (
         ("", 'format is not "stoop-windows/1"'),
         ("[[window", "not valid TOML"),
         (HEAD + WINDOW.replace("2.0", '"2"'), r"window\.0\.stop: it must be a valid number"),
@@ -71,20 +67,12 @@ def test_nothing_accepted_is_told(good: Path) -> None:
         (HEAD + WINDOW + "acept = true", r"window\.0\.acept: unknown key; .*did you mean accept"),
         ('format = "stoop-windows/1"\nwindow = 3', "window: this must be a list"),
         ('format = "stoop-windows/1"\nwindow = [3]', r"window\.0: this must be a table"),
-    ],
-)
-def test_an_edited_file_is_refused_in_one_line(tmp_path: Path, text: str, advice: str) -> None:
-    path = tmp_path / "w.toml"
-    path.write_text(text)
-    with pytest.raises(FlightError, match=advice) as caught:
-        read_windows(path)
-    assert "w.toml" in str(caught.value)
-    assert "\n" not in str(caught.value)
-
-
-def test_a_missing_file_is_told() -> None:
-    with pytest.raises(FlightError, match=r"none\.toml: cannot read the windows file"):
-        expanded(["none.toml"], [])
+    ):
+        path.write_text(text)
+        with pytest.raises(FlightError, match=advice) as caught:
+            read_windows(path)
+        assert "w.toml" in str(caught.value)
+        assert "\n" not in str(caught.value)
 
 
 def test_any_name_and_any_clock_come_back(tmp_path: Path) -> None:

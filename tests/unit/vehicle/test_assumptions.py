@@ -58,40 +58,21 @@ def test_one_lag_and_one_delay_for_all_servos_that_commands_move() -> None:
     lag, delay = (vehicle.parameters[vehicle.rows[f"controls.rudder.{k}"]] for k in ("lag", "delay"))
     assert (lag.value, lag.prior, lag.lower) == (USUAL.lag, USUAL.lag_std, 0.0)
     assert delay.lower < 0.0 < delay.upper  # measurements may be stamped late
-    assert with_assumptions(vehicle, DT) == (
-        vehicle,
-        (),
-    )  # what stands in the identified file is not assumed again
+    # what stands in the identified file is not assumed again
+    assert with_assumptions(vehicle, DT) == (vehicle, ())
 
 
-@pytest.mark.parametrize(
-    ("line", "expected"),
-    [
-        ("lag = 0", {"controls.aileron.lag", "controls.aileron.delay"}),
-        ("lag = 0.04", {"controls.aileron.lag", "controls.aileron.delay"}),
-        ("delay = 0", {"controls.aileron.lag", "controls.aileron.delay"}),
-    ],
-)
-def test_what_the_file_gives_of_one_servo_stands(line: str, expected: set[str]) -> None:
-    vehicle, _ = completed(PLAIN + CONTROLS + line)  # of the rudder
-    assert free(vehicle) == expected | {"mass.inertia.yy"}
-    known = line == "lag = 0.04"
-    assert vehicle.value("controls.rudder.lag", 0.0) == (0.04 if known else 0.05 if "delay" in line else 0.0)
-    assert vehicle.value("controls.rudder.delay", 0.0) == 0.0
-
-
-def test_servos_of_one_channel_have_the_delay_of_the_file() -> None:
-    shared = CONTROLS.replace("control_yaw = -0.35", "servo_1 = 0.3")
+def test_what_the_file_gives_of_one_servo_stands() -> None:
+    for line, lag in (("lag = 0", 0.0), ("lag = 0.04", 0.04), ("delay = 0", 0.05)):
+        vehicle, _ = completed(PLAIN + CONTROLS + line)  # of the rudder
+        assert free(vehicle) == {"controls.aileron.lag", "controls.aileron.delay", "mass.inertia.yy"}
+        assert vehicle.value("controls.rudder.lag", 0.0) == lag
+        assert vehicle.value("controls.rudder.delay", 0.0) == 0.0
+    shared = CONTROLS.replace("control_yaw = -0.35", "servo_1 = 0.3")  # servos of one channel have its delay
     vehicle, _ = completed(PLAIN + shared + "lag = 0.04")
     assert "controls.elevator.delay" not in vehicle.rows
     assert "controls.aileron.delay" in vehicle.rows
-
-
-def test_a_zero_lag_is_none_and_a_negative_one_is_refused() -> None:
-    vehicle = parse_vehicle(PLAIN + CONTROLS + "lag = 0.0", "x")
-    assert not [s for s in vehicle.states if s.endswith(".lag")]
-    with pytest.raises(VehicleError, match="nothing moves before its command"):
-        parse_vehicle(PLAIN + CONTROLS + "lag = -0.1", "x")
+    assert not [s for s in parse_vehicle(PLAIN + CONTROLS + "lag = 0.0", "x").states if s.endswith(".lag")]
 
 
 def test_deflections_have_no_lag_and_slow_logs_show_none() -> None:
@@ -133,7 +114,6 @@ def test_a_prior_frees_its_number_and_a_guess_is_one() -> None:
     assert not known["mass.inertia.zz"].free
     assert known["sensors.alpha.bias"].free
     assert not known["sensors.beta.bias"].free
+    guess = PLAIN.replace("[reference]", '[reference]\nalpha = { value = 0.0, prior = "guess" }')
     with pytest.raises(VehicleError, match="other than zero"):
-        parse_vehicle(
-            PLAIN.replace("[reference]", '[reference]\nalpha = { value = 0.0, prior = "guess" }'), "x"
-        )
+        parse_vehicle(guess, "x")

@@ -14,10 +14,9 @@ from tests.naive import march
 from tests.naive.aircraft import Aircraft, rotation
 from tests.unit.vehicle.test_twin import CASES, PWM, SURFACES, TURNED, Case, changed
 
-DT = (
-    0.002  #: s; a step's error in the attitude, of which the two integrate other coordinates, is below `RTOL`
-)
-N = 400
+#: s; a step's error in the attitude, of which the two integrate other coordinates, is below `RTOL`
+DT = 0.002
+N = 200
 RTOL = 1e-9
 HELD = {
     "longitudinal": ("v", "p", "r", "sin_phi", "cos_phi"),
@@ -25,24 +24,16 @@ HELD = {
 }
 ANGLE = {"longitudinal": "phi", "lateral": "theta"}
 PLACES = {name: i for i, name in enumerate(("u", "v", "w", "p", "q", "r"))}
-REDUCED = {
-    "plain longitudinal": ("longitudinal", SURFACES),
-    "plain lateral": ("lateral", SURFACES),
-    "rich longitudinal": ("longitudinal", PWM),
-}
+REDUCED = {"plain lateral": ("lateral", SURFACES), "rich longitudinal": ("longitudinal", PWM)}
 
 
 def record(reduce: str, names: tuple[str, ...], inputs: dict[str, tuple[float, float]]) -> np.ndarray:
     """Return inputs (N, n_u): surfaces, and a motion of the held states that no airplane flies."""
     t = np.arange(N) * DT
     motion = {
-        "u": 33.0 + 3.0 * np.sin(3.0 * t),
-        "v": 2.0 * np.sin(5.0 * t),
-        "w": 3.0 + 1.5 * np.cos(4.0 * t),
-        "p": 0.5 * np.sin(6.0 * t + 1.0),
-        "q": 0.3 * np.cos(7.0 * t),
-        "r": 0.2 * np.sin(4.0 * t + 2.0),
-    }
+        "u": 33.0 + 3.0 * np.sin(3.0 * t), "v": 2.0 * np.sin(5.0 * t), "w": 3.0 + 1.5 * np.cos(4.0 * t),
+        "p": 0.5 * np.sin(6.0 * t + 1.0), "q": 0.3 * np.cos(7.0 * t), "r": 0.2 * np.sin(4.0 * t + 2.0),
+    }  # fmt: skip
     angle = 0.3 + 0.4 * np.sin(2.5 * t)
     motion |= {f"sin_{ANGLE[reduce]}": np.sin(angle), f"cos_{ANGLE[reduce]}": np.cos(angle)}
     columns = {motion_input(n): motion[n] for n in HELD[reduce]}
@@ -113,11 +104,7 @@ def test_held_states_follow_the_record(name: str) -> None:
     twin = Decoupled(case, reduce, changes, vehicle.inputs)
     first = dict(zip(vehicle.inputs, u[0].tolist(), strict=True))
     start = twin.twin.start(begin, first)
-    angles = [begin["phi"], begin["theta"], begin["psi"]]
-    angles = [
-        a if n in vehicle.modeled_angles else 0.0
-        for a, n in zip(angles, ("phi", "theta", "psi"), strict=True)
-    ]
+    angles = [begin[n] if n in vehicle.modeled_angles else 0.0 for n in ("phi", "theta", "psi")]
     x = np.concatenate([start[:6], angles, start[15:]])
     expected = march.march(twin.rates, twin.readings, x, u, DT)
     size = np.abs(expected).max(axis=0)

@@ -20,24 +20,21 @@ def transfer(lag: float, s: complex) -> complex:
     return complex(output.subs({u: 1, x: state}))
 
 
-@pytest.mark.parametrize("lag", [SHORTEST_LAG, 0.05, 0.3])
-def test_a_lag_is_of_first_order(lag: float) -> None:
-    for s in (1j, 10j, 50j):
-        assert transfer(lag, s) == pytest.approx(1.0 / (1.0 + lag * s), rel=1e-12)
-
-
-def test_no_lag_passes_the_command_and_stays_finite() -> None:
+def test_a_lag_is_of_first_order_and_none_passes_the_command() -> None:
+    for lag in (SHORTEST_LAG, 0.3):
+        for s in (1j, 50j):
+            assert transfer(lag, s) == pytest.approx(1.0 / (1.0 + lag * s), rel=1e-12)
     assert transfer(0.0, 20j) == pytest.approx(1.0, rel=1e-12)
     _, rate = lagged(sp.Float(0.0), sp.Float(1.0), sp.Float(0.0))
     assert float(rate) == pytest.approx(2.0 / SHORTEST_LAG)  # stable in steps of up to 0.028 s
 
 
-@pytest.mark.parametrize("lag", [0.002, 0.005, 0.01, 0.015])
-def test_short_lags_differ_in_second_order_only(lag: float) -> None:
+def test_short_lags_differ_in_second_order_only() -> None:
     """(1 + a s) / (1 + (a + lag) s) has the phase of the lag at low frequency: the difference falls as s squared."""
-    errors = [abs(transfer(lag, 1j * w) - 1.0 / (1.0 + 1j * w * lag)) for w in (2.0, 4.0)]
-    assert errors[1] / errors[0] == pytest.approx(4.0, rel=0.05)
-    assert abs(transfer(lag, 20j) - 1.0 / (1.0 + 20j * lag)) < 0.02
+    for lag in (0.002, 0.015):
+        errors = [abs(transfer(lag, 1j * w) - 1.0 / (1.0 + 1j * w * lag)) for w in (2.0, 4.0)]
+        assert errors[1] / errors[0] == pytest.approx(4.0, rel=0.05)
+        assert abs(transfer(lag, 20j) - 1.0 / (1.0 + 20j * lag)) < 0.02
 
 
 def test_output_and_rate_are_smooth_in_the_lag() -> None:

@@ -40,13 +40,10 @@ THRUST = 'kind = "constant"\nthrust = { value = 220.87, free = false }'
 CHANGES = [
     # where, what stands there instead, key that is named, what is said
     (MASS, "mass = 0\n", "mass.mass", "not positive; write its true value"),
-    (MASS, "mass = -3.0\n", "mass.mass", "not positive"),
     (MASS, "mass = nan\n", "mass.mass", "finite number"),
-    (MASS, "mass = inf\n", "mass.mass", "finite number"),
     (MASS, "mass = true\n", "mass.mass", "not true or false"),
     (MASS, 'mass = "heavy"\n', "mass.mass", 'write a number, or "=name"'),
     (MASS, "mass = [1, 2]\n", "mass.mass", "or a table such as"),
-    (MASS, "mass = 1979-05-27\n", "mass.mass", "or a table such as"),
     (MASS, f"mass = 1{'0' * 400}\n", "mass.mass", "308 digits"),
     (MASS, "", "mass.mass", "missing; add it"),
     (MASS, f"{MASS}mess = 1\n", "mass.mess", "unknown key; remove it or correct its name (did you mean mass?)"),
@@ -55,24 +52,17 @@ CHANGES = [
     (MASS, 'mass = "=mass.mass"\n', "mass.mass", "itself tied"),
     (MASS, 'mass = { tie = "reference.area", value = 2.0 }\n', "mass.mass", "remove value"),
     (MASS, "mass = { value = 3.0, bounds = [5.0, 1.0] }\n", "mass.mass", "reversed or empty"),
-    (MASS, "mass = { value = 3.0, bounds = [3.0, 3.0] }\n", "mass.mass", "reversed or empty"),
     (MASS, "mass = { value = 3.0, bounds = [1.0, 2.0] }\n", "mass.mass", "lies outside its bounds"),
     (MASS, "mass = { value = 3.0, bounds = [1.0, 2.0, 5.0] }\n", "mass.mass.bounds", "too many"),
     (MASS, "mass = { value = 3.0, bounds = [1.0] }\n", "mass.mass.bounds", "too few"),
     (MASS, "mass = { value = 3.0, bounds = [1.0, inf] }\n", "mass.mass.bounds.1", "finite"),
     (MASS, "mass = { value = 3.0, prior = 0.0 }\n", "mass.mass.prior", "greater than 0"),
-    (MASS, "mass = { value = 3.0, prior = inf }\n", "mass.mass.prior", "finite"),
     (MASS, 'mass = { value = "3.0" }\n', "mass.mass.value", "valid number"),
-    (MASS, "mass = { value = 3.0, fre = true }\n", "mass.mass.fre", "did you mean free?"),
     (INERTIA, "inertia = { xx = 1.0, yy = 2.0, zz = 30.0 }", "mass.inertia", "exceeds the sum of the others"),
     (INERTIA, "inertia = { xx = 1.0, yy = 2.0, zz = 2.0, xz = 9.0 }", "mass.inertia", "principal moment"),
-    (INERTIA, "inertia = { xx = 0.0, yy = 2.0, zz = 2.0 }", "mass.inertia.xx", "not positive"),
-    (INERTIA, "inertia = 3.0", "mass.inertia", "must be a table"),
     ("area = 2.8667", "area = 0.0", "reference.area", "not positive"),
     ("alpha = 0.0", "alpha = 5.88", "reference.alpha", "looks like degrees; write radians (0.1026)"),
-    ("airspeed = 35.0", "airspeed = 0.0", "reference.airspeed", "not positive"),
     ("density = 1.20165", 'density = "thin"', "environment.density", '"standard" or "log"'),
-    ("density = 1.20165", "density = 0.0", "environment.density", "not positive"),
     (THRUST, "thrust = 3.0", "propulsion", "'kind' is missing"),
     (THRUST, 'kind = "jet"', "propulsion", "choose one of 'constant', 'channel', 'propeller'"),
     (THRUST, 'kind = "propeller"', "propulsion.channel", "missing"),
@@ -80,23 +70,15 @@ CHANGES = [
     (THRUST, f"{THRUST}\npitch = 10.0", "propulsion.pitch", "degrees"),
     (THRUST, f"{THRUST}\nposition = [1.0, 2.0]", "propulsion.position.2", "too few entries"),
     (THRUST, 'kind = "channel"\nchannel = "a b"', "propulsion.channel", "letters, digits"),
-    (CL0, "CL0 = nan\n", "aerodynamics.CL.CL0", "finite number"),
     (CL0, 'CL0 = "alpha"\n', "aerodynamics.CL.CL0", 'or "=name"'),
-    (CL0, 'CL0 = "="\n', "aerodynamics.CL.CL0", 'or "=name"'),
     (CL0, "CL0 = 1e308\n", "aerodynamics.CL.CL0.value", "out of range"),
-    (CL0, "CL0 = { free = true, bounds = [1.0, 0.0] }\n", "aerodynamics.CL.CL0", "reversed"),
     (CL0, "CLx = 1.0\n", "aerodynamics.CL.CLx", "write what it multiplies"),
-    (CL0, '"C L" = 1.0\n', "aerodynamics.CL.C L", "write what it multiplies"),
     (CL0, '"C\\nL" = { term = "1" }\n', "aerodynamics.CL.C L", "rename it"),
     (CL0, 'Cmalpha = { term = "alpha" }\n', "aerodynamics.Cm.Cmalpha", "the name is used twice"),
     (CL0, 'CLx = { term = "flaps" }\n', "aerodynamics.CL.CLx", "unknown variable 'flaps'"),
     (CL0, "CLx = { term = 3 }\n", "aerodynamics.CL.CLx.term", "valid string"),
     (CL0, "CLx = { term = \"__import__('os').system('x')\" }\n", "aerodynamics.CL.CLx", "not allowed"),
-    (CL0, 'CLx = { term = "alpha.real" }\n', "aerodynamics.CL.CLx", "not allowed"),
     (CL0, 'CLx = { term = "alpha^9999999" }\n', "aerodynamics.CL.CLx", "powers from 0 to 6"),
-    (CL0, 'CLx = { term = "((9^6)^6)^6" }\n', "aerodynamics.CL.CLx", "multiply beyond 12"),
-    (CL0, 'CLx = { term = "1/(beta-beta)" }\n', "aerodynamics.CL.CLx", "division by zero"),
-    (CL0, f'CLx = {{ term = "{"alpha*" * 50}1" }}\n', "aerodynamics.CL.CLx", "longer than 200"),
     ("[aerodynamics.CD]", "[aerodynamics.CX]\nx = 1\n[aerodynamics.CD]", "aerodynamics.CX", "unknown key"),
     ("[aerodynamics.CD]", '[aerodynamics]\ndefault = "no"\n[aerodynamics.CD]', "aerodynamics.default", "boolean"),
     ('format = "stoop-vehicle/1"', 'format = "stoop-vehicle/2"', "format", "'stoop-vehicle/1'"),
@@ -106,11 +88,9 @@ CHANGES = [
 OTHERS = "[controls.aileron]\n[controls.rudder]\n"
 ADDITIONS = [
     ("[controls.alpha]", "controls.alpha", "taken by a flight variable"),
-    ("[controls.'a b']", "controls.a b", "letters, digits"),
     ("[controls]\nelevator = 3", "controls.elevator", "must be a table"),
     (f"{OTHERS}[controls.elevator]\nlag = -0.1", "controls.elevator.lag", "nothing moves before its command"),
     (f"{OTHERS}[controls.elevator]\noffset = 5.0", "controls.elevator.offset", "degrees"),
-    ("[controls.elevator]\nmix = 3", "controls.elevator.mix", "must be a table"),
     ("[controls.elevator]\nmix = { a = 1.0 }\ncenter = { b = 2.0 }", "controls.elevator", "center names b"),
     ("[controls.elevator]\nlags = 0.1", "controls.elevator.lags", "did you mean lag?"),
     ("[controls.elevator]\nmix = { a = 1.0 }\ndelay = 0.1\n[controls.rudder]\nmix = { a = 1.0 }\n[controls.aileron]",
@@ -119,99 +99,70 @@ ADDITIONS = [
     ("[sensors]\nalpha = 3", "sensors.alpha", "must be a table"),
     ("[sensors.gamma]\nbias = 0.0", "sensors.gamma", "unknown key"),
     ("[sensors.q]\nsigma = 0.0", "sensors.q.sigma", "greater than 0"),
-    ("[sensors.q]\nsigma = inf", "sensors.q.sigma", "finite"),
-    (f"[sensors.q]\nbias = 1{'0' * 400}", "sensors.q.bias", "308 digits"),
     ("[sensors]\nvane_position = [1.0, 2.0, 3.0, 4.0]", "sensors.vane_position", "too many"),
-    ("[sensors]\nvane_position = 3.0", "sensors.vane_position", "square brackets"),
     ("[model]\nreduce = 'sideways'", "model.reduce", "'full', 'longitudinal' or 'lateral'"),
     ('[loadings.full]\n"mass.heft" = 3.0', "loadings.full.mass.heft", "no number has this name"),
     ('[loadings.full]\n"mass.mass" = 0.0', "loadings.full: mass.mass", "not positive"),
-    ('[loadings.full]\n"mass.mass" = "x"', "loadings.full.mass.mass", "valid number"),
     ('[loadings.full]\n"mass.inertia.zz" = 900.0', "loadings.full: mass.inertia", "exceeds the sum"),
+    (f"{OTHERS}[controls.elevator]\nrate_limit = 0.0", "controls.elevator.rate_limit", "0 is not positive; remove it"),
+    (f"{OTHERS}[controls.elevator]\ndead_zone = -0.1", "controls.elevator.dead_zone", "-0.1 is negative"),
+    (f"{OTHERS}[controls.elevator]\ndead_zone = 2.0", "controls.elevator.dead_zone", "2 looks like degrees"),
+    ("[sensors.vn]\nbias = 1.0", "sensors.vn", "only a vehicle with rotors is observed by it; remove it"),
+    ("[turbulence]\nw = { intensity = 0.0, length = 10.0 }", "turbulence.w.intensity", "not positive"),
+    ("[turbulence]\nw = { intensity = 1.0 }", "turbulence.w.length", "missing"),
+    ("[turbulence]\nq = { intensity = 1.0, length = 10.0 }", "turbulence.q", "unknown key"),
     ("[surprise]\nx = 1", "surprise", "unknown key"),
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("old", "new", "key", "says"), CHANGES)
-def test_impossible_numbers(twin_boom: str, old: str, new: str, key: str, says: str) -> None:
-    said = complaint(replaced(twin_boom, old, new))
-    assert said.startswith(f"{WHERE}: {key}")
-    assert says in said
+def test_what_is_impossible_is_one_line_that_names_key_and_remedy(twin_boom: str) -> None:
+    edits = [(replaced(twin_boom, old, new), key, says) for old, new, key, says in CHANGES]
+    edits += [(f"{twin_boom}\n{more}\n", key, says) for more, key, says in ADDITIONS]
+    free = replaced(twin_boom, "alpha = 0.0", "alpha = { value = 0.0, free = true }")
+    edits.append((free, "reference.alpha", "free, but its bounds are [0, 0]; add bounds"))
+    for text, key, says in edits:
+        said = complaint(text)
+        assert said.startswith(f"{WHERE}: {key}"), said
+        assert says in said
+    for text in ("", "\n", "# only a comment", "name = 'x'"):
+        assert "missing; add it" in complaint(text)
 
 
-@pytest.mark.parametrize(("more", "key", "says"), ADDITIONS)
-def test_impossible_tables(twin_boom: str, more: str, key: str, says: str) -> None:
-    said = complaint(f"{twin_boom}\n{more}\n")
-    assert said.startswith(f"{WHERE}: {key}")
-    assert says in said
+def test_any_table_may_be_of_the_wrong_type_and_any_text_no_toml() -> None:
+    for place in ("aerodynamics", "aerodynamics.CL", "controls", "sensors", "mass", "reference", "environment",
+                  "propulsion", "loadings", "model", "notes", "name"):  # fmt: skip
+        head, _, last = place.rpartition(".")
+        for value in ("3", "'text'", "[1]", "true", "nan", "{ x = { y = 1 } }"):
+            complaint(f"[{head}]\n{last} = {value}" if head else f"{last} = {value}")
+    for text in (
+        "name", "[mass", "a = 1\na = 2", "x = 2020-13-45", "[" * 5000, "a=" + "[" * 5000, "\x00", "a." * 3000 + "b=1",
+        "a=" + "{a=" * 3000, "\ufeff[mass]", "mass = 1\n[mass]", "a = 0x",
+    ):  # fmt: skip
+        complaint(text)
 
 
-@pytest.mark.parametrize("place", ["aerodynamics", "aerodynamics.CL", "controls", "sensors", "mass", "reference", "environment",
-                                   "propulsion", "loadings", "model", "notes", "name"])  # fmt: skip
-@pytest.mark.parametrize("value", ["3", "'text'", "[1]", "true", "nan", "{ x = { y = 1 } }"])
-def test_any_table_may_be_of_the_wrong_type(place: str, value: str) -> None:
-    head, _, last = place.rpartition(".")
-    text = f"[{head}]\n{last} = {value}" if head else f"{last} = {value}"
-    complaint(text)
-
-
-def test_zero_width_bounds_of_a_free_number(twin_boom: str) -> None:
-    said = complaint(replaced(twin_boom, "alpha = 0.0", "alpha = { value = 0.0, free = true }"))
-    assert "reference.alpha: free, but its bounds are [0, 0]; add bounds" in said
-
-
-@pytest.mark.parametrize("text", ["", "\n", "# only a comment", "name = 'x'"])
-def test_empty_files(text: str) -> None:
-    assert "missing; add it" in complaint(text)
-
-
-@pytest.mark.parametrize(
-    "text",
-    [
-        "name", "[mass", "a = 1\na = 2", "x = 2020-13-45", "[" * 5000, "a=" + "[" * 5000, "\x00",
-        "a." * 3000 + "b=1", "a=" + "{a=" * 3000, "\ufeff[mass]", "mass = 1\n[mass]", "a = 0x",
-    ],
-)  # fmt: skip
-def test_not_toml(text: str) -> None:
-    complaint(text)
-
-
-class TestFiles:
-    def test_a_sound_file(self, twin_boom: str, tmp_path: Path) -> None:
-        path = tmp_path / "v.toml"
-        path.write_text(twin_boom)
-        vehicle = load_vehicle(path)
-        assert vehicle.value("mass.mass") == 189.40
-        assert vehicle.where == str(path)
-        assert load_vehicle(str(path)).file == vehicle.file
-
-    def test_missing(self, tmp_path: Path) -> None:
-        with pytest.raises(
-            VehicleError, match=r"none\.toml: cannot read the vehicle file .*; check the path"
-        ):
-            load_vehicle(tmp_path / "none.toml")
-
-    def test_a_folder(self, tmp_path: Path) -> None:
-        with pytest.raises(VehicleError, match="is a folder, no vehicle file; check the path"):
-            load_vehicle(tmp_path)
-        (tmp_path / "vehicle.toml").write_text("")
-        with pytest.raises(VehicleError, match=r"is a folder, no vehicle file; name vehicle\.toml in it"):
-            load_vehicle(tmp_path)
-
-    def test_binary(self, tmp_path: Path) -> None:
-        path = tmp_path / "v.toml"
-        path.write_bytes(bytes(range(256)))
-        with pytest.raises(VehicleError, match=r"v\.toml: .*not UTF-8 text"):
+def test_files(twin_boom: str, tmp_path: Path) -> None:
+    path = tmp_path / "v.toml"
+    path.write_text(twin_boom)
+    vehicle = load_vehicle(path)
+    assert (vehicle.value("mass.mass"), vehicle.where) == (189.40, str(path))
+    assert load_vehicle(str(path)).file == vehicle.file
+    for content, says in (
+        (bytes(range(256)), r"v\.toml: .*not UTF-8 text"),
+        (b"#" * 1_000_001, r"larger than 1000000 bytes\); check the path"),
+    ):
+        path.write_bytes(content)
+        with pytest.raises(VehicleError, match=says):
             load_vehicle(path)
-
-    def test_huge(self, tmp_path: Path) -> None:
-        path = tmp_path / "v.toml"
-        path.write_bytes(b"#" * 1_000_001)
-        with pytest.raises(VehicleError, match=r"larger than 1000000 bytes\); check the path"):
-            load_vehicle(path)
-
-    @pytest.mark.parametrize("name", ["a\x00b", "x" * 5000, "a\nb"])
-    def test_strange_names(self, tmp_path: Path, name: str) -> None:
+    with pytest.raises(VehicleError, match=r"none\.toml: cannot read the vehicle file .*; check the path"):
+        load_vehicle(tmp_path / "none.toml")
+    path.unlink()
+    with pytest.raises(VehicleError, match="is a folder, no vehicle file; check the path"):
+        load_vehicle(tmp_path)
+    (tmp_path / "vehicle.toml").write_text("")
+    with pytest.raises(VehicleError, match=r"is a folder, no vehicle file; name vehicle\.toml in it"):
+        load_vehicle(tmp_path)
+    for name in ("a\x00b", "x" * 5000, "a\nb"):
         with pytest.raises(VehicleError) as caught:
             load_vehicle(f"{tmp_path}/{name}")
         assert str(caught.value).isprintable()
@@ -226,11 +177,6 @@ def parses_or_says(text: str) -> None:
         return
     assert said.startswith(f"{WHERE}: ")
     assert said.isprintable()
-
-
-@given(st.text(max_size=200))
-def test_any_text(text: str) -> None:
-    parses_or_says(text)
 
 
 def toml(value: Any) -> str:
@@ -263,7 +209,7 @@ TABLES = ["format", "name", "notes", "model", "mass", "reference", "environment"
 
 
 @given(st.dictionaries(st.sampled_from(TABLES), value))
-@settings(max_examples=300)
+@settings(max_examples=60)
 def test_any_toml(raw: dict[str, Any]) -> None:
     text = "\n".join(f"{k} = {toml(v)}" for k, v in raw.items())
     tomllib.loads(text)
@@ -276,7 +222,7 @@ def paths(node: Any, path: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
 
 
 @given(st.data())
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=60)
 def test_any_spoiled_vehicle(twin_boom: str, data: st.DataObject) -> None:
     raw = tomllib.loads(twin_boom)
     for _ in range(data.draw(st.integers(1, 3))):
@@ -292,21 +238,7 @@ def test_any_spoiled_vehicle(twin_boom: str, data: st.DataObject) -> None:
     parses_or_says("\n".join(f"{toml(k)} = {toml(v)}" for k, v in raw.items()))
 
 
-@pytest.mark.parametrize(
-    ("key", "removed", "said"),
-    [
-        (
-            "mass.inertia.xx",
-            "xx = 1.38, ",
-            r"mass \(0\.11\.\.0\.17 span\)\^2 = 0\.55 to 1\.3 kg m2 for this mass and span",
-        ),
-        ("reference.chord", "chord = 0.285\n", r"0\.17 to 0\.46 m for this span"),
-        ("reference.span", "span = 2.32\n", r"1\.8 to 4\.6 m for this mass"),
-        ("mass.mass", "mass = 8.5\n", r"2\.2 to 13 kg for this span"),
-        ("reference.airspeed", "airspeed = 24.0\n", r"15 to 26 m/s for this mass and area"),
-    ],
-)
-def test_usual_size_of_what_is_missing(key: str, removed: str, said: str) -> None:
+def test_usual_size_of_what_is_missing() -> None:
     vtail = """
 [mass]
 mass = 8.5
@@ -317,5 +249,13 @@ chord = 0.285
 span = 2.32
 airspeed = 24.0
 """
-    whole = rf"{re.escape(key)}: missing; add it \(usual: {said}; or run stoop vehicle new\)"
-    assert re.search(whole, complaint(f'name = "v"\n{replaced(vtail, removed, "")}'))
+    usual = r"mass \(0\.11\.\.0\.17 span\)\^2 = 0\.55 to 1\.3 kg m2 for this mass and span"
+    for key, removed, said in (
+        ("mass.inertia.xx", "xx = 1.38, ", usual),
+        ("reference.chord", "chord = 0.285\n", r"0\.17 to 0\.46 m for this span"),
+        ("reference.span", "span = 2.32\n", r"1\.8 to 4\.6 m for this mass"),
+        ("mass.mass", "mass = 8.5\n", r"2\.2 to 13 kg for this span"),
+        ("reference.airspeed", "airspeed = 24.0\n", r"15 to 26 m/s for this mass and area"),
+    ):
+        whole = rf"{re.escape(key)}: missing; add it \(usual: {said}; or run stoop vehicle new\)"
+        assert re.search(whole, complaint(f'name = "v"\n{replaced(vtail, removed, "")}')), key

@@ -14,10 +14,10 @@ from scipy.optimize import brentq
 from stoop.base.atmosphere import standard_density
 from stoop.simulation import initial_states, parameter_rows
 from stoop.vehicle import Vehicle, parse_vehicle
-from stoop.vehicle.builtin import BUILT_IN, builtin_vehicle
+from stoop.vehicle.builtin import builtin_vehicle
 from stoop.vehicle.defaults import WIND_NUMBERS
 
-TEMPLATES = [name for name in BUILT_IN if name != "twin-boom"]
+TEMPLATES = ["quad-x", "hexa-x", "octo-x", "quadplane"]
 GRAVITY = 9.80665
 SINGLE = """
 name = "one rotor"
@@ -89,7 +89,7 @@ def test_templates_hover(template: tuple[Vehicle, Evaluate]) -> None:
     assert y["psi"] == pytest.approx(1.0)
 
 
-def test_more_of_one_motor(template: tuple[Vehicle, Evaluate]) -> None:
+def test_more_of_one_motor_and_damping_by_the_inflow(template: tuple[Vehicle, Evaluate]) -> None:
     """Thrust on the right rolls left, in front pitches up; a propeller that turns left (ccw) turns the nose right."""
     vehicle, evaluate = template
     x = hover_command(vehicle, 0.0)
@@ -100,6 +100,9 @@ def test_more_of_one_motor(template: tuple[Vehicle, Evaluate]) -> None:
         assert np.sign(round(d["q"], 9)) == np.sign(forward), name
         assert (d["r"] > 0) == (rotor.spin == "ccw"), name
         assert d["w"] < 0, "up"
+    for rate in "pq":  # rotors that go down see more air from below and give more thrust
+        d, _ = rates(vehicle, evaluate, motors(vehicle, x), {"u": 0.0, rate: 1.0})
+        assert d[rate] < -1e-3
 
 
 def test_motors_of_a_template_balance(template: tuple[Vehicle, Evaluate]) -> None:
@@ -115,9 +118,8 @@ def test_motors_of_a_template_balance(template: tuple[Vehicle, Evaluate]) -> Non
 
 def test_x_numbering_is_that_of_px4() -> None:
     vehicle = builtin_vehicle("quad-x")
-    corner = {
-        n: tuple(np.sign([vehicle.value(f"rotor.{n}.position.{a}") for a in "xy"])) for n in vehicle.rotors
-    }
+    places = {n: [vehicle.value(f"rotor.{n}.position.{a}") for a in "xy"] for n in vehicle.rotors}
+    corner = {n: tuple(np.sign(place)) for n, place in places.items()}
     assert corner == {"m1": (1, 1), "m2": (-1, -1), "m3": (1, -1), "m4": (-1, 1)}
     assert [vehicle.file.rotor[n].spin for n in vehicle.rotors] == ["ccw", "ccw", "cw", "cw"]
 
@@ -129,23 +131,19 @@ def test_static_thrust_is_the_polynomial(single: tuple[Vehicle, Evaluate]) -> No
         assert y["az"] * 0.5 == pytest.approx(-(0.3 + 1.7 * x + 8.0 * x * x))
         assert d["r"] * 0.015 == pytest.approx(0.02 * x + 0.1 * x * x)
         assert y["ax"] == y["ay"] == 0.0
+    below = [rates(vehicle, evaluate, motors(vehicle, x), {"u": 0.0})[1]["az"] for x in (-0.5, -0.01)]
+    assert below == pytest.approx([-0.6, -0.6]), "a command below idle does nothing"
 
 
-def test_command_below_idle_does_nothing(single: tuple[Vehicle, Evaluate]) -> None:
-    vehicle, evaluate = single
-    here = [rates(vehicle, evaluate, motors(vehicle, x), {"u": 0.0})[1]["az"] for x in (-0.5, -0.01, 0.0)]
-    assert here[0] == here[1] == here[2] == pytest.approx(-0.6)
-
-
-@pytest.mark.parametrize(("axis", "sign"), [("u", 1.0), ("u", -1.0), ("v", 1.0), ("v", -1.0)])
-def test_drag_opposes_motion_in_the_disc(single: tuple[Vehicle, Evaluate], axis: str, sign: float) -> None:
+def test_drag_opposes_motion_in_the_disc(single: tuple[Vehicle, Evaluate]) -> None:
     vehicle, evaluate = single
     _, still = rates(vehicle, evaluate, motors(vehicle, 0.5), {"u": 0.0})
-    _, y = rates(vehicle, evaluate, motors(vehicle, 0.5), {axis: 4.0 * sign})
-    along, across = ("ax", "ay") if axis == "u" else ("ay", "ax")
-    assert y[along] * 0.5 == pytest.approx(-0.15 * 0.5 * 4.0 * sign)
-    assert y[across] == pytest.approx(0.0)
-    assert y["az"] * 0.5 == pytest.approx(still["az"] * 0.5 - 0.02 * 16.0), "translational lift"
+    for axis, along, across in (("u", "ax", "ay"), ("v", "ay", "ax")):
+        for sign in (1.0, -1.0):
+            _, y = rates(vehicle, evaluate, motors(vehicle, 0.5), {axis: 4.0 * sign})
+            assert y[along] * 0.5 == pytest.approx(-0.15 * 0.5 * 4.0 * sign)
+            assert y[across] == pytest.approx(0.0)
+            assert y["az"] * 0.5 == pytest.approx(still["az"] * 0.5 - 0.02 * 16.0), "translational lift"
 
 
 def test_discs_draw_what_their_thrust_takes() -> None:
@@ -153,10 +151,8 @@ def test_discs_draw_what_their_thrust_takes() -> None:
     text = SINGLE.replace("translational = 0.02", "radius = 0.11").replace("T0 = 0.3\n", "")
     vehicle = parse_vehicle(text.replace("T1 = 1.7", "T1 = 0.0").replace("T2 = 8.0", "T2 = 22.0"), "drawing")
     evaluate, area = interpreted(vehicle), math.pi * 0.11**2
-    off = []
-    for x, climb, across in itertools.product(
-        (0.4, 0.6, 0.8), (-3.0, 0.0, 4.0, 12.0), (0.0, 3.0, 10.0, 20.0)
-    ):
+    off, speeds = [], itertools.product((-3.0, 0.0, 4.0, 12.0), (0.0, 3.0, 10.0, 20.0))
+    for x, (climb, across) in itertools.product((0.4, 0.6, 0.8), speeds):
         _, y = rates(vehicle, evaluate, motors(vehicle, x), {"u": across, "w": -climb})
 
         def excess(v: float, x: float = x, climb: float = climb, across: float = across) -> float:
@@ -180,22 +176,14 @@ def test_forward_flight_lifts_where_discs_draw() -> None:
     assert 1.0 < drawn < 6.0, "the drag of the flow through the disc"
 
 
-def test_climbing_reduces_thrust(single: tuple[Vehicle, Evaluate]) -> None:
+def test_climbing_and_thin_air_reduce_thrust(single: tuple[Vehicle, Evaluate]) -> None:
     vehicle, evaluate = single
-    up, still, down = (
-        -0.5 * rates(vehicle, evaluate, motors(vehicle, 0.5), {"w": w})[1]["az"] for w in (-3.0, 0.0, 3.0)
-    )
+    u = motors(vehicle, 0.5)
+    up, still, down = (-0.5 * rates(vehicle, evaluate, u, {"w": w})[1]["az"] for w in (-3.0, 0.0, 3.0))
     assert up < still < down
     assert still - up == pytest.approx(0.4 * 0.5 * 3.0) == down - still
-
-
-def test_thin_air_carries_less(single: tuple[Vehicle, Evaluate]) -> None:
-    vehicle, evaluate = single
-    lift = [
-        rates(vehicle, evaluate, motors(vehicle, 0.6), {"w": -1.0}, **{"environment.density": r})[1]["az"]
-        for r in (1.225, 0.98)
-    ]
-    assert lift[1] / lift[0] == pytest.approx(0.8)
+    thin = -0.5 * rates(vehicle, evaluate, u, {"w": -3.0}, **{"environment.density": 0.98})[1]["az"]
+    assert thin / up == pytest.approx(0.8)
 
 
 def test_velocity_over_ground() -> None:
@@ -207,15 +195,6 @@ def test_velocity_over_ground() -> None:
     _, y = rates(vehicle, evaluate, motors(vehicle, 0.6), start, **wind)
     root = math.sqrt(0.5)
     assert (y["vn"], y["ve"], y["vd"]) == pytest.approx((2.0 * root + 2.0, 4.0 * root - 1.0, -0.2))
-
-
-def test_rolling_is_damped_by_the_inflow(template: tuple[Vehicle, Evaluate]) -> None:
-    """Rotors that go down see more air from below and give more thrust; all that moves is opposed."""
-    vehicle, evaluate = template
-    u = motors(vehicle, hover_command(vehicle, 0.0))
-    for rate in "pq":
-        d, _ = rates(vehicle, evaluate, u, {"u": 0.0, rate: 1.0})
-        assert d[rate] < -1e-3
 
 
 def test_nothing_is_undefined_at_rest(template: tuple[Vehicle, Evaluate]) -> None:
@@ -277,13 +256,13 @@ def test_numbers_that_are_free() -> None:
     assert list(priors.values()) == [3.0, 3.0, 0.5]
 
 
-@pytest.mark.parametrize("name", ["rotors.T2", "rotors.torque_ratio", "rotors.lag"])
-def test_some_are_positive_wherever_the_search_looks(name: str) -> None:
-    vehicle = builtin_vehicle("quad-x").with_numbers({name: {"free": True}})
-    assert vehicle.parameters[vehicle.rows[name]].lower > 0.0
-    sure = vehicle.with_numbers({name: {"prior": vehicle.value(name)}})
-    lowest = sure.parameters[sure.rows[name]].lower
-    assert lowest == 0.0 if name == "rotors.lag" else lowest > 0.0  # there may be no lag
+def test_some_are_positive_wherever_the_search_looks() -> None:
+    for name in ("rotors.T2", "rotors.torque_ratio", "rotors.lag"):
+        vehicle = builtin_vehicle("quad-x").with_numbers({name: {"free": True}})
+        assert vehicle.parameters[vehicle.rows[name]].lower > 0.0
+        sure = vehicle.with_numbers({name: {"prior": vehicle.value(name)}})
+        lowest = sure.parameters[sure.rows[name]].lower
+        assert lowest == 0.0 if name == "rotors.lag" else lowest > 0.0  # there may be no lag
 
 
 def test_bounds_go_with_the_size_of_the_vehicle() -> None:
@@ -299,35 +278,27 @@ def test_bounds_go_with_the_size_of_the_vehicle() -> None:
 def test_units_say_what_x_is() -> None:
     by_command = builtin_vehicle("quad-x")
     by_speed = parse_vehicle(SINGLE.replace("[rotors]", '[rotors]\ndrive = "speed"\nlag = 0.1'), "speed")
-    unit = {v.name: {p.name: p.unit for p in v.parameters} for v in (by_command, by_speed)}
-    assert unit[by_command.name]["rotors.T2"] == "N"
-    assert unit["one rotor"]["rotors.T2"] == "N s2/rad2"
-    assert unit["one rotor"]["rotors.Q1"] == "N m s/rad"
-    assert unit["one rotor"]["rotors.drag"] == "N s2/(m rad)"
-    assert unit["one rotor"]["rotors.gain"] == "rad/s per unit"
-    assert unit[by_command.name]["rotor.m1.position.x"] == "m"
-    assert unit[by_command.name]["body_drag.quadratic.z"] == "N s2/m2"
-    assert unit[by_command.name]["sensors.vd.bias"] == "m/s"
+    command, speed = ({p.name: p.unit for p in v.parameters} for v in (by_command, by_speed))
+    assert command.items() >= {
+        "rotors.T2": "N", "rotor.m1.position.x": "m", "body_drag.quadratic.z": "N s2/m2", "sensors.vd.bias": "m/s",
+    }.items()  # fmt: skip
+    assert speed.items() >= {
+        "rotors.T2": "N s2/rad2", "rotors.Q1": "N m s/rad", "rotors.drag": "N s2/(m rad)", "rotors.gain": "rad/s per unit",
+    }.items()  # fmt: skip
 
 
-def test_numbers_do_not_decide_the_equations_but_spin_and_axis_do() -> None:
-    text = SINGLE
-    same = parse_vehicle(text, "a").structure
-    assert (
-        parse_vehicle(text.replace("T2 = 8.0", "T2 = { value = 9.0, free = false }"), "b").structure == same
-    )
-    assert parse_vehicle(text.replace('"ccw"', '"cw"'), "c").structure != same
-    assert parse_vehicle(text + "axis = [0.0, 0.0, -1.0]\n", "d").structure != same
-    assert parse_vehicle(text.replace("Q1 = 0.02\n", ""), "e").structure != same
-
-
-def test_vehicles_without_rotors_know_nothing_of_them(twin_boom: str) -> None:
-    """The same equations text as before there were rotors, the same rows, channels and states."""
+def test_numbers_do_not_decide_the_equations_but_spin_and_axis_do(twin_boom: str) -> None:
+    text, same = SINGLE, parse_vehicle(SINGLE, "a").structure
+    known = text.replace("T2 = 8.0", "T2 = { value = 9.0, free = false }")
+    assert parse_vehicle(known, "b").structure == same
+    for other in (
+        text.replace('"ccw"', '"cw"'),
+        text + "axis = [0.0, 0.0, -1.0]\n",
+        text.replace("Q1 = 0.02\n", ""),
+    ):
+        assert parse_vehicle(other, "c").structure != same
     vehicle = parse_vehicle(twin_boom, "twin-boom")
     said = json.loads(vehicle.structure)[0]
     assert not {"rotors", "rotor", "body_drag", "turbulence"} & set(said)
-    assert not {"vn", "ve", "vd"} & set(said["sensors"])
-    assert not [p.name for p in vehicle.parameters if "rotor" in p.name or "vn" in p.name]
     assert vehicle.outputs[:3] == ("V", "alpha", "beta") == vehicle.start_names[:3]
-    assert not vehicle.rotors
     assert vehicle.rotors == ()

@@ -47,7 +47,7 @@ values = st.lists(st.floats(-2, 2), min_size=len(NAMES), max_size=len(NAMES))
 
 
 @given(allowed, values)
-@settings(max_examples=300)
+@settings(max_examples=100)
 def test_terms_mean_what_python_means(text: str, numbers: list[float]) -> None:
     here = dict(zip(NAMES, numbers, strict=True))
     said = complaint(text)
@@ -64,7 +64,7 @@ def test_terms_mean_what_python_means(text: str, numbers: list[float]) -> None:
 
 
 @given(allowed, values)
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=40)
 def test_symbols_and_numbers_agree(text: str, numbers: list[float]) -> None:
     try:
         tree = terms.parse(text, NAMES, "f")
@@ -78,13 +78,12 @@ def test_symbols_and_numbers_agree(text: str, numbers: list[float]) -> None:
     if not exact.is_finite:
         return  # the symbolic form cancelled a factor, as 0 / 0 * x
     scale = max((abs(v) for v in numbers), default=1.0) ** 12 + 1e12
-    assert float(exact) == pytest.approx(
-        plain, rel=1e-6, abs=1e-9 * min(scale, 1e12) + 1e-12 * abs(plain)
-    ) or (not math.isfinite(plain))
+    bound = 1e-9 * min(scale, 1e12) + 1e-12 * abs(plain)
+    assert not math.isfinite(plain) or float(exact) == pytest.approx(plain, rel=1e-6, abs=bound)
 
 
 @given(st.text(max_size=60))
-@settings(max_examples=500)
+@settings(max_examples=150)
 def test_any_text_parses_or_is_refused_in_one_line(text: str) -> None:
     said = complaint(text)
     assert not said or (said.startswith(f"{WHERE}: ") and said.isprintable())
@@ -96,7 +95,7 @@ WORDS = ["alpha", "os", "__import__", "(", ")", "[", "]", "'a'", ".", ",", "^", 
 
 
 @given(st.lists(st.sampled_from(WORDS), max_size=12).map("".join))
-@settings(max_examples=500)
+@settings(max_examples=200)
 def test_fragments_of_python_parse_or_are_refused(text: str) -> None:
     try:
         tree = terms.parse(text, NAMES, "f")
@@ -107,9 +106,8 @@ def test_fragments_of_python_parse_or_are_refused(text: str) -> None:
                      "USub", "UAdd"}  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    "text",
-    [
+def test_refused() -> None:
+    for text in (
         "__import__('os').system('true')", "alpha.real", "alpha.__class__", "[alpha]", "(alpha,)", "alpha if beta else q",
         "lambda: 1", "alpha(1)", "abs", "abs()", "abs(alpha, beta)", "abs(*alpha)", "abs(x=alpha)", "pow(alpha, 2)",
         "alpha < beta",
@@ -118,23 +116,18 @@ def test_fragments_of_python_parse_or_are_refused(text: str) -> None:
         "alpha beta", "alpha;beta", "", " ", "(", "alpha^7", "alpha^999999999", "((alpha^6)^6)^6",
         "(" * 60 + "9" + "^6)" * 60, "1e999*alpha", "alpha/0", "0/0", "1/(alpha-alpha)", "9" * 199 + "^6", "alpha*" * 60 + "1",
         "await alpha", "yield", "alpha\x00", "\ud800", "(" * 190,
-    ],
-)  # fmt: skip
-def test_refused(text: str) -> None:
-    with pytest.raises(TermError, match=r"^v\.toml: Cm\.x: ") as caught:
-        terms.parse(text, NAMES, "v.toml: Cm.x")
-    assert str(caught.value).isprintable()
-    assert ";" in str(caught.value), "says what to do"
+    ):  # fmt: skip
+        with pytest.raises(TermError, match=r"^v\.toml: Cm\.x: ") as caught:
+            terms.parse(text, NAMES, "v.toml: Cm.x")
+        assert str(caught.value).isprintable()
+        assert ";" in str(caught.value), "says what to do"
 
 
-@pytest.mark.parametrize(
-    ("text", "unit"),
-    [
+def test_unit() -> None:
+    for text, unit in (
         ("1", "1"), ("alpha", "1/rad"), ("alpha^2", "1/rad2"), ("alpha*elevator", "1/rad2"), ("abs(beta)*beta", "1/rad2"),
         ("q", "1"), ("V", "1"), ("q*alpha", "1/rad"), ("-alpha", "1/rad"), ("alpha/beta", "1"), ("(alpha)^3", "1/rad3"),
         (" alpha ", "1/rad"), ("alpha^0", "1"),
-    ],
-)  # fmt: skip
-def test_unit(text: str, unit: str) -> None:
-    terms.parse(text, NAMES, "f")
-    assert terms.unit(text, ("elevator", "aileron", "rudder")) == unit
+    ):  # fmt: skip
+        terms.parse(text, NAMES, "f")
+        assert terms.unit(text, ("elevator", "aileron", "rudder")) == unit, text

@@ -17,66 +17,15 @@ from naive.texts import V_TAIL_LATERAL, V_TAIL_MIXERS
 
 from stoop.simulation import initial_states, parameter_rows
 from stoop.vehicle import Vehicle, parse_vehicle
+from stoop.vehicle.builtin import builtin_text
 
-DT, SECONDS = 0.003, 0.9
-N = round(SECONDS / DT) + 1
+DT, N = 0.003, 101
 RTOL = 1e-9
 
-PLAIN = """
-[mass]
-mass = 189.4
-inertia = { xx = 100.0, yy = 120.0, zz = 200.0, xz = 5.0 }
-[reference]
-area = 2.8667
-chord = 0.55
-span = 5.19
-airspeed = 35.0
-[environment]
-density = 1.2
-[propulsion]
-kind = "constant"
-thrust = 220.87
-"""
-COEFFICIENTS = """
-[aerodynamics.CD]
-CD0 = 0.06
-CDalpha = 0.43
-CDalpha2 = 1.2
-CDV = 0.02
-[aerodynamics.CL]
-CL0 = 0.385
-CLalpha = 4.78
-CLq = 10.47
-CLV = 0.05
-CLelevator = 0.201
-[aerodynamics.Cm]
-Cm0 = 0.194
-Cmalpha = -2.12
-Cmq = -47.6
-CmV = 0.03
-Cmelevator = -0.8
-[aerodynamics.CQ]
-CQ0 = 0.004
-CQbeta = -0.35
-CQp = 0.06
-CQr = 0.22
-CQrudder = 0.12
-CQV = 0.01
-[aerodynamics.Cl]
-Cl0 = 0.0008
-Clbeta = -0.055
-Clp = -0.48
-Clr = 0.11
-Claileron = 0.15
-Clrudder = 0.012
-[aerodynamics.Cn]
-Cn0 = -0.0006
-Cnbeta = 0.085
-Cnp = -0.035
-Cnr = -0.13
-Cnaileron = -0.012
-Cnrudder = -0.075
-"""
+TWIN_BOOM = builtin_text("twin-boom")
+for name, value in (("CDalpha2", 1.2), ("CDV", 0.02), ("CLV", 0.05), ("CmV", 0.03)):
+    TWIN_BOOM = TWIN_BOOM.replace(f"{name} = 0.0", f"{name} = {value}")
+COEFFICIENTS = TWIN_BOOM[TWIN_BOOM.index("[aerodynamics.CD]") :]
 RICH = (
     """
 [mass]
@@ -188,22 +137,19 @@ LEVEL = {"V": 36.0, "alpha": 0.1, "theta": 0.12, "q": 0.03, "h": 200.0}
 TURNED = LEVEL | {"beta": 0.05, "p": 0.2, "r": -0.1, "phi": 0.5, "psi": 3.0}
 PWM = {"pwm_3": (1490.0, 60.0), "pwm_4": (1500.0, 50.0), "aileron": (0.0, 0.05), "throttle": (0.4, 0.45)}
 SMALL = TURNED | {"V": 24.0}
+REDUCED = '[model]\nreduce = "{}"\n[mass]'
+STATED = "inertia = [80.0, 150.0, 190.0]\n[environment]"
+LOGS = {"thrust": (20.0, 10.0), "density": (1.1, 0.05)}
 CASES = {
-    "plain": Case(NAME + PLAIN + COEFFICIENTS, SURFACES, TURNED),
-    "plain longitudinal": Case(f'{NAME}[model]\nreduce = "longitudinal"\n{PLAIN}{COEFFICIENTS}', SURFACES, LEVEL),
-    "plain lateral": Case(f'{NAME}[model]\nreduce = "lateral"\n{PLAIN}{COEFFICIENTS}', SURFACES, TURNED | {"q": 0.0}),
-    "plain, for a stated inertia": Case(
-        NAME + PLAIN.replace("[environment]", "inertia = [80.0, 150.0, 190.0]\n[environment]") + COEFFICIENTS,
-        SURFACES,
-        TURNED,
-    ),
+    "plain": Case(TWIN_BOOM, SURFACES, TURNED),
+    "plain longitudinal": Case(TWIN_BOOM.replace("[mass]", REDUCED.format("longitudinal")), SURFACES, LEVEL),
+    "plain lateral": Case(TWIN_BOOM.replace("[mass]", REDUCED.format("lateral")), SURFACES, TURNED | {"q": 0.0}),
+    "plain, for a stated inertia": Case(TWIN_BOOM.replace("[environment]", STATED), SURFACES, TURNED),
     "rich": Case(NAME + RICH + RICH_TERMS, PWM, SMALL, RICH_EXTRA),
     "rich longitudinal": Case(
-        f'{NAME}[model]\nreduce = "longitudinal"\n{RICH}{RICH_TERMS}', PWM, LEVEL | {"V": 24.0}, RICH_EXTRA
+        NAME + (RICH + RICH_TERMS).replace("[mass]", REDUCED.format("longitudinal")), PWM, LEVEL | {"V": 24.0}, RICH_EXTRA
     ),
-    "logged": Case(
-        NAME + LOGGED + COEFFICIENTS, SURFACES | {"thrust": (20.0, 10.0), "density": (1.1, 0.05)}, TURNED | {"V": 22.0}
-    ),
+    "logged": Case(NAME + LOGGED + COEFFICIENTS, SURFACES | LOGS, TURNED | {"V": 22.0}),
 }  # fmt: skip
 
 
@@ -229,20 +175,15 @@ def changed(vehicle: Vehicle, count: int) -> list[dict[str, float]]:
     ]  # fmt: skip
 
 
-@pytest.fixture(scope="module", params=CASES)
-def case(request: pytest.FixtureRequest) -> tuple[Case, Vehicle]:
-    chosen = CASES[request.param]
-    return chosen, parse_vehicle(chosen.text, request.param)
-
-
-def test_trajectories_and_cost(case: tuple[Case, Vehicle]) -> None:
-    spec, vehicle = case
+@pytest.mark.parametrize("name", ["plain", "plain lateral", "rich"])
+def test_trajectories_and_cost(name: str) -> None:
+    spec = CASES[name]
+    vehicle = parse_vehicle(spec.text, name)
     u = recorded(spec, vehicle)
     named = [dict(zip(vehicle.inputs, row, strict=True)) for row in u]
     candidates = changed(vehicle, 2)
-    rows = parameter_rows(
-        vehicle, {name: np.array([c[name] for c in candidates]) for name in candidates[0]}, 2
-    )
+    changes = {number: np.array([c[number] for c in candidates]) for number in candidates[0]}
+    rows = parameter_rows(vehicle, changes, 2)
     start = initial_states(vehicle, spec.start, rows, u[0])
     y = vehicle.kernel().trajectories(rows, start, u, DT)
     expected = np.array([fly(spec, c, u, named[0], vehicle.inputs) for c in candidates])
@@ -274,11 +215,11 @@ def fly(
     )  # fmt: skip
 
 
-def test_single_points(case: tuple[Case, Vehicle]) -> None:
+@pytest.mark.parametrize("name", CASES)
+def test_single_points(name: str) -> None:
     """Rates and readings at random states, far from trim, without an integrator."""
-    spec, vehicle = case
-    rng = np.random.default_rng(11)
-    count = 20
+    spec, rng, count = CASES[name], np.random.default_rng(11), 12
+    vehicle = parse_vehicle(spec.text, name)
     spread = {
         "V": 3.0,
         "alpha": 0.3,
@@ -289,8 +230,8 @@ def test_single_points(case: tuple[Case, Vehicle]) -> None:
         "phi": 1.5,
         "theta": 1.2,
         "psi": 3.0,
-        "h": 900.0,
     }
+    spread["h"] = 900.0
     zero = {"full": (), "longitudinal": ("beta", "p", "r", "phi", "psi"), "lateral": ("q",)}[vehicle.reduce]
     start = {
         k: spec.start.get(k, 0.0) + s * rng.uniform(-1, 1, count) * (k not in zero) for k, s in spread.items()
@@ -322,9 +263,7 @@ def test_all_lanes_at_any_place_agree_bit_for_bit() -> None:
     vehicle = parse_vehicle(spec.text, "plain")
     u = recorded(spec, vehicle)[:100]
     candidates = changed(vehicle, 19)
-    rows = parameter_rows(
-        vehicle, {name: np.array([c[name] for c in candidates]) for name in candidates[0]}, 19
-    )
+    rows = parameter_rows(vehicle, {n: np.array([c[n] for c in candidates]) for n in candidates[0]}, 19)
     start = initial_states(vehicle, spec.start, rows, u[0])
     kernel = vehicle.kernel()
     z, w = np.zeros((100, 12)), np.ones((100, 12))

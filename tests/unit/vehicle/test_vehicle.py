@@ -52,19 +52,6 @@ EXTRA_SAME = [
 ]
 
 
-@pytest.mark.parametrize(("old", "new"), SAME)
-def test_numbers_and_their_freedom_do_not_decide_the_equations(
-    twin_boom: str, vehicle: Vehicle, old: str, new: str
-) -> None:
-    assert twin_boom.count(old) == 1
-    assert parse_vehicle(twin_boom.replace(old, new), "x").structure == vehicle.structure
-
-
-@pytest.mark.parametrize("more", EXTRA_SAME)
-def test_noise_and_loadings_do_not_decide_the_equations(twin_boom: str, vehicle: Vehicle, more: str) -> None:
-    assert parse_vehicle(f"{twin_boom}\n{more}", "x").structure == vehicle.structure
-
-
 EXTRA_OTHER = [
     "[sensors.q]\nscale = 1.0", "[sensors.q]\ndelay = 0.02", '[sensors.q]\nbias = "=sensors.p.bias"',
     "[model]\nreduce = 'lateral'", "[sensors]\nvane_position = [0.0, 0.0, 0.0]",
@@ -81,24 +68,18 @@ OTHER = [
 ]
 
 
-@pytest.mark.parametrize("more", EXTRA_OTHER)
-def test_what_adds_a_number_or_an_equation_decides(twin_boom: str, vehicle: Vehicle, more: str) -> None:
-    assert parse_vehicle(f"{twin_boom}\n{more}", "x").structure != vehicle.structure
-
-
-@pytest.mark.parametrize(("old", "new"), OTHER)
-def test_what_changes_an_equation_decides(twin_boom: str, vehicle: Vehicle, old: str, new: str) -> None:
-    assert twin_boom.count(old) == 1
-    assert parse_vehicle(twin_boom.replace(old, new), "x").structure != vehicle.structure
-
-
-def test_equal_structures_have_equal_rows(twin_boom: str, vehicle: Vehicle) -> None:
-    variants = [parse_vehicle(twin_boom.replace(old, new), "x") for old, new in (*SAME, *OTHER)]
-    variants += [parse_vehicle(f"{twin_boom}\n{more}", "x") for more in (*EXTRA_SAME, *EXTRA_OTHER)]
-    rows: dict[str, object] = {}
-    for v in (vehicle, *variants):
-        shape = (v.rows, v.inputs, v.states, v.outputs)
-        assert rows.setdefault(v.structure, shape) == shape
+def test_equations_decide_the_structure_and_numbers_do_not(twin_boom: str, vehicle: Vehicle) -> None:
+    """Noise, freedom and loadings do not; equal structures have equal rows, inputs, states and outputs."""
+    shapes: dict[str, object] = {}
+    for changes, more, equal in ((SAME, EXTRA_SAME, True), (OTHER, EXTRA_OTHER, False)):
+        assert all(twin_boom.count(old) == 1 for old, _ in changes)
+        texts = [twin_boom.replace(old, new) for old, new in changes] + [f"{twin_boom}\n{x}" for x in more]
+        for text, edit in zip(texts, (*changes, *more), strict=True):
+            v = parse_vehicle(text, "x")
+            assert (v.structure == vehicle.structure) == equal, edit
+            shape = (v.rows, v.inputs, v.states, v.outputs)
+            assert shapes.setdefault(v.structure, shape) == shape
+    assert shapes[vehicle.structure] == (vehicle.rows, vehicle.inputs, vehicle.states, vehicle.outputs)
 
 
 def test_reduced_models_estimate_their_own_coefficients(vehicle: Vehicle) -> None:
@@ -135,16 +116,11 @@ def test_with_numbers_changes_what_it_names(vehicle: Vehicle) -> None:
     assert vehicle.value("CLalpha") == 4.78
 
 
-def test_with_numbers_knows_names(vehicle: Vehicle) -> None:
+def test_names_that_cannot_be_changed(twin_boom: str, vehicle: Vehicle) -> None:
     with pytest.raises(VehicleError, match="no number is called 'CLalfa'; did you mean CLalpha"):
         vehicle.with_numbers({"CLalfa": {"value": 5.0}})
-
-
-def test_a_tied_number_cannot_be_changed(twin_boom: str) -> None:
     v = parse_vehicle(f'{twin_boom}\n[sensors.q]\nbias = "=sensors.p.bias"\n', "x")
-    with pytest.raises(
-        VehicleError, match=r"sensors\.q\.bias: tied to 'sensors\.p\.bias'; change that one instead"
-    ):
+    with pytest.raises(VehicleError, match=r"sensors\.q\.bias: tied to 'sensors\.p\.bias'; change that one"):
         v.with_numbers({"sensors.q.bias": {"free": False}})
 
 
@@ -182,19 +158,15 @@ def test_a_warm_start_needs_no_sympy(vehicle: Vehicle) -> None:
     path = Path(str(files("stoop") / "data" / "twin_boom.toml"))
     state = [35.0, 0.0, 3.0, 0, 0, 0, 1.0, 0, 0, 0, 200.0]
     code = WARM.format(path=str(path), state=state)
-    run = subprocess.run(
-        [sys.executable, "-W", "error", "-c", code], capture_output=True, text=True, env=dict(os.environ)
-    )
+    command = [sys.executable, "-W", "error", "-c", code]
+    run = subprocess.run(command, capture_output=True, text=True, env=dict(os.environ))
     assert run.stderr == ""
     assert run.stdout.split() == ["False", "True"]
 
 
-def test_freeing_a_number_does_not_compile_anew(vehicle: Vehicle) -> None:
-    freed = vehicle.with_numbers({"mass.inertia.xx": {"free": True, "value": 90.0}})
-    assert freed.kernel() is vehicle.kernel()
-
-
 def test_kernel_has_one_row_per_number(vehicle: Vehicle) -> None:
+    freed = vehicle.with_numbers({"mass.inertia.xx": {"free": True, "value": 90.0}})
+    assert freed.kernel() is vehicle.kernel(), "freeing a number compiles nothing"
     sizes = (len(vehicle.states), len(vehicle.inputs), len(vehicle.parameters), len(vehicle.outputs))
     assert vehicle.kernel().sizes == sizes
     assert np.isfinite(vehicle.values).all()

@@ -6,7 +6,7 @@ import math
 from typing import Any
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from stoop.base.autopilots import FRAMES
@@ -44,29 +44,18 @@ def test_px4_surfaces() -> None:
     (motor,) = setup.pushers
     assert not setup.rotors
     assert motor.channels == {"motor_1": Scale(), "pwm_1": Scale(1100.0, 800.0)}
-
-
-def test_px4_takes_the_usual_shares_where_none_are_set() -> None:
-    setup = read_setup({"CA_SV_CS_COUNT": 2, "CA_SV_CS0_TYPE": 5, "CA_SV_CS1_TYPE": 6})
-    assert [s.shares for s in setup.surfaces] == [(-0.5, 0.5, 0.0), (0.5, 0.5, 0.0)]
-    assert setup.tail() == "flying-wing"
-
-
-def test_px4_pulses_of_the_group_that_moves() -> None:
+    usual = read_setup({"CA_SV_CS_COUNT": 2, "CA_SV_CS0_TYPE": 5, "CA_SV_CS1_TYPE": 6})  # none are set
+    assert [s.shares for s in usual.surfaces] == [(-0.5, 0.5, 0.0), (0.5, 0.5, 0.0)]
+    assert usual.tail() == "flying-wing"
     both = {"PWM_AUX_FUNC1": 201, "PWM_MAIN_FUNC5": 201, "CA_SV_CS_COUNT": 1, "CA_SV_CS0_TYPE": 3}
-    channels = {
-        group: read_setup(both, [pulse]).surfaces[0].channels
-        for group, pulse in (("main", "pwm_5"), ("aux", "pwm_1"))
-    }
-    assert "pwm_5" in channels["main"]
-    assert "pwm_1" in channels["aux"]
+    for pulse in ("pwm_5", "pwm_1"):  # of the group that moves
+        assert pulse in read_setup(both, [pulse]).surfaces[0].channels
 
 
 def test_px4_rotors() -> None:
     quad = {"CA_AIRFRAME": 0, "CA_ROTOR_COUNT": 4}
-    for i, (x, y, km) in enumerate(
-        ((0.15, 0.2, 0.05), (-0.15, -0.2, 0.05), (0.15, -0.2, -0.05), (-0.15, 0.2, -0.05))
-    ):
+    places = ((0.15, 0.2, 0.05), (-0.15, -0.2, 0.05), (0.15, -0.2, -0.05), (-0.15, 0.2, -0.05))
+    for i, (x, y, km) in enumerate(places):
         quad |= {f"CA_ROTOR{i}_PX": x, f"CA_ROTOR{i}_PY": y, f"CA_ROTOR{i}_KM": km}
     rotors = read_setup(quad).rotors
     assert [r.spin for r in rotors] == ["ccw", "ccw", "cw", "cw"]
@@ -85,29 +74,19 @@ def test_ardupilot_elevons() -> None:
     assert setup.others == {"pwm_4": "flap"}
 
 
-@pytest.mark.parametrize(("frame", "first", "third"), [(1, (1, 1), (1, -1)), (3, (1, 1), (1, -1))])
-def test_ardupilot_quad(frame: int, first: tuple[int, int], third: tuple[int, int]) -> None:
-    motors = {f"SERVO{n}_FUNCTION": 32 + n for n in range(1, 5)}
-    setup = read_setup(
-        {**motors, "FRAME_CLASS": 1, "FRAME_TYPE": frame, "MOT_PWM_MIN": 1050, "MOT_PWM_MAX": 1950}
-    )
-    one, _, three, _ = setup.rotors
-    for rotor, (forward, right) in ((one, first), (three, third)):
-        assert rotor.position is not None
-        assert (math.copysign(1, rotor.position[0]), math.copysign(1, rotor.position[1])) == (forward, right)
-    assert [r.spin for r in setup.rotors] == (
-        ["ccw", "ccw", "cw", "cw"] if frame == 1 else ["cw", "cw", "ccw", "ccw"]
-    )
-    assert one.channels["pwm_1"] == Scale(1050.0, 900.0)
-
-
-@pytest.mark.parametrize("frame", FRAMES)
-def test_frames_are_balanced(frame: tuple[int, int]) -> None:
-    """Rotors of a frame stand about its center, and as many turn each way."""
-    places = FRAMES[frame]
-    assert sum(math.cos(math.radians(a)) for a, _ in places) == pytest.approx(0.0, abs=1e-9)
-    assert sum(math.sin(math.radians(a)) for a, _ in places) == pytest.approx(0.0, abs=1e-9)
-    assert sum(spin == "ccw" for _, spin in places) == len(places) / 2
+def test_ardupilot_frames() -> None:
+    """Rotors of a frame stand about its center, and as many turn each way; quadrotors by hand."""
+    ranges = {f"SERVO{n}_FUNCTION": 32 + n for n in range(1, 5)} | {"MOT_PWM_MIN": 1050, "MOT_PWM_MAX": 1950}
+    for frame, spins in ((1, ["ccw", "ccw", "cw", "cw"]), (3, ["cw", "cw", "ccw", "ccw"])):
+        rotors = read_setup({**ranges, "FRAME_CLASS": 1, "FRAME_TYPE": frame}).rotors
+        assert [r.spin for r in rotors] == spins
+        signs = [tuple(math.copysign(1, x) for x in r.position[:2]) for r in rotors if r.position]
+        assert (signs[0], signs[2]) == ((1, 1), (1, -1))
+        assert rotors[0].channels["pwm_1"] == Scale(1050.0, 900.0)
+    for frame, places in FRAMES.items():
+        assert sum(math.cos(math.radians(a)) for a, _ in places) == pytest.approx(0.0, abs=1e-9), frame
+        assert sum(math.sin(math.radians(a)) for a, _ in places) == pytest.approx(0.0, abs=1e-9), frame
+        assert sum(spin == "ccw" for _, spin in places) == len(places) / 2
 
 
 NAMES = [
@@ -121,16 +100,13 @@ NAMES = [
 ]
 
 
+@settings(max_examples=50)
 @given(st.dictionaries(st.sampled_from(NAMES), st.floats(width=32) | st.integers(-(2**31), 2**31 - 1)))
 def test_hostile_parameters(parameters: dict[str, Any]) -> None:
     """Whatever the parameters hold, the set-up holds finite numbers, and ranges that are none of zero."""
     setup = read_setup(parameters)
     scales = [s for one in (*setup.surfaces, *setup.rotors, *setup.pushers) for s in one.channels.values()]
     assert all(math.isfinite(s.zero) and math.isfinite(s.unit) and s.unit for s in scales)
-    assert all(
-        math.isfinite(x)
-        for m in (*setup.rotors, *setup.pushers)
-        if m.position
-        for x in (*m.position, *m.axis)
-    )
+    motors = [m for m in (*setup.rotors, *setup.pushers) if m.position]
+    assert all(math.isfinite(x) for m in motors for x in (*m.position, *m.axis))
     assert all(math.isfinite(x) and abs(x) <= 10.0 for s in setup.surfaces for x in s.shares)
