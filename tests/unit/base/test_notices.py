@@ -8,49 +8,36 @@ import re
 import runpy
 from pathlib import Path
 
-import pytest
-
 from stoop.base.notices import as_notice, from_dict, message, notice, table
 
 ROOT = Path(__file__).parents[3]
 
 
-def test_a_notice_survives_json() -> None:
+def test_notices_survive_json() -> None:
     one = notice("lag-not-beaten", "f 1:2", role="fit", channels=("p", "q"))
     assert from_dict(one.to_dict()) == one
     assert str(one) == "f 1:2 (fit): no better than a first-order lag in p and q"
     assert (one.topic, one.severity) == ("fit", "warning")
-
-
-def test_a_number_that_is_none_survives_json() -> None:
-    """JSON has no NaN: results write null."""
     content = notice("stray-samples", "imu", count=2, distance=math.nan).to_dict()
-    content["values"]["distance"] = None
+    content["values"]["distance"] = None  # JSON has no NaN: results write null
     assert "more than nan s" in str(from_dict(content))
-
-
-def test_an_infinite_number_survives_json() -> None:
-    """JSON has no infinity either: the sentence is the same when it is read back."""
     one = notice("stray-samples", "imu", count=2, distance=-math.inf)
     assert str(from_dict(json.loads(json.dumps(one.to_dict(), allow_nan=False)))) == str(one)
+    later = {"code": "of-tomorrow", "severity": "warning", "subject": "", "values": {}, "message": "Beware."}
+    assert str(from_dict(later)) == "Beware.", "a code of another version keeps its sentence"
+    step = notice("fly-unit-step", seconds=0.4)
+    found = notice("fly-roll", "aileron", step=step)
+    assert str(found) == "fly a bank-to-bank or doublets with aileron, unit step about 0.4 s"
+    document = json.loads(json.dumps(found.to_dict()))
+    assert document["values"]["step"]["code"] == "fly-unit-step"
+    assert from_dict(document) == found
 
 
-def test_a_code_of_another_version_keeps_its_sentence() -> None:
-    content = {
-        "code": "of-tomorrow",
-        "severity": "warning",
-        "subject": "",
-        "values": {},
-        "message": "Beware.",
-    }
-    assert str(from_dict(content)) == "Beware."
-
-
-@pytest.mark.parametrize(("severity", "topic"), [("warning", "fit"), ("info", "fit"), ("info", "flight")])
-def test_a_sentence_without_a_code_is_a_notice_too(severity: str, topic: str) -> None:
-    one = as_notice("Beware of {braces}.", severity, topic)  # type: ignore[arg-type]
-    assert (message(one), one.severity, one.topic) == ("Beware of {braces}.", severity, topic)
-    assert as_notice(one) is one
+def test_a_sentence_without_a_code_is_a_notice_too() -> None:
+    for severity, topic in (("warning", "fit"), ("info", "fit"), ("info", "flight")):
+        one = as_notice("Beware of {braces}.", severity, topic)  # type: ignore[arg-type]
+        assert (message(one), one.severity, one.topic) == ("Beware of {braces}.", severity, topic)
+        assert as_notice(one) is one
 
 
 def test_every_row_of_the_table_is_sound() -> None:
@@ -59,24 +46,11 @@ def test_every_row_of_the_table_is_sound() -> None:
         assert code == code.lower().replace("_", "-")
         assert kind.topic in topics
         assert kind.severity in ("info", "warning")
+        several = len(re.findall(r"[.?!)] (?=[A-Z-])", kind.text)) > 0  # sentences: one has no full stop
+        assert kind.text.endswith(".") == several or kind.text.endswith(("?", "}")), code
 
 
 def test_the_page_lists_the_table() -> None:
     assert (ROOT / "docs" / "notices.md").read_text("utf-8") == runpy.run_path(
         str(ROOT / "scripts" / "notices.py")
     )["page"]()
-
-
-def test_one_sentence_has_no_full_stop_and_several_have() -> None:
-    for code, kind in table().items():
-        several = len(re.findall(r"[.?!)] (?=[A-Z-])", kind.text)) > 0
-        assert kind.text.endswith(".") == several or kind.text.endswith(("?", "}")), code
-
-
-def test_a_notice_may_name_another() -> None:
-    step = notice("fly-unit-step", seconds=0.4)
-    found = notice("fly-roll", "aileron", step=step)
-    assert str(found) == "fly a bank-to-bank or doublets with aileron, unit step about 0.4 s"
-    document = json.loads(json.dumps(found.to_dict()))
-    assert document["values"]["step"]["code"] == "fly-unit-step"
-    assert from_dict(document) == found

@@ -12,7 +12,7 @@ import pytest
 
 from stoop.base.npz import read_arrays
 
-UNFOLDED = 50 * 2**20
+UNFOLDED = 10 * 2**20
 
 
 def _understated(method: int) -> io.BytesIO:
@@ -27,7 +27,7 @@ def _understated(method: int) -> io.BytesIO:
     return io.BytesIO(bytes(content))
 
 
-@pytest.mark.parametrize("method", [zipfile.ZIP_DEFLATED, zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA])
+@pytest.mark.parametrize("method", [zipfile.ZIP_DEFLATED, zipfile.ZIP_LZMA])
 def test_no_more_is_unpacked_than_is_stated(method: int) -> None:
     archive = _understated(method)
     assert len(archive.getvalue()) < 2**17
@@ -38,17 +38,19 @@ def test_no_more_is_unpacked_than_is_stated(method: int) -> None:
     tracemalloc.stop()
 
 
-@pytest.mark.parametrize(
-    "head",
-    ["{'descr': '<f8', 'fortran_order': False, 'shape': (3,", "{[]: 1}", "-" * 50_000 + "1", "(" * 300],
-)
-def test_a_header_that_is_no_python_is_a_value_error(head: str) -> None:
-    sink = io.BytesIO()
-    text = head.encode() + b"\n"
-    with zipfile.ZipFile(sink, "w") as archive:
-        archive.writestr("a.npy", b"\x93NUMPY\x01\x00" + len(text).to_bytes(2, "little") + text + bytes(8))
-    with pytest.raises(ValueError, match=r"header|Header"):
-        read_arrays(sink, 2**20)
+def test_a_header_that_is_no_python_is_a_value_error() -> None:
+    for head in (
+        "{'descr': '<f8', 'fortran_order': False, 'shape': (3,",
+        "{[]: 1}",
+        "-" * 50_000 + "1",
+        "(" * 300,
+    ):
+        sink, text = io.BytesIO(), head.encode() + b"\n"
+        with zipfile.ZipFile(sink, "w") as archive:
+            head_bytes = b"\x93NUMPY\x01\x00" + len(text).to_bytes(2, "little")
+            archive.writestr("a.npy", head_bytes + text + bytes(8))
+        with pytest.raises(ValueError, match=r"header|Header"):
+            read_arrays(sink, 2**20)
 
 
 def test_arrays_at_the_bound_are_read() -> None:

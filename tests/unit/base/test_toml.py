@@ -12,41 +12,28 @@ from stoop.errors import StoopError
 KEY = ".".join("c" * (MAX_DEPTH + 2))
 
 
-@pytest.mark.parametrize(
-    "text",
-    [
-        f"{KEY} = 1",
-        f"[{KEY}]",
-        f"a = {{{KEY} = 1}}",
-        f'a = {{b = """x"""", {KEY} = 1, e = ""}}',
-        f"a = {{b = '''x''''', {KEY} = 1, e = ''}}",
-        f'a = "#"\n{KEY} = 1',
-    ],
-)
-def test_a_key_of_many_parts_is_refused(text: str) -> None:
-    with pytest.raises(StoopError, match="parts"):
-        parse_source(text, "a.toml", StoopError)
-
-
-@pytest.mark.parametrize("quote", ['"', "'", '"""', "'''"])
-def test_dots_in_texts_are_no_parts(quote: str) -> None:
+def test_a_key_of_many_parts_is_refused_and_dots_in_texts_are_none() -> None:
+    for text in (
+        f"{KEY} = 1", f"[{KEY}]", f"a = {{{KEY} = 1}}", f'a = {{b = """x"""", {KEY} = 1, e = ""}}',
+        f"a = {{b = '''x'''', {KEY} = 1, e = ''}}", f'a = "#"\n{KEY} = 1',
+    ):  # fmt: skip
+        with pytest.raises(StoopError, match="parts"):
+            parse_source(text, "a.toml", StoopError)
     dots = "." * (MAX_DEPTH + 20)
-    assert (
-        parse_source(f"a = [{quote}x{quote}, {quote}{dots}{quote}] # {dots}", "a", StoopError)["a"][1] == dots
-    )
-    if len(quote) == 3:
-        ends = f"a = [{quote}x{quote}{quote[:2]}, {quote}{dots}{quote}]"
-        assert parse_source(ends, "a", StoopError)["a"] == [f"x{quote[:2]}", dots]
+    for quote in ('"', "'", '"""', "'''"):
+        found = parse_source(f"a = [{quote}x{quote}, {quote}{dots}{quote}] # {dots}", "a", StoopError)
+        assert found["a"][1] == dots
+        if len(quote) == 3:
+            ends = f"a = [{quote}x{quote}{quote[:2]}, {quote}{dots}{quote}]"
+            assert parse_source(ends, "a", StoopError)["a"] == [f"x{quote[:2]}", dots]
 
 
 def test_a_folder_names_the_files_of_its_kind(tmp_path: Path) -> None:
-
-    folder = tmp_path
     for name in ("result.json", "vehicle.toml"):
-        (folder / name).touch()
+        (tmp_path / name).touch()
     for ending, name in ((".json", "result.json"), (".toml", "vehicle.toml")):
         with pytest.raises(StoopError, match=f"is a folder, no such file; name {name} in it"):
-            read_source(folder, "such", StoopError, ending=ending)
+            read_source(tmp_path, "such", StoopError, ending=ending)
 
 
 def test_integers_beyond_floats_are_refused() -> None:

@@ -213,41 +213,6 @@ def test_a_multirotor_is_designed_for_under_its_autopilot(shape: str) -> None:
     assert setup.forecast(torn, only_inside=True).information.max() == 0.0
 
 
-def test_a_line_of_a_card_is_flown_from_trim_and_has_a_start_of_its_own() -> None:
-    """The information of a card is the sum of that of its lines, each as a flight of its own."""
-    whole = replace(setup(), retrim=1.0)
-    steady = {"airspeed": whole.trim.start["V"], "altitude": whole.trim.start["h"]}
-    doublet = {"control": "elevator", "shape": "doublet", "start": 1.0, "step": 1.0, "amplitude": 0.05}
-    lines = [doublet, doublet | {"start": 11.0}]
-    card = Maneuver.model_validate({"duration": 20.0, "rate": 50.0, "input": lines} | steady)
-    line = card.model_copy(update={"duration": 9.98, "input": card.input[:1]})
-    one, both = whole.forecast(line), whole.forecast(card)
-    count = len(one.readings)
-    assert np.allclose(both.readings[count : 2 * count], one.readings)
-    assert not np.allclose(setup().forecast(card).readings[count : 2 * count], one.readings)
-    assert not any("bias" in name for name in whole.names)
-    assert np.allclose(np.diag(both.information), 2.0 * np.diag(one.information), rtol=0.05)
-
-
-def test_a_card_has_the_errors_of_its_lines_flown_one_by_one() -> None:
-    """The lines of a pilot's design, each as a flight of its own from trim, leave the predicted standard errors."""
-    vehicle = builtin_vehicle("twin-boom")  # with biases that are known, which flights would share
-    known = {name: {"free": False} for name in vehicle.rows if name.endswith(".bias")}
-    alone = of(vehicle.with_numbers(known), amplitude={"rudder": 0.0})
-    found = propose(alone, replace(PLAN, duration=24.0, evaluations=4, beat=0.5), ["doublet"])
-    best, lines = found.best.maneuver, []
-    cut = best.input[1].start - 1.0  # one second steady, then the input
-    for begin, duration, one in zip((0.0, cut), (cut - 0.02, 24.0 - cut), best.input, strict=True):
-        own = {"duration": duration, "input": (one.model_copy(update={"start": one.start - begin}),)}
-        lines.append(alone.forecast(best.model_copy(update=own)))
-    together, apart = found.setup.std(found.best.forecast), alone.std(*lines)
-    determined = np.isfinite(apart)
-    assert determined.sum() > 20
-    assert together[determined] == pytest.approx(apart[determined], rel=1e-3)
-    without_pause = alone.std(alone.forecast(best))
-    assert (without_pause < 0.8 * apart)[determined].any()
-
-
 def test_maneuvers_on_rotors_are_flown_side_by_side(monkeypatch: pytest.MonkeyPatch) -> None:
     """A batch takes the steps of one flight, and its costs are those of single flights."""
     hover = of(builtin_vehicle("quad-x"))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 
 from stoop import optimize
 
@@ -43,12 +42,12 @@ def gradient(problem: Curve, z: np.ndarray) -> np.ndarray:
     return J.T @ r / np.linalg.norm(J, axis=0) / np.linalg.norm(r)
 
 
-@pytest.mark.parametrize("start", [(0.5, 0.5, 0.0), (3.0, 0.01, 5.0), (-2.0, 1.0, 0.0)])
-def test_the_gradient_vanishes_to_the_last_digits(start: tuple[float, ...]) -> None:
+def test_the_gradient_vanishes_to_the_last_digits() -> None:
     problem = Curve(dimension=0)
-    end = optimize.descend(problem, np.array(start), 0)
-    assert end.converged
-    assert np.abs(gradient(problem, end.z)).max() < 1e-12
+    for start in ((0.5, 0.5, 0.0), (3.0, 0.01, 5.0), (-2.0, 1.0, 0.0)):
+        end = optimize.descend(problem, np.array(start), 0)
+        assert end.converged
+        assert np.abs(gradient(problem, end.z)).max() < 1e-12
 
 
 def test_bounds_hold() -> None:
@@ -64,13 +63,9 @@ def test_bounds_hold() -> None:
     assert (slope[:2][end.z[:2] == 1.0] < 0.0).all()
 
 
-def test_a_variable_that_nothing_depends_on_stays() -> None:
-    problem = Curve(dimension=0)
-    end = optimize.descend(problem, np.array([0.7, 0.0, 0.0]), 0, iterations=1)
+def test_starts_that_say_nothing() -> None:
+    end = optimize.descend(Curve(dimension=0), np.array([0.7, 0.0, 0.0]), 0, iterations=1)
     assert end.ending == "limit"
-    assert end.z[0] == 0.7, "without an amplitude the exponent says nothing"
-
-
-def test_what_diverges_at_the_start_is_told() -> None:
+    assert end.z[0] == 0.7, "without an amplitude the exponent has no effect, and stays"
     end = optimize.descend(Curve(dimension=0), np.array([1e4, 1.0, 0.0]), 0)
     assert (end.ending, end.cost, end.iterations) == ("diverged", np.inf, 0)

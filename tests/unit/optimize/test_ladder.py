@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import pytest
 
 from stoop.optimize import Ledger
 from stoop.optimize.ladder import GATE, Optima, climb, explains, passes, refine_fully
@@ -33,18 +32,6 @@ def test_a_good_prey_climbs_every_rung(
     end = refine_fully(ledger, found.z, np.inf, found.score)
     assert end.converged
     assert end.cost == ledger.cost
-
-
-def test_what_is_worse_on_a_part_than_a_trusted_optimum_on_the_whole_is_shelved(
-    oscillation: Callable[..., Any], near: Callable[[float], np.ndarray], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    free = climb(pen(oscillation()), near(0.9), NONE)
-    assert climb(pen(oscillation()), near(0.9), NONE, free.cost).passed
-    assert climb(pen(oscillation()), near(0.9), NONE, 0.0).passed  # nearly exact: it may confirm
-    monkeypatch.setattr("stoop.optimize.ladder.NEARLY_EXACT", 0.0)
-    barred = climb(pen(oscillation()), near(0.9), NONE, 0.99 * free.least[0])
-    assert not barred.passed
-    assert barred.rung == 0
 
 
 @dataclass

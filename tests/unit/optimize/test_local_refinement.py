@@ -169,27 +169,3 @@ def test_what_a_model_leaves_unexplained_does_not_slow_the_end() -> None:
     assert end.converged
     assert end.iterations <= 15
     assert end.z[0] == pytest.approx(0.5, abs=1e-3)
-
-
-class Valley(Whole):
-    """Rosenbrock's curved valley, on the box of -2 to 2, above a floor: local refinements are slow along it."""
-
-    dimension = 2
-
-    def residuals(self, Z: np.ndarray, rung: int) -> np.ndarray:
-        x, y = 4.0 * Z.T - 2.0
-        return np.column_stack([1e4 * (y - x**2), 1.0 - x, np.full(len(Z), 0.1)])
-
-
-def test_a_dive_that_crawls_is_let_go_once_an_optimum_is_known() -> None:
-    """Whatever it is worth: what is far above a known optimum is not held up by noise."""
-    start = np.array([0.2, 0.9])
-    alone = refine(Valley(), start, 0, FULL)
-    assert alone.iterations > 40, "a valley to crawl along"
-    known = refine(Valley(), start, 0, FULL, incumbent=0.01, acceptable=1e3, optimum=0.01)
-    assert known.ending == "hopeless"
-    assert known.iterations < 0.75 * alone.iterations
-    near = refine(
-        Valley(), start, 0, FULL, incumbent=0.9 * alone.cost, acceptable=1e3, optimum=0.9 * alone.cost
-    )
-    assert near.iterations == alone.iterations, "near the optimum noise may hold it up"

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import pickle
 from collections.abc import Callable
-from dataclasses import fields, is_dataclass, replace
+from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +16,7 @@ import pytest
 
 from stoop import optimize
 from stoop.errors import IdentificationError
-from stoop.optimize import Stop, local_refinement
+from stoop.optimize import Stop
 from tests.unit.optimize.test_libraries import EXTRA, SCIPY
 
 OWN = tuple(n for n in optimize.names() if n not in (*SCIPY, *EXTRA))
@@ -241,53 +241,6 @@ def test_a_good_start_is_cheap_and_a_bad_one_does_no_harm(
         reached = outcome.history[outcome.history[:, 1] <= best * 1.001, 0][0]
         if cheap:
             assert reached < 20.0
-
-
-def test_the_best_of_several_starts_is_dived_from_first(
-    oscillation: Callable[..., Any], near: Callable[[float], np.ndarray]
-) -> None:
-    events: list[optimize.Event] = []
-    starts = np.array([[0.9, 0.9, 0.02, 0.1], near(0.99)[:4]])
-    optimize.minimize(
-        optimize.create(),
-        oscillation(),
-        seed=1,
-        starts=starts,
-        stop=Stop(generations=1),
-        callback=lambda p: events.append(p.event),
-    )
-    assert events[0].kind == "refinement"
-    assert events[0].text.startswith("converged")
-
-
-def test_a_start_whose_refinement_took_two_rounds_is_as_good_as_one_that_took_one(
-    oscillation: Callable[..., Any], near: Callable[[float], np.ndarray], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """All other candidates end in a worse optimum of their own, as refinements of a wrong model may."""
-    there = near(1.0)[:4]
-
-    class Apart(type(oscillation())):  # type: ignore[misc]
-        """Readings of the truth close to it, of another vehicle and with more noise elsewhere."""
-
-        def residuals(self, Z: np.ndarray, rung: int) -> np.ndarray:
-            inside = np.abs(Z[:, :4] - there).max(axis=1) < 0.05
-            other = oscillation(seed=2, noise=0.05)
-            moved = np.concatenate([Z[:, :2], Z[:, 2:3] + 0.25, Z[:, 3:]], axis=1)
-            return np.where(inside[:, None], super().residuals(Z, rung), other.residuals(moved, rung))
-
-    def end(start: np.ndarray, steps: int) -> optimize.Outcome:
-        full = replace(local_refinement.FULL, iterations=steps)
-        monkeypatch.setattr("stoop.optimize.ladder.FULL", full)
-        problem = Apart(oscillation(seed=1).measured)
-        return optimize.minimize(
-            optimize.create(), problem, seed=1, starts=start[None, :], stop=Stop(budget=5000)
-        )
-
-    start = near(1.02)[:4]
-    whole, halves = end(start, 80), end(start, 3)
-    assert {whole.status, halves.status} == {"converged"}
-    assert halves.cost == pytest.approx(whole.cost, rel=1e-6)
-    assert whole.trajectories < halves.trajectories < 500.0
 
 
 def test_a_start_brings_its_nuisances(

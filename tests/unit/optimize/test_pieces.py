@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import math
-from unittest.mock import Mock
-
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from stoop.optimize.population import ParameterMemory, binomial, greedy, latin_hypercube, midpoint
-from stoop_studies.optimizers.evolution import chaos, chaotic_start, clip, placed
+from stoop_studies.optimizers.evolution import chaos, clip, placed
 
 SEEDS = st.integers(0, 2**32 - 1)
 
@@ -33,22 +30,6 @@ def test_chaos_is_the_logistic_map_of_each_variable() -> None:
     for row in X:
         assert row.tolist() == c
         c = [4.0 * v * (1.0 - v) for v in c]
-
-
-def test_chaos_never_starts_where_the_map_is_not_chaotic() -> None:
-    draws = ([0.25, 0.3, 0.75, 0.5], [0.0, 1.0, 0.7], [0.75, 0.6], [0.2])
-    answers = iter([np.array(d) for d in draws])
-    generator = Mock(random=lambda n: next(answers)[:n].copy())
-    c = chaotic_start(4, generator)
-    assert c.tolist() == [0.2, 0.3, 0.6, 0.7]
-    assert not np.isin(c, (0.0, 0.25, 0.5, 0.75, 1.0)).any()
-
-
-def test_an_orbit_that_is_absorbed_begins_anew() -> None:
-    caught = (1.0 + math.sqrt(1.0 - 1e-13)) / 2.0  # next iterate 1e-13: absorbed
-    answers = iter([np.array([caught]), np.array([0.3])])
-    X = chaos(3, 1, Mock(random=lambda n: next(answers)[:n].copy()))
-    assert X[:, 0].tolist() == [caught, 0.3, 4.0 * 0.3 * 0.7]
 
 
 @given(SEEDS)

@@ -10,11 +10,10 @@ import pytest
 
 from stoop.errors import ManeuverError, SimulationError
 from stoop.flight import load, save
-from stoop.simulation import initial_states, parameter_rows, trim
-from stoop.simulation.autopilot import linear_errors
+from stoop.simulation import initial_states, parameter_rows
 from stoop.simulation.delays import late_inputs, late_outputs
 from stoop.simulation.fly import fly, fly_together, simulate_flight
-from stoop.simulation.maneuver import Maneuver, load_maneuver, parse_maneuver
+from stoop.simulation.maneuver import Maneuver, load_maneuver
 from stoop.simulation.rotors import accelerations, channel_range
 from stoop.simulation.trajectories import Flown
 from stoop.vehicle import Vehicle, parse_vehicle
@@ -262,24 +261,6 @@ def test_an_aircraft_in_a_wind_records_its_speed_over_ground(twin_boom: Vehicle)
     expected = (v + e0 * t + np.cross(e, t, axis=0)).T + wind
     assert pytest.approx(expected, abs=1e-8) == np.array([flight.column(c) for c in ("vn", "ve", "vd")]).T
     assert flight.column("psi")[0] == pytest.approx(1.0)
-    sigmas = {"vn": 0.3, "ve": 0.0}
-    noisy = simulate_flight(twin_boom, maneuver(5.0, *inputs, wind=wind, heading=1.0, noise=sigmas))
-    assert np.std(noisy.column("vn") - flight.column("vn")) == pytest.approx(0.3, rel=0.1)
-    assert np.array_equal(noisy.column("ve"), flight.column("ve"))
-    assert np.std(noisy.column("vd") - flight.column("vd")) == pytest.approx(0.1, rel=0.1)
     calm = simulate_flight(twin_boom, maneuver(5.0, *inputs, heading=1.0), noise=False)
     assert "vn" not in calm.data
     assert np.array_equal(calm.column("V"), V), "a steady wind carries the aircraft along"
-
-
-def test_its_model_sees_a_lag_of_every_rotor(quad: Vehicle) -> None:
-    model = linear_errors(quad, trim(quad))
-    assert model.A.shape == (16, 16)
-    assert model.effect @ model.mixing == pytest.approx(np.eye(4), abs=1e-9)
-
-
-def test_a_maneuver_file_for_rotors(quad: Vehicle) -> None:
-    text = "duration = 2.0\nvelocity = [1.0, 0.0, 0.0]\nwind = [0.0, 2.0, 0.0]\nheading = 0.3\n[battery]\nfall = 0.1\n"
-    flown = fly(quad, parse_maneuver(text, "m.toml"))
-    assert flown.trim.wind == (0.0, 2.0, 0.0)
-    assert flown.trim.start["psi"] == 0.3

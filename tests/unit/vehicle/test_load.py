@@ -204,16 +204,6 @@ scalar = st.one_of(st.booleans(), st.integers(), st.integers(10**307, 10**320), 
 value = st.recursive(
     scalar, lambda v: st.lists(v, max_size=3) | st.dictionaries(word, v, max_size=4), max_leaves=8
 )
-TABLES = ["format", "name", "notes", "model", "mass", "reference", "environment", "aerodynamics", "propulsion", "controls",
-          "sensors", "loadings"]  # fmt: skip
-
-
-@given(st.dictionaries(st.sampled_from(TABLES), value))
-@settings(max_examples=60)
-def test_any_toml(raw: dict[str, Any]) -> None:
-    text = "\n".join(f"{k} = {toml(v)}" for k, v in raw.items())
-    tomllib.loads(text)
-    parses_or_says(text)
 
 
 def paths(node: Any, path: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:

@@ -72,12 +72,6 @@ def template(request: pytest.FixtureRequest) -> tuple[Vehicle, Evaluate]:
     return vehicle, interpreted(vehicle)
 
 
-@pytest.fixture(scope="module")
-def single() -> tuple[Vehicle, Evaluate]:
-    vehicle = parse_vehicle(SINGLE, "single")
-    return vehicle, interpreted(vehicle)
-
-
 def test_templates_hover(template: tuple[Vehicle, Evaluate]) -> None:
     vehicle, evaluate = template
     x = hover_command(vehicle, 300.0)
@@ -124,28 +118,6 @@ def test_x_numbering_is_that_of_px4() -> None:
     assert [vehicle.file.rotor[n].spin for n in vehicle.rotors] == ["ccw", "ccw", "cw", "cw"]
 
 
-def test_static_thrust_is_the_polynomial(single: tuple[Vehicle, Evaluate]) -> None:
-    vehicle, evaluate = single
-    for x in (0.0, 0.3, 1.0):
-        d, y = rates(vehicle, evaluate, motors(vehicle, x), {"u": 0.0})
-        assert y["az"] * 0.5 == pytest.approx(-(0.3 + 1.7 * x + 8.0 * x * x))
-        assert d["r"] * 0.015 == pytest.approx(0.02 * x + 0.1 * x * x)
-        assert y["ax"] == y["ay"] == 0.0
-    below = [rates(vehicle, evaluate, motors(vehicle, x), {"u": 0.0})[1]["az"] for x in (-0.5, -0.01)]
-    assert below == pytest.approx([-0.6, -0.6]), "a command below idle does nothing"
-
-
-def test_drag_opposes_motion_in_the_disc(single: tuple[Vehicle, Evaluate]) -> None:
-    vehicle, evaluate = single
-    _, still = rates(vehicle, evaluate, motors(vehicle, 0.5), {"u": 0.0})
-    for axis, along, across in (("u", "ax", "ay"), ("v", "ay", "ax")):
-        for sign in (1.0, -1.0):
-            _, y = rates(vehicle, evaluate, motors(vehicle, 0.5), {axis: 4.0 * sign})
-            assert y[along] * 0.5 == pytest.approx(-0.15 * 0.5 * 4.0 * sign)
-            assert y[across] == pytest.approx(0.0)
-            assert y["az"] * 0.5 == pytest.approx(still["az"] * 0.5 - 0.02 * 16.0), "translational lift"
-
-
 def test_discs_draw_what_their_thrust_takes() -> None:
     """Momentum theory, held by bisection of T = 2 rho A v sqrt(vh^2 + (va + v)^2) from descents to quick climbs."""
     text = SINGLE.replace("translational = 0.02", "radius = 0.11").replace("T0 = 0.3\n", "")
@@ -163,27 +135,6 @@ def test_discs_draw_what_their_thrust_takes() -> None:
         off.append((-0.5 * y["az"] - exact) / (0.4 * x))
     assert np.max(np.abs(off)) < 0.04
     assert np.sqrt(np.mean(np.square(off))) < 0.01, "m/s of induced velocity"
-
-
-def test_forward_flight_lifts_where_discs_draw() -> None:
-    """The gain of thrust at speed follows from what climbs cost, without a coefficient of its own."""
-    text = SINGLE.replace("translational = 0.02", "radius = 0.11\ndrag_inflow = 0.01")
-    vehicle = parse_vehicle(text, "drawing")
-    evaluate = interpreted(vehicle)
-    fast, still = (rates(vehicle, evaluate, motors(vehicle, 0.5), {"u": u})[1] for u in (10.0, 0.0))
-    assert -fast["az"] > -still["az"] + 0.7
-    drawn = (-fast["ax"] * 0.5 - 0.15 * 0.5 * 10.0) / (0.01 * 10.0)
-    assert 1.0 < drawn < 6.0, "the drag of the flow through the disc"
-
-
-def test_climbing_and_thin_air_reduce_thrust(single: tuple[Vehicle, Evaluate]) -> None:
-    vehicle, evaluate = single
-    u = motors(vehicle, 0.5)
-    up, still, down = (-0.5 * rates(vehicle, evaluate, u, {"w": w})[1]["az"] for w in (-3.0, 0.0, 3.0))
-    assert up < still < down
-    assert still - up == pytest.approx(0.4 * 0.5 * 3.0) == down - still
-    thin = -0.5 * rates(vehicle, evaluate, u, {"w": -3.0}, **{"environment.density": 0.98})[1]["az"]
-    assert thin / up == pytest.approx(0.8)
 
 
 def test_velocity_over_ground() -> None:
