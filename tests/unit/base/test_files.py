@@ -78,9 +78,7 @@ def test_what_a_killed_process_left_is_swept_and_what_is_in_use_stays(tmp_path: 
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_folder_that_another_process_took_for_a_dead_ones_is_made_again(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_folder_that_another_process_took_for_a_dead_ones_is_made_again(tmp_path, monkeypatch):
     taken: list[Path] = []
 
     def lock(folder: Path, wait: bool = False) -> int | None:

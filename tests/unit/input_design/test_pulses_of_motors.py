@@ -40,9 +40,7 @@ def test_windows_of_pulses(vehicle: Vehicle, flight: Flight) -> None:
     assert not [d for d in doubts({"f": flight}, vehicle) if "rotors" in d.code]
 
 
-def test_motors_are_told_by_gain_and_idle_and_a_pusher_does_not_lift(
-    vehicle: Vehicle, flight: Flight
-) -> None:
+def test_motors_are_told_by_gain_and_idle_and_a_pusher_does_not_lift(vehicle, flight):
     told = with_motors(flight, vehicle)
     assert np.allclose(told.column("motor_3"), 0.001 * (flight.column("pwm_3") - 1000.0))
     assert flying(told).all()

@@ -83,9 +83,7 @@ def filled(forget: Path, pendulum: Kernel, expected: float) -> Path:
     return forget
 
 
-def test_a_compiled_model_is_read_again(
-    filled: Path, expected: float, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_compiled_model_is_read_again(filled, expected, monkeypatch):
     before = {p: p.stat().st_mtime_ns for p in filled.rglob("*")}
     built, model = count_builds()
     first = load_kernel("pendulum", model)
@@ -113,9 +111,7 @@ def builder(folder: Path) -> subprocess.Popen[str]:
 
 @pytest.mark.skipif(os.name == "nt", reason="no locks of folders on this system")
 @pytest.mark.parametrize("killed", [False, True])
-def test_a_process_waits_for_the_one_that_builds_and_takes_over_when_it_dies(
-    tmp_path: Path, killed: bool
-) -> None:
+def test_a_process_waits_for_the_one_that_builds_and_takes_over_when_it_dies(tmp_path, killed):
     first = builder(tmp_path)
     assert first.stdout is not None
     assert first.stdout.readline() == "builds\n"
@@ -205,9 +201,7 @@ def test_any_damage_is_seen(filled: Path) -> None:
 
 
 @pytest.mark.parametrize(("suffix", "rebuilt"), [(".o", []), (".py", [1])])
-def test_damage_is_recompiled_silently(
-    filled: Path, suffix: str, rebuilt: list[int], expected: float, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_damage_is_recompiled_silently(filled, suffix, rebuilt, expected, monkeypatch):
     for victim in sorted(filled.rglob(f"*{suffix}")):
         flip(victim)
     built, model = count_builds()
@@ -293,9 +287,7 @@ class TestTrust:
         monkeypatch.setenv("STOOP_CACHE_DIR", str(tmp_path / "round"))
         assert cache_folder().name.startswith("stoop-kernels-")
 
-    def test_code_of_somebody_else_is_not_loaded(
-        self, filled: Path, expected: float, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+    def test_code_of_somebody_else_is_not_loaded(self, filled, expected, monkeypatch):
         """A whole folder with a sound manifest, in a cache where others can write."""
         folder = model_of(filled)
         (folder / "sizes.txt").write_text("0 0 0 0 0 0")

@@ -118,9 +118,7 @@ def test_an_innovation_of_an_angle_takes_the_short_way(kernel: Kernel) -> None:
     assert found[0, 0, 1] == pytest.approx(2.0 * np.pi - 6.0)
 
 
-def test_arrays_that_do_not_fit_and_models_without_moves_are_refused(
-    kernel: Kernel, pendulum: Kernel
-) -> None:
+def test_arrays_that_do_not_fit_and_models_without_moves_are_refused(kernel, pendulum):
     p, x, u, z = np.full((1, 1), 9.0), np.zeros((3, 1)), np.zeros((5, 1)), np.zeros((5, 2))
     which = np.zeros(5, dtype=np.int64)
     with pytest.raises(ValueError, match="gains"):

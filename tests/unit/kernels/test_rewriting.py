@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import ast
 from collections.abc import Callable, Sequence
-from pathlib import Path
 from typing import Any
 
 import mpmath
 import numpy as np
-import pytest
 import sympy as sp
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -17,8 +15,6 @@ from hypothesis import strategies as st
 from stoop.kernels import SymbolicModel, load_kernel
 from stoop.kernels.emit import HEADER, emit
 from stoop.kernels.windows import windows
-from stoop.vehicle.builtin import resolve_vehicle
-from stoop.vehicle.symbolic import build_model
 
 STATES = x, y, z = sp.symbols("x y z", real=True)
 INPUTS = u, v = sp.symbols("u v", real=True)
@@ -88,31 +84,6 @@ def test_the_values_stay(expressions: list[Any], seed: int) -> None:
             assert abs(value - exact) <= 1e-12 * (1 + abs(exact))  # numbers are doubles
 
 
-@pytest.mark.parametrize("name", ["twin-boom", "quad-x"])
-def test_a_vehicle_keeps_its_derivatives_and_readings(name: str) -> None:
-    equations = build_model(resolve_vehicle(name))
-    expressions = (*equations.derivatives, *equations.outputs)
-    source = emit(equations).source
-    made = functions(source, EXACT)
-    symbols = (*equations.states, *equations.inputs, *equations.parameters)
-    lengths = [len(equations.states), len(equations.inputs)]
-    steps, results = sp.cse(expressions, order="none")
-    with mpmath.workdps(60):
-        numbers = [mpmath.mpf(n) for n in np.random.default_rng(3).uniform(0.2, 2.0, len(symbols))]
-        parts = numbers[: lengths[0]], numbers[lengths[0] : sum(lengths)], numbers[sum(lengths) :]
-        known = dict(zip(symbols, numbers, strict=True))
-
-        def exact(expr: Any) -> Any:
-            free = list(expr.free_symbols)
-            return sp.lambdify(free, expr, "mpmath")(*[known[s] for s in free])
-
-        for symbol, expr in steps:
-            known[symbol] = exact(expr)
-        for value, expr in zip(values(made, *parts), map(sp.sympify, results), strict=True):
-            wanted = exact(expr)
-            assert abs(value - wanted) <= 1e-12 * (1 + abs(wanted))
-
-
 def test_operations_of_each_rule() -> None:
     root, p, q = sp.sqrt(x**2 + y**2), c * x + d * y, d * x - c * y
     for rule, rates, count in (
@@ -166,9 +137,7 @@ def step(
     return at + dt / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
 
 
-def test_forcing_terms_and_unseen_states_along_a_trajectory(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_forcing_terms_and_unseen_states_along_a_trajectory(tmp_path, monkeypatch):
     """One input is linear along a step and bent by the equations, the other held; only windows show the third state."""
     monkeypatch.setenv("STOOP_CACHE_DIR", str(tmp_path))
     equations = model(y + a * sp.Abs(u), -b * x + c * v - y, d * x + v, outputs=[x, x * v], held=(1,))

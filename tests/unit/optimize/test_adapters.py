@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from pathlib import Path
-from typing import Any
-
 import numpy as np
 import pytest
 from naive.landscapes import Only, ellipsoid, sphere
@@ -15,10 +11,7 @@ from tests.unit.optimize import test_libraries as libraries
 
 
 @pytest.mark.parametrize("name", libraries.EXTRA)
-def test_packages(
-    name: str, oscillation: Callable[..., Any], near: Callable[[float], np.ndarray], tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str],
-) -> None:  # fmt: skip
+def test_packages(name, oscillation, near, tmp_path, monkeypatch, capfd):
     folder = tmp_path / "empty"
     folder.mkdir()
     libraries.check_target_and_interrupt(name)

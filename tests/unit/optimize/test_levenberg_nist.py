@@ -111,9 +111,7 @@ def test_local_refinements_end_at_the_certified_values(regression: Callable[[str
         assert problem.low + end.z * problem.span == pytest.approx(problem.certified, rel=rel), name
 
 
-def test_local_refinements_end_where_scipy_does_inside_bounds(
-    regression: Callable[[str], Regression],
-) -> None:
+def test_local_refinements_end_where_scipy_does_inside_bounds(regression):
     """The box ends between start and certified values, so that the answer lies on a bound."""
     for name in ("Misra1a", "Chwirut2", "Lanczos3", "Kirby2"):
         problem = regression(name)

@@ -6,7 +6,6 @@ SciPy's two optimizers here; `test_adapters` makes the same checks with those of
 from __future__ import annotations
 
 import importlib
-import threading
 import warnings
 from collections.abc import Callable
 from pathlib import Path
@@ -15,12 +14,11 @@ from typing import Any
 import numpy as np
 import pytest
 from naive.landscapes import Only, sphere
-from threadpoolctl import threadpool_info
 
 from stoop import optimize
 from stoop.errors import IdentificationError
 from stoop.optimize import libraries
-from stoop.optimize.libraries import LARGE, Escape, draw_seed, finite_costs, one_blas_thread
+from stoop.optimize.libraries import LARGE, Escape, draw_seed, finite_costs
 
 SCIPY = ("scipy-de", "scipy-least-squares")
 EXTRA = ("pymoo-ga", "pymoo-pso", "cma", "pygmo-sade")  #: of optional packages
@@ -92,10 +90,7 @@ def first_run(name: str, problem: Any, start: np.ndarray) -> optimize.Outcome:
 
 
 @pytest.mark.parametrize("name", SCIPY)
-def test_scipy(
-    name: str, oscillation: Callable[..., Any], near: Callable[[float], np.ndarray], tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str],
-) -> None:  # fmt: skip
+def test_scipy(name, oscillation, near, tmp_path, monkeypatch, capfd):
     folder = tmp_path / "empty"
     folder.mkdir()
     check_budget_and_process(name, oscillation(), folder, monkeypatch)
@@ -114,8 +109,8 @@ def test_scipys_evolution() -> None:
 
 
 def test_scipys_least_squares_gives_a_start_up_after_twenty_steps_or_where_it_diverges(
-    oscillation: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
-) -> None:
+    oscillation, monkeypatch
+):
     outcome = search("scipy-least-squares", oscillation(broken=lambda Z: Z[:, 2] > 0.2), 300.0)
     assert (outcome.status, np.isfinite(outcome.cost)) == ("budget", True)
     assert outcome.generation > 10
@@ -139,32 +134,6 @@ def test_a_missing_package_is_named(name: str, monkeypatch: pytest.MonkeyPatch) 
     with pytest.raises(IdentificationError, match=rf"{package}; .*pip install '\.\[compare\]'") as error:
         optimize.create(name)
     assert "\n" not in str(error.value)
-
-
-def test_limits_of_the_whole_process_are_taken_one_at_a_time() -> None:
-    inside, leave = threading.Event(), threading.Event()
-    order: list[str] = []
-
-    def first() -> None:
-        with one_blas_thread():
-            inside.set()
-            leave.wait(5.0)
-            order.append("first")
-
-    def second() -> None:
-        inside.wait(5.0)
-        leave.set()
-        with one_blas_thread():
-            order.append("second")
-
-    before = [(one["filepath"], one["num_threads"]) for one in threadpool_info()]
-    threads = [threading.Thread(target=work) for work in (first, second)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    assert order == ["first", "second"]
-    assert [(one["filepath"], one["num_threads"]) for one in threadpool_info()] == before
 
 
 def test_optimizers_that_need_residuals_are_refused_without() -> None:

@@ -70,9 +70,7 @@ def test_a_start_outside_the_box_is_taken_inside_and_one_that_diverges_is_report
     assert (end.ending, end.cost, end.iterations) == ("diverged", np.inf, 0)
 
 
-def test_steps_into_divergence_are_rejected(
-    oscillation: Callable[..., Any], near: Callable[[float], np.ndarray]
-) -> None:
+def test_steps_into_divergence_are_rejected(oscillation, near):
     problem = oscillation(noise=0.0, bias=0.0)
     free = refine(problem, near(0.95), 2, FULL)
     fence = max(free.z[0], near(0.95)[0]) + 0.05
@@ -91,9 +89,7 @@ def test_the_ledger_agrees_with_what_was_simulated(oscillation: Callable[..., An
     assert ledger.spent == pytest.approx(problem.spent)
 
 
-def test_a_dive_agrees_with_a_known_optimum_instead_of_converging(
-    oscillation: Callable[..., Any], least: Callable[[Any], float], near: Callable[[float], np.ndarray]
-) -> None:
+def test_a_dive_agrees_with_a_known_optimum_instead_of_converging(oscillation, least, near):
     problem, z = oscillation(), near(0.97)
     alone, with_optimum = (Ledger(problem, Evaluations.none(problem)) for _ in range(2))
     whole = refine(alone, z, 2, FULL)

@@ -127,9 +127,7 @@ def test_long_refinements_and_populations_take_no_more_than_scouting() -> None:
 
 
 @pytest.mark.parametrize("shares", [(0.4, 1.0), (0.05, 0.1, 0.2, 0.4, 1.0)])
-def test_a_state_of_another_ladder_continues(
-    oscillation: Callable[..., Any], shares: tuple[float, ...]
-) -> None:
+def test_a_state_of_another_ladder_continues(oscillation, shares):
     saved = optimize.minimize(optimize.create(), oscillation(), seed=1, stop=Stop(generations=2)).state
     assert saved is not None
     assert not saved.converged
@@ -141,9 +139,7 @@ def test_a_state_of_another_ladder_continues(
 
 # ----------------------------------------------------------------------------------------------- stopping
 @pytest.mark.parametrize("name", SOME)
-def test_the_target_and_ctrl_c_end_a_run_and_keep_the_best(
-    name: str, oscillation: Callable[..., Any]
-) -> None:
+def test_the_target_and_ctrl_c_end_a_run_and_keep_the_best(name, oscillation):
     problem = oscillation()
     stop = Stop(target_cost=0.05 * problem.reference(2), budget=20_000)
     outcome = optimize.minimize(optimize.create(name), problem, seed=2, stop=stop)
@@ -204,9 +200,7 @@ def test_divergence_is_survived(name: str) -> None:
 
 
 # --------------------------------------------------------------------------------------------- what is said
-def test_the_default_finds_and_confirms_the_least_cost(
-    oscillation: Callable[..., Any], least: Callable[[Any], float]
-) -> None:
+def test_the_default_finds_and_confirms_the_least_cost(oscillation, least):
     for seed in range(12):
         problem = oscillation(seed=seed)
         outcome = optimize.minimize(optimize.create(), problem, seed=seed, stop=Stop(budget=5000))
@@ -215,9 +209,7 @@ def test_the_default_finds_and_confirms_the_least_cost(
         assert outcome.cost == pytest.approx(least(problem), rel=1e-5)
 
 
-def test_an_imperfect_model_is_fitted_and_confirmed_all_the_same(
-    oscillation: Callable[..., Any], least: Callable[[Any], float]
-) -> None:
+def test_an_imperfect_model_is_fitted_and_confirmed_all_the_same(oscillation, least):
     for seed in range(6):
         problem = oscillation(seed=seed, disturbance=0.12)
         outcome = optimize.minimize(optimize.create(), problem, seed=seed, stop=Stop(budget=5000))
@@ -227,9 +219,7 @@ def test_an_imperfect_model_is_fitted_and_confirmed_all_the_same(
         assert outcome.trajectories < 1000
 
 
-def test_a_good_start_is_cheap_and_a_bad_one_does_no_harm(
-    oscillation: Callable[..., Any], near: Callable[[float], np.ndarray], least: Callable[[Any], float]
-) -> None:
+def test_a_good_start_is_cheap_and_a_bad_one_does_no_harm(oscillation, near, least):
     problem = oscillation(seed=1)
     best = least(problem)
     for start, cheap in ((near(0.98)[:4], True), (np.array([0.9, 0.9, 0.02, 0.1]), False)):
@@ -241,35 +231,6 @@ def test_a_good_start_is_cheap_and_a_bad_one_does_no_harm(
         reached = outcome.history[outcome.history[:, 1] <= best * 1.001, 0][0]
         if cheap:
             assert reached < 20.0
-
-
-def test_a_start_brings_its_nuisances(
-    oscillation: Callable[..., Any], near: Callable[[float], np.ndarray]
-) -> None:
-    """From the very optimum the first refinement has nothing to do; without its nuisances it has."""
-    problem = oscillation(seed=1)
-    found = optimize.minimize(
-        optimize.create(), problem, seed=1, starts=near(0.98)[:4], stop=Stop(budget=5000)
-    )
-    spent = [
-        optimize.minimize(
-            optimize.create(), problem, seed=1, starts=start[None, :], stop=Stop(generations=1)
-        ).trajectories
-        for start in (found.z, found.z[:4])
-    ]
-    assert np.abs(found.z[4:]).max() > 0.01
-    assert spent[0] < spent[1]
-
-
-@pytest.mark.parametrize("name", ["ps-gde", "ga", "pso", "jso"])
-def test_populations_leave_the_nuisances_of_a_start_out(name: str, oscillation: Callable[..., Any]) -> None:
-    starts = np.array([[0.1, 0.2, 0.3, 0.4, 7.0], [0.5, 0.5, 0.5, 0.5, -7.0]])
-    wide, narrow = (
-        optimize.minimize(optimize.create(name), oscillation(), seed=3, starts=s, stop=Stop(generations=1))
-        for s in (starts, starts[:, :4])
-    )
-    assert wide.z.tolist() == narrow.z.tolist()
-    assert np.isfinite(wide.cost)
 
 
 def test_one_rung_is_enough(oscillation: Callable[..., Any], least: Callable[[Any], float]) -> None:

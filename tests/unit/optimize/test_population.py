@@ -8,7 +8,18 @@ from hypothesis import given
 from hypothesis import strategies as st
 from naive.landscapes import rosenbrock
 
-from stoop.optimize.population import DEFAULT, PERIOD, OrderedToPBest, Population, Trials
+from stoop.optimize.population import (
+    DEFAULT,
+    OrderedToPBest,
+    ParameterMemory,
+    Population,
+    Trials,
+    binomial,
+    greedy,
+    latin_hypercube,
+    midpoint,
+)
+from stoop_studies.optimizers.evolution import chaos, clip, placed
 
 
 def sphere(X: np.ndarray) -> np.ndarray:
@@ -78,19 +89,6 @@ def test_prey_is_the_best_not_refined_at_and_not_beside_an_earlier_end() -> None
     assert member is None
 
 
-def test_diving_pays_or_is_put_off() -> None:
-    population = young()
-    better = population.with_refined(7, np.full(3, 0.31), 1e-4, improved=True)
-    assert better.X[7].tolist() == [0.31] * 3
-    assert better.due == PERIOD // 2
-    worse = population.with_refined(7, np.full(3, 0.9), 9.0, improved=False)
-    assert (worse.X == population.X).all()
-    assert worse.period == 2 * PERIOD
-    for _ in range(10):
-        worse = worse.with_refined(7, np.full(3, 0.9), 9.0, improved=False)
-    assert worse.period == 20 * PERIOD
-
-
 def test_a_population_is_given_up_when_it_collapsed_or_rests() -> None:
     for change, given_up in (
         ({}, False),
@@ -112,3 +110,87 @@ def test_it_solves_a_valley_by_evolution_alone() -> None:
         population = population.tell(trials, rosenbrock(trials.X), generator)
     assert population.F.min() < 1e-10
     assert population.X[population.F.argmin()] == pytest.approx(0.75, abs=1e-4)
+
+
+SEEDS = st.integers(0, 2**32 - 1)
+
+
+def _population(seed: int, n: int = 12, d: int = 5) -> tuple[np.ndarray, np.ndarray]:
+    generator = np.random.default_rng(seed)
+    return generator.random((n, d)), generator.random(n)
+
+
+@given(SEEDS)
+def test_latin_hypercube_has_one_point_in_each_slice(seed: int) -> None:
+    X = latin_hypercube(17, 3, np.random.default_rng(seed))
+    assert (np.sort((X * 17).astype(int), axis=0) == np.arange(17)[:, None]).all()
+
+
+def test_chaos_is_the_logistic_map_of_each_variable() -> None:
+    X = chaos(30, 4, np.random.default_rng(3))
+    c = np.random.default_rng(3).random(4).tolist()
+    for row in X:
+        assert row.tolist() == c
+        c = [4.0 * v * (1.0 - v) for v in c]
+
+
+@given(SEEDS)
+def test_mended_mutants_are_inside_and_others_untouched(seed: int) -> None:
+    X, _ = _population(seed)
+    V = X + np.random.default_rng(seed).normal(0.0, 1.0, X.shape)
+    inside = (V >= 0) & (V <= 1)
+    for mend in (clip, midpoint):
+        W = mend(V, X)
+        assert ((W >= 0) & (W <= 1)).all()
+        assert (W[inside] == V[inside]).all()
+    assert (clip(V, X)[V < 0] == 0.0).all()
+    assert (midpoint(V, X)[V < 0] == X[V < 0] / 2).all()
+    assert (midpoint(V, X)[V > 1] == (X[V > 1] + 1) / 2).all()
+
+
+def test_crossover_equals_its_naive_twin() -> None:
+    X, _ = _population(2)
+    for rate in (0.0, 0.3, 0.9, 1.0):
+        T, generator = binomial(X, X + 10.0, rate, np.random.default_rng(4)), np.random.default_rng(4)
+        draws, always = generator.random(X.shape), generator.random(len(X))
+        for i, row in enumerate(X):
+            j_always = int(always[i] * len(row))
+            naive = [x + 10.0 if j == j_always or draws[i, j] <= rate else x for j, x in enumerate(row)]
+            assert T[i].tolist() == naive
+            assert (T[i] != X[i]).any()
+
+
+def test_selection_keeps_the_parent_on_a_tie_and_never_takes_nan() -> None:
+    parents, trials = np.zeros((4, 1)), np.ones((4, 1))
+    X, F, won = greedy(parents, np.array([1.0, 1.0, np.inf, 1.0]), trials, np.array([1.0, 0.5, 2.0, np.nan]))
+    assert won.tolist() == [False, True, True, False]
+    assert X[:, 0].tolist() == [0.0, 1.0, 1.0, 0.0]
+    assert F.tolist() == [1.0, 0.5, 2.0, 1.0]
+
+
+@given(SEEDS)
+def test_sampled_scales_and_rates_are_in_range(seed: int) -> None:
+    scales, rates = ParameterMemory.fresh().sample(100, np.random.default_rng(seed))
+    assert ((scales > 0.0) & (scales <= 1.0)).all()
+    assert ((rates >= 0.0) & (rates <= 1.0)).all()
+
+
+def test_memory_learns_weighted_lehmer_means_in_turn() -> None:
+    scales, rates, gains = np.array([0.2, 0.9, 0.5]), np.array([1.0, 0.1, 0.3]), np.array([1.0, 5.0, 3.0])
+    won = np.array([True, False, True])
+    memory = ParameterMemory.fresh(entries=2).learn(scales, rates, gains, won)
+    assert memory.scales[0] == pytest.approx((0.25 * 0.04 + 0.75 * 0.25) / (0.25 * 0.2 + 0.75 * 0.5))
+    assert memory.rates[0] == pytest.approx((0.25 * 1.0 + 0.75 * 0.09) / (0.25 * 1.0 + 0.75 * 0.3))
+    assert (memory.scales[1], memory.rates[1], memory.slot) == (0.5, 0.8, 1)
+    assert memory.learn(scales, rates, gains, won).slot == 0
+    assert memory.learn(scales, rates, gains, np.zeros(3, dtype=bool)) is memory
+    one, best = np.array([0.4]), np.array([True])
+    memory = ParameterMemory.fresh().learn(one, one + 0.2, np.array([np.inf]), best)  # of an infinite parent
+    assert (memory.scales[0], memory.rates[0]) == (pytest.approx(0.4), pytest.approx(0.6))
+
+
+def test_own_values_take_the_first_places_inside_the_box() -> None:
+    X = np.full((3, 2), 0.5)
+    assert placed(X, np.array([[2.0, -1.0]])).tolist() == [[1.0, 0.0], [0.5, 0.5], [0.5, 0.5]]
+    assert placed(X, np.zeros((5, 2))).tolist() == [[0.0, 0.0]] * 3
+    assert placed(X, np.empty((0, 2))).tolist() == X.tolist() == [[0.5, 0.5]] * 3

@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import zipfile
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -88,24 +87,6 @@ def test_other_files_are_refused(state: Any, tmp_path: Path) -> None:
         optimize.save_state(tmp_path / "none" / "state.npz", state)
     with pytest.raises(TypeError, match="cannot hold set"):
         optimize.save_state(tmp_path / "other.npz", replace(state, round={1}))
-
-
-def test_a_failed_write_leaves_the_old_file(
-    state: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    path = tmp_path / "state.npz"
-    optimize.save_state(path, state)
-    before = path.read_bytes()
-
-    def full(*_: object, **__: object) -> None:
-        raise OSError("No space left on device")
-
-    monkeypatch.setattr("stoop.base.files._write_through", full)
-    with pytest.raises(OutputError, match="No space left"):
-        optimize.save_state(path, replace(state, generation=99))
-    assert path.read_bytes() == before
-    assert zipfile.is_zipfile(path)
-    assert [p.name for p in tmp_path.iterdir()] == ["state.npz"]
 
 
 def hills(X: np.ndarray) -> np.ndarray:

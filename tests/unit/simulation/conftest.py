@@ -12,14 +12,9 @@ from stoop.vehicle import Vehicle, load_vehicle, parse_vehicle
 V_TAIL = (
     """
 name = "V-tail"
-[mass]
-mass = 8.5
-inertia = { xx = 1.38, yy = 0.84, zz = 2.0, xz = 0.11 }
-[reference]
-area = 0.66
-chord = 0.285
-span = 2.32
-airspeed = 24.0
+mass = { mass = 8.5, inertia = { xx = 1.38, yy = 0.84, zz = 2.0, xz = 0.11 } }
+reference = { area = 0.66, chord = 0.285, span = 2.32, airspeed = 24.0 }
+sensors = { vane_position = [0.4, 0.0, 0.0] }
 [propulsion]
 kind = "propeller"
 channel = "throttle"
@@ -32,17 +27,9 @@ CT1 = -0.10
     + """[controls.aileron]
 offset = 0.02
 lag = 0.04
-[sensors]
-vane_position = [0.4, 0.0, 0.0]
-[aerodynamics.CL]
-CL0 = 0.4
-CLalpha = 4.9
-CLq = 5.0
-CLelevator = 0.3
-[aerodynamics.CD]
-CD0 = 0.05
-CDalpha = 0.2
-CDalpha2 = 0.8
+[aerodynamics]
+CL = { CL0 = 0.4, CLalpha = 4.9, CLq = 5.0, CLelevator = 0.3 }
+CD = { CD0 = 0.05, CDalpha = 0.2, CDalpha2 = 0.8 }
 [aerodynamics.Cm]
 Cm0 = 0.02
 Cmalpha = -0.9
@@ -69,24 +56,11 @@ T2 = 6.0
 inflow = 0.25
 drag = 0.08
 torque_ratio = 0.016
-[rotor.m1]
-channel = "motor_1"
-position = [0.177, 0.177, -0.03]
-spin = "ccw"
-factor = 0.9
-[rotor.m2]
-channel = "motor_2"
-position = [-0.177, -0.177, -0.03]
-spin = "ccw"
-[rotor.m3]
-channel = "motor_3"
-position = [0.177, -0.177, -0.03]
-axis = [0.05, 0.0, -1.0]
-spin = "cw"
-[rotor.m4]
-channel = "motor_4"
-position = [-0.177, 0.177, -0.03]
-spin = "cw"
+[rotor]
+m1 = { channel = "motor_1", position = [0.177, 0.177, -0.03], spin = "ccw", factor = 0.9 }
+m2 = { channel = "motor_2", position = [-0.177, -0.177, -0.03], spin = "ccw" }
+m3 = { channel = "motor_3", position = [0.177, -0.177, -0.03], axis = [0.05, 0.0, -1.0], spin = "cw" }
+m4 = { channel = "motor_4", position = [-0.177, 0.177, -0.03], spin = "cw" }
 [body_drag]
 linear = [0.1, 0.1, 0.1]
 quadratic = [0.02, 0.02, 0.03]

@@ -8,7 +8,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from stoop.base.arrays import FloatArray
 from stoop.simulation import parameter_rows, trim
 from stoop.simulation.delays import actuator_rows, delayed, late_inputs, play, rate_limited
 from stoop.simulation.fly import simulate, simulate_flight
@@ -88,9 +87,7 @@ def test_a_sine_through_play_has_flat_tops_and_lags_by_half_the_width() -> None:
 
 
 @given(signals, st.floats(1e-3, 1.0), st.floats(1e-3, 1.0))
-def test_bounds_of_play_and_rate_and_a_record_in_two_parts(
-    signal: FloatArray, width: float, step: float
-) -> None:
+def test_bounds_of_play_and_rate_and_a_record_in_two_parts(signal, width, step):
     half = len(signal) // 2
     for move, size in ((play, width), (rate_limited, step)):
         whole = move(signal, size, start=0.1)

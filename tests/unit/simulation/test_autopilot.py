@@ -45,9 +45,7 @@ def test_commands_in_straight_lines_are_held_exactly() -> None:
 
 
 @pytest.mark.parametrize(("dt", "delay"), [(0.0025, 7), (0.01, 1), (0.05, 2)])
-def test_the_delayed_system_has_the_poles_of_the_one_without_delay(
-    quad: Vehicle, dt: float, delay: int
-) -> None:
+def test_the_delayed_system_has_the_poles_of_the_one_without_delay(quad, dt, delay):
     """Built as a whole, commands on their way among the states: poles of F - GK, and zeros for the waiting."""
     point = trim(quad, wind=WIND)
     model = linear_errors(quad, point)

@@ -11,10 +11,11 @@ from stoop.base.notices import notice
 from stoop.errors import ManeuverError, SimulationError
 from stoop.simulation import initial_states, parameter_rows, trim
 from stoop.simulation.delays import delayed
-from stoop.simulation.fly import fly, simulate_flight
+from stoop.simulation.fly import fly, simulate, simulate_flight
 from stoop.simulation.initial import commanded, rigid_states
-from stoop.simulation.maneuver import Maneuver
+from stoop.simulation.maneuver import Maneuver, parse_maneuver
 from stoop.vehicle import Vehicle
+from stoop.vehicle.builtin import BUILT_IN, builtin_vehicle
 
 
 def maneuver(control: str = "elevator", **changes: object) -> Maneuver:
@@ -99,17 +100,6 @@ def test_the_altitude_is_the_integral_of_the_climb(twin_boom: Vehicle) -> None:
     assert np.gradient(h, flown.time)[2:-2] == pytest.approx(climb[2:-2], abs=2e-3)
 
 
-def test_reduced_models_fly(twin_boom: Vehicle) -> None:
-    whole = fly(twin_boom, maneuver())
-    for reduce, control in (("longitudinal", "elevator"), ("lateral", "rudder")):
-        part = twin_boom.reduced(reduce)
-        flown = fly(part, maneuver(control))
-        assert np.isfinite(flown.outputs).all()
-        assert flown.trim.start["alpha"] == pytest.approx(whole.trim.start["alpha"], abs=1e-4)
-        start = flown.outputs[0]
-        assert np.abs(flown.outputs[:90] - start).max() < 1e-9, "steady until the control moves"
-
-
 def test_flights_that_cannot_be(twin_boom: Vehicle) -> None:
     def changed(name: str, value: float) -> Vehicle:
         return twin_boom.with_numbers({name: {"value": value}})
@@ -127,12 +117,59 @@ def test_flights_that_cannot_be(twin_boom: Vehicle) -> None:
             flown()
 
 
-def test_starts_are_broadcast(twin_boom: Vehicle) -> None:
-    states = rigid_states({"V": 30.0, "alpha": np.array([0.0, 0.1]), "beta": 0.2})
-    assert states["u"] == pytest.approx(30.0 * np.cos(0.2) * np.cos([0.0, 0.1]))
-    assert states["v"] == pytest.approx([30.0 * np.sin(0.2)] * 2)
-    x = initial_states(
-        twin_boom, {"V": np.array([30.0, 40.0])}, parameter_rows(twin_boom, None, 2), np.zeros(3)
-    )
-    assert x.shape == (11, 2)
-    assert x[0] == pytest.approx([30.0, 40.0])
+MANEUVER = (
+    'duration = 4.0\nrate = 50.0\n[[input]]\ncontrol = "elevator"\nshape = "doublet"\nstart = 0.5\n'
+    "step = 0.4\namplitude = 0.05\n"
+)
+
+
+def test_inputs_as_arrays_fly_the_maneuver_again_with_noise_by_seed() -> None:
+    vehicle, maneuver = builtin_vehicle("twin-boom"), parse_maneuver(MANEUVER, "m")
+    flight = simulate_flight(vehicle, maneuver, noise=False)
+    deflection = trim(vehicle).deflections["elevator"] + maneuver.deflections()["elevator"]
+    flown = simulate(vehicle, flight), simulate(vehicle, {"elevator": deflection}, np.arange(201) / 50.0)
+    for again in flown:
+        for channel in ("q", "alpha", "az", "altitude"):
+            np.testing.assert_allclose(again.column(channel), flight.column(channel), rtol=0.0, atol=1e-9)
+    one, two = (simulate(vehicle, flight.data, noise=True, seed=s) for s in (1, 1))
+    np.testing.assert_array_equal(one.column("q"), two.column("q"))
+    error = one.column("q") - flight.column("q")
+    assert np.std(error) == pytest.approx(vehicle.file.sensors.q.sigma, rel=0.2)
+
+
+def test_inputs_that_cannot_be_flown() -> None:
+    vehicle, three = builtin_vehicle("twin-boom"), np.arange(3.0)
+    for inputs, time, advice in (
+        ({"elevater": np.zeros(3)}, three, "did you mean elevator"),
+        ({"elevator": np.zeros(2)}, three, "as long as the time"),
+        ({"elevator": np.zeros(3)}, np.array([0.0, 1.0, 3.0]), "one rate"),
+        ({"elevator": np.zeros(3)}, None, "no time"),
+        ({"elevator": np.array([0.0, np.nan, 0.0])}, three, "not finite"),
+    ):
+        with pytest.raises(ManeuverError, match=advice):
+            simulate(vehicle, inputs, time)
+
+
+def test_a_start_may_be_told_either_way_and_for_many_lanes() -> None:
+    by_air = rigid_states({"V": 20.0, "alpha": 0.1, "beta": -0.05, "theta": 0.2})
+    by_body = rigid_states({"u": by_air["u"], "v": by_air["v"], "w": by_air["w"], "theta": 0.2})
+    assert by_air.keys() == by_body.keys()
+    assert all(np.array_equal(by_air[name], by_body[name]) for name in by_air)
+    states = rigid_states({"u": np.array([0.0, 1.0]), "q": 0.3})
+    assert {n: states[n].tolist() for n in "uqv"} == {"u": [0.0, 1.0], "q": [0.3, 0.3], "v": [0.0, 0.0]}
+    for name in BUILT_IN:
+        vehicle = builtin_vehicle(name)
+        start = dict.fromkeys(vehicle.start_names, 0.1)
+        x = initial_states(vehicle, start, parameter_rows(vehicle), np.zeros(len(vehicle.inputs)))
+        known = dict(zip(vehicle.states, x[:, 0], strict=True))
+        assert all(known[n] == 0.1 for n in set(vehicle.start_names) & set(vehicle.states)), name
+
+
+def test_lagged_rotors_start_where_they_are_commanded() -> None:
+    vehicle = builtin_vehicle("quad-x")
+    rows, u = parameter_rows(vehicle, None, 2), np.array([0.2, 0.4, 0.6, -0.3])
+    start = {"u": 0.0, "m3.lag": np.array([0.0, 0.1])}
+    x = dict(zip(vehicle.states, initial_states(vehicle, start, rows, u), strict=True))
+    assert np.array_equal(x["m1.lag"], [0.2, 0.2])
+    assert x["m3.lag"] == pytest.approx([0.6, 0.7])
+    assert np.array_equal(x["m4.lag"], [0.0, 0.0]), "not below zero"

@@ -63,9 +63,7 @@ def responses(
     ("name", "reduce"),
     [("twin_boom", "longitudinal"), ("twin_boom", "lateral"), ("twin_boom", "full"), ("v_tail", "full")],
 )
-def test_derivatives_equal_central_differences(
-    name: str, reduce: str, request: pytest.FixtureRequest
-) -> None:
+def test_derivatives_equal_central_differences(name, reduce, request):
     vehicle: Vehicle = request.getfixturevalue(name).reduced(reduce)
     point = trim(vehicle)
     model = linearize(vehicle, point)
@@ -194,9 +192,7 @@ def test_delays_in_series_with_the_matrices_give_the_simulated_response() -> Non
     assert undelayed > 0.2 * np.max(np.abs(flown)), "the test sees a delay that is left out"
 
 
-def test_moments_of_surfaces_are_those_of_the_full_equations_where_reduced_ones_have_the_axis(
-    twin_boom: Vehicle,
-) -> None:
+def test_moments_of_surfaces_are_those_of_the_full_equations_where_reduced_ones_have_the_axis(twin_boom):
     for reduce, kept in (("longitudinal", [0.0, 1.0, 0.0]), ("lateral", [1.0, 0.0, 1.0])):
         some = twin_boom.reduced(reduce)
         for control in some.controls:

@@ -38,26 +38,11 @@ drag = 0.11
 Q0 = 0.004
 Q1 = 0.01
 Q2 = 0.13
-[rotor.m1]
-channel = "pwm_1"
-position = [0.17, 0.18, -0.03]
-axis = [0.1, -0.1, -2.0]
-spin = "ccw"
-factor = 0.85
-[rotor.m2]
-channel = "pwm_2"
-position = [-0.17, -0.18, -0.02]
-spin = "ccw"
-torque_factor = 1.2
-[rotor.m3]
-channel = "pwm_3"
-position = [0.16, -0.17, -0.03]
-axis = [0.0, 0.15, -1.0]
-spin = "cw"
-[rotor.m4]
-channel = "pwm_4"
-position = [-0.18, 0.17, -0.03]
-spin = "cw"
+[rotor]
+m1 = { channel = "pwm_1", position = [0.17, 0.18, -0.03], axis = [0.1, -0.1, -2.0], spin = "ccw", factor = 0.85 }
+m2 = { channel = "pwm_2", position = [-0.17, -0.18, -0.02], spin = "ccw", torque_factor = 1.2 }
+m3 = { channel = "pwm_3", position = [0.16, -0.17, -0.03], axis = [0.0, 0.15, -1.0], spin = "cw" }
+m4 = { channel = "pwm_4", position = [-0.18, 0.17, -0.03], spin = "cw" }
 [body_drag]
 linear = [0.1, 0.12, 0.15]
 quadratic = [0.02, 0.03, 0.04]
@@ -65,14 +50,9 @@ rotation = [0.004, 0.005, 0.003]
 [sensors]
 accelerometer_position = [0.05, 0.01, -0.02]
 imu_alignment = [0.05, -0.04, 0.8]
-[sensors.vn]
-bias = 1.5
-[sensors.vd]
-scale = 0.98
-bias = -0.2
-[sensors.az]
-scale = 1.02
-bias = 0.1
+vn = { bias = 1.5 }
+vd = { scale = 0.98, bias = -0.2 }
+az = { scale = 1.02, bias = 0.1 }
 """
 TURNING = """
 name = "turning"
@@ -91,20 +71,10 @@ inflow = 3.0e-4
 drag = 8.0e-5
 torque_ratio = 0.016
 inertia = 6.0e-5
-[rotor.a]
-channel = "motor_1"
-position = [0.2, 0.0, 0.0]
-spin = "cw"
-[rotor.b]
-channel = "motor_2"
-position = [-0.1, 0.17, 0.0]
-axis = [0.0, 0.5, -1.0]
-spin = "ccw"
-[rotor.c]
-channel = "motor_3"
-position = [-0.1, -0.17, 0.0]
-axis = [0.0, -0.4, -1.0]
-spin = "ccw"
+[rotor]
+a = { channel = "motor_1", position = [0.2, 0.0, 0.0], spin = "cw" }
+b = { channel = "motor_2", position = [-0.1, 0.17, 0.0], axis = [0.0, 0.5, -1.0], spin = "ccw" }
+c = { channel = "motor_3", position = [-0.1, -0.17, 0.0], axis = [0.0, -0.4, -1.0], spin = "ccw" }
 """
 DRAWN = (
     COMMANDED.replace("translational = 0.012", "radius = 0.12\ndrag_inflow = 0.002\ntranslational = 0.004")

@@ -99,17 +99,6 @@ def test_more_of_one_motor_and_damping_by_the_inflow(template: tuple[Vehicle, Ev
         assert d[rate] < -1e-3
 
 
-def test_motors_of_a_template_balance(template: tuple[Vehicle, Evaluate]) -> None:
-    """As many turn each way, and places and torques of all cancel."""
-    vehicle, _ = template
-    spins = [rotor.spin for rotor in vehicle.file.rotor.values()]
-    assert spins.count("cw") == spins.count("ccw")
-    places = np.array([[vehicle.value(f"rotor.{n}.position.{a}") for a in "xy"] for n in vehicle.rotors])
-    turns = np.array([1 if s == "ccw" else -1 for s in spins])
-    assert np.allclose(places.sum(axis=0), 0.0)
-    assert np.allclose(places.T @ turns, 0.0), "a yaw command neither rolls nor pitches"
-
-
 def test_x_numbering_is_that_of_px4() -> None:
     vehicle = builtin_vehicle("quad-x")
     places = {n: [vehicle.value(f"rotor.{n}.position.{a}") for a in "xy"] for n in vehicle.rotors}
@@ -205,15 +194,6 @@ def test_numbers_that_are_free() -> None:
         assert not p.free or p.lower < p.upper
     priors = {p.name: p.prior for p in vehicle.parameters if p.name in WIND_NUMBERS}
     assert list(priors.values()) == [3.0, 3.0, 0.5]
-
-
-def test_some_are_positive_wherever_the_search_looks() -> None:
-    for name in ("rotors.T2", "rotors.torque_ratio", "rotors.lag"):
-        vehicle = builtin_vehicle("quad-x").with_numbers({name: {"free": True}})
-        assert vehicle.parameters[vehicle.rows[name]].lower > 0.0
-        sure = vehicle.with_numbers({name: {"prior": vehicle.value(name)}})
-        lowest = sure.parameters[sure.rows[name]].lower
-        assert lowest == 0.0 if name == "rotors.lag" else lowest > 0.0  # there may be no lag
 
 
 def test_bounds_go_with_the_size_of_the_vehicle() -> None:

@@ -80,11 +80,8 @@ CLq = 5.0
 CLV = false
 CLelevator = 0.3
 CLbend = { term = "-alpha^2*(1 - 2*alpha)", value = 3.0 }
-[aerodynamics.CD]
-CD0 = 0.05
-CDalpha = 0.2
-CDalpha2 = 0.8
-CDbrake = { term = "abs(elevator)", value = 0.1 }
+[aerodynamics]
+CD = { CD0 = 0.05, CDalpha = 0.2, CDalpha2 = 0.8, CDbrake = { term = "abs(elevator)", value = 0.1 } }
 [aerodynamics.Cm]
 Cm0 = 0.02
 Cmalpha = -0.9

@@ -17,7 +17,7 @@ from stoop.flight import Flight, load
 from stoop.flight.flight import from_columns
 from stoop.simulation import trim
 from stoop.simulation.fly import simulate_flight
-from stoop.simulation.maneuver import parse_maneuver
+from stoop.simulation.maneuver import Maneuver
 from stoop.vehicle.builtin import builtin_vehicle
 from stoop.vehicle_draft.autopilot import Scale
 from stoop.vehicle_draft.draft import Drafted, draft
@@ -27,34 +27,17 @@ from stoop.vehicle_draft.request import TEMPLATES, Request
 
 MASS, SPAN, CHORD = 189.4, 5.19, 0.55  #: of the twin boom
 FULL = 0.5  #: rad, throw of the servos of the simulated log
-MANEUVER = """
-duration = 18.0
-rate = 50.0
-airspeed = 35.0
-[[input]]
-control = "elevator"
-shape = "3-2-1-1"
-start = 1.0
-step = 0.3
-amplitude = 0.05
-[[input]]
-control = "aileron"
-shape = "doublet"
-start = 6.0
-step = 0.5
-amplitude = 0.05
-[[input]]
-control = "rudder"
-shape = "doublet"
-start = 11.0
-step = 0.8
-amplitude = 0.1
-"""
+INPUTS = [
+    {"control": "elevator", "shape": "3-2-1-1", "start": 1.0, "step": 0.3, "amplitude": 0.05},
+    {"control": "aileron", "shape": "doublet", "start": 6.0, "step": 0.5, "amplitude": 0.05},
+    {"control": "rudder", "shape": "doublet", "start": 11.0, "step": 0.8, "amplitude": 0.1},
+]
+MANEUVER = Maneuver.model_validate({"duration": 18.0, "rate": 50.0, "airspeed": 35.0, "input": INPUTS})
 
 
 @pytest.fixture(scope="module")
 def flown() -> Flight:
-    return simulate_flight(builtin_vehicle("twin-boom"), parse_maneuver(MANEUVER, "m"), seed=1, name="flown")
+    return simulate_flight(builtin_vehicle("twin-boom"), MANEUVER, seed=1, name="flown")
 
 
 def without_surfaces(

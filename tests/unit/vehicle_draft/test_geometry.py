@@ -68,21 +68,7 @@ def test_contradictions_are_one_line():
         assert "\n" not in str(caught.value)
 
 
-WORDS = [
-    "0.0",
-    "-1.0",
-    "1e9",
-    "nan",
-    "inf",
-    '"x"',
-    "true",
-    "[]",
-    "[1.0]",
-    "[1.0, 2.0, 3.0]",
-    "{}",
-    "45.0",
-    "1e-9",
-]
+WORDS = ["0.0", "-1.0", "1e9", "nan", "inf", '"x"', "true", "[]", "[1.0]", "[1.0, 2.0, 3.0]", "{}", "1e-9"]
 
 
 @settings(max_examples=150)
