@@ -59,7 +59,7 @@ class Rugged:
 @pytest.mark.parametrize("name", OWN)
 def test_a_run_is_counted_repeatable_and_resumable(name: str, tmp_path: Path) -> None:
     """Ended by generations or inside a step, saved, loaded, continued by fresh objects: the same to the last bit."""
-    starts = np.array([[0.0, 1.0, 0.5, 1.0], [-2.0, 3.0, 0.5, 0.5]])
+    starts = np.array([[0.0, 1.0, 0.5, 1.0, 7.0], [-2.0, 3.0, 0.5, 0.5, -7.0]])  # the last is a nuisance
     states: list[Any] = []
 
     def run(stop: Stop, **keys: Any) -> tuple[Rugged, optimize.Outcome]:
@@ -219,18 +219,24 @@ def test_an_imperfect_model_is_fitted_and_confirmed_all_the_same(oscillation, le
         assert outcome.trajectories < 1000
 
 
-def test_a_good_start_is_cheap_and_a_bad_one_does_no_harm(oscillation, near, least):
-    problem = oscillation(seed=1)
-    best = least(problem)
-    for start, cheap in ((near(0.98)[:4], True), (np.array([0.9, 0.9, 0.02, 0.1]), False)):
-        outcome = optimize.minimize(
-            optimize.create(), problem, seed=1, starts=start[None, :], stop=Stop(budget=5000)
+def test_a_good_start_is_cheap_even_after_a_bad_one_and_brings_its_nuisances(oscillation, near, least):
+    problem, bad = oscillation(seed=1), np.array([0.9, 0.9, 0.02, 0.1])
+
+    def run(*starts: np.ndarray, **stop: Any) -> optimize.Outcome:
+        return optimize.minimize(
+            optimize.create(), problem, seed=1, starts=np.array(starts), stop=Stop(**stop)
         )
+
+    best = least(problem)
+    for starts, cheap in (([near(0.98)[:4]], 20.0), ([bad, near(0.98)[:4]], 25.0), ([bad], np.inf)):
+        outcome = run(*starts, budget=5000)
         assert outcome.status == "converged"
         assert outcome.cost == pytest.approx(best, rel=1e-5)
-        reached = outcome.history[outcome.history[:, 1] <= best * 1.001, 0][0]
-        if cheap:
-            assert reached < 20.0
+        assert outcome.history[outcome.history[:, 1] <= best * 1.001, 0][0] < cheap
+    # from the very optimum the first refinement has nothing to do; without its nuisances it has
+    spent = [run(start, generations=1).trajectories for start in (outcome.z, outcome.z[:4])]
+    assert np.abs(outcome.z[4:]).max() > 0.01
+    assert spent[0] < spent[1]
 
 
 def test_one_rung_is_enough(oscillation: Callable[..., Any], least: Callable[[Any], float]) -> None:

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -19,7 +20,7 @@ from stoop.optimize.population import (
     latin_hypercube,
     midpoint,
 )
-from stoop_studies.optimizers.evolution import chaos, clip, placed
+from stoop_studies.optimizers.evolution import chaos, chaotic_start, clip, placed
 
 
 def sphere(X: np.ndarray) -> np.ndarray:
@@ -132,6 +133,9 @@ def test_chaos_is_the_logistic_map_of_each_variable() -> None:
     for row in X:
         assert row.tolist() == c
         c = [4.0 * v * (1.0 - v) for v in c]
+    draws = iter(map(np.array, ([0.25, 0.3, 0.75, 0.5], [0.0, 1.0, 0.7], [0.75, 0.6], [0.2])))
+    start = chaotic_start(4, Mock(random=lambda n: next(draws)[:n].copy()))
+    assert start.tolist() == [0.2, 0.3, 0.6, 0.7], "never where the map is not chaotic"
 
 
 @given(SEEDS)

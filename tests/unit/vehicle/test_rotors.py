@@ -204,6 +204,9 @@ def test_bounds_go_with_the_size_of_the_vehicle() -> None:
         one, two = (v.parameters[v.rows[name]] for v in (light, heavy))
         assert two.upper > one.upper, name
     assert heavy.parameters[heavy.rows["rotors.T2"]].upper == pytest.approx(4.0 * 3.0 * GRAVITY / 4.0 / 0.25)
+    for name in ("rotors.T2", "rotors.torque_ratio", "rotors.lag"):  # positive wherever the search looks
+        free = builtin_vehicle("quad-x").with_numbers({name: {"free": True}})
+        assert free.parameters[free.rows[name]].lower > 0.0
 
 
 def test_units_say_what_x_is() -> None:
