@@ -6,7 +6,6 @@ from typing import Any
 
 import pytest
 import sympy as sp
-from naive import oscillator
 
 from stoop.kernels import SymbolicModel
 from stoop.kernels.emit import HEADER, emit
@@ -24,10 +23,6 @@ def test_user_names_do_not_reach_the_source() -> None:
     written = source.removeprefix(HEADER)
     assert "import" not in written
     assert "os" not in written
-
-
-def test_equal_models_give_equal_source() -> None:
-    assert emit(oscillator.equations()) == emit(oscillator.equations())
 
 
 def test_what_has_no_vector_form_is_refused() -> None:

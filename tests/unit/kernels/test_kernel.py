@@ -85,15 +85,6 @@ def test_products_are_the_sum_of_residuals_times_weights(pendulum: Kernel) -> No
     assert np.isnan(found[3])
 
 
-def test_a_given_array_takes_the_trajectories(pendulum: Kernel) -> None:
-    p, x = candidates(5)
-    out = np.full((5, N, 3), np.nan)
-    assert pendulum.trajectories(p, x, inputs(), DT, out=out) is out
-    assert np.array_equal(out, pendulum.trajectories(p, x, inputs(), DT))
-    with pytest.raises(ValueError, match="out"):
-        pendulum.trajectories(p, x, inputs(), DT, out=out[1:])
-
-
 def test_what_a_weight_hides_does_not_matter_and_what_it_shows_must_be_a_number(pendulum: Kernel) -> None:
     p, x = candidates(8)
     z, w = record()
@@ -198,18 +189,16 @@ def test_no_samples_and_no_candidates(pendulum: Kernel) -> None:
     assert pendulum.trajectories(p[:, :0], x[:, :0], inputs(), DT).shape == (0, N, 3)
 
 
-def test_inputs_per_lane_equal_shared_ones(pendulum: Kernel) -> None:
-    p, x = candidates(13)
-    z, w = record()
-    lanes = np.repeat(inputs()[:, :, None], 13, axis=2)
-    J = pendulum.cost(p, x, inputs(), z, w, DT)
-    np.testing.assert_allclose(pendulum.cost(p, x, lanes, z, w, DT), J, rtol=1e-13)
-    y = pendulum.trajectories(p, x, inputs(), DT)
-    np.testing.assert_allclose(pendulum.trajectories(p, x, lanes, DT), y, rtol=1e-13, atol=1e-14)
-
-
 def test_every_lane_hears_its_own_inputs(pendulum: Kernel) -> None:
     p, x = candidates(13)
+    out, shared = np.full((13, N, 3), np.nan), np.repeat(inputs()[:, :, None], 13, axis=2)
+    assert pendulum.trajectories(p, x, inputs(), DT, out=out) is out
+    np.testing.assert_allclose(pendulum.trajectories(p, x, shared, DT), out, rtol=1e-13, atol=1e-14)
+    z, w = record()
+    J = pendulum.cost(p, x, inputs(), z, w, DT)
+    np.testing.assert_allclose(pendulum.cost(p, x, shared, z, w, DT), J, rtol=1e-13)
+    with pytest.raises(ValueError, match="out"):
+        pendulum.trajectories(p, x, inputs(), DT, out=out[1:])
     lanes = np.random.default_rng(8).uniform(-1, 1, (N, 1, 13))
     y = pendulum.trajectories(p, x, lanes, DT)
     alone = [

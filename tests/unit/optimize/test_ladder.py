@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from stoop.optimize import Ledger
-from stoop.optimize.ladder import GATE, Optima, climb, explains, passes, refine_fully
+from stoop.optimize.ladder import GATE, Optima, explains, passes
 from stoop.optimize.ledger import Evaluations
 from stoop.optimize.local_refinement import Refinement
 
@@ -15,20 +15,6 @@ NONE = np.full(3, np.inf)
 
 def pen(problem: Any) -> Ledger:
     return Ledger(problem, Evaluations.none(problem))
-
-
-def test_a_good_prey_climbs_every_rung(oscillation, near):
-    ledger = pen(oscillation())
-    found = climb(ledger, near(0.9), NONE)
-    assert found.passed
-    assert found.rung == 1
-    assert found.score < 0.01
-    assert np.isfinite(found.least).tolist() == [True, True, False]
-    assert ledger.cost == np.inf  # the full record was not touched
-    assert np.isinf(NONE).all()
-    end = refine_fully(ledger, found.z, np.inf, found.score)
-    assert end.converged
-    assert end.cost == ledger.cost
 
 
 @dataclass

@@ -1,8 +1,5 @@
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -11,7 +8,7 @@ from hypothesis import strategies as st
 from stoop import optimize
 from stoop.optimize import Ledger, Settings, refine
 from stoop.optimize.ledger import Evaluations
-from stoop.optimize.local_refinement import FULL, RUNG
+from stoop.optimize.local_refinement import FULL
 
 
 class Quadratic:
@@ -81,14 +78,6 @@ def test_steps_into_divergence_are_rejected(oscillation, near):
     assert fenced.z == pytest.approx(free.z, abs=1e-6)
 
 
-def test_the_ledger_agrees_with_what_was_simulated(oscillation: Callable[..., Any]) -> None:
-    problem = oscillation()
-    ledger = Ledger(problem, Evaluations.none(problem))
-    refine(ledger, np.append(np.full(4, 0.5), 0.0), 1, RUNG)
-    refine(ledger, np.append(np.full(4, 0.4), 0.0), 2, FULL)
-    assert ledger.spent == pytest.approx(problem.spent)
-
-
 def test_a_dive_agrees_with_a_known_optimum_instead_of_converging(oscillation, least, near):
     problem, z = oscillation(), near(0.97)
     alone, with_optimum = (Ledger(problem, Evaluations.none(problem)) for _ in range(2))
@@ -99,16 +88,6 @@ def test_a_dive_agrees_with_a_known_optimum_instead_of_converging(oscillation, l
     assert short.ending == "agreed"
     assert whole.cost <= short.cost <= whole.cost * 1.002
     assert with_optimum.spent < alone.spent
-
-
-def test_a_prey_above_the_incumbent_is_let_go(oscillation: Callable[..., Any]) -> None:
-    problem = oscillation()
-    far = np.array([0.9, 0.0, 0.05, 0.9, 0.0])
-    end = refine(problem, far, 2, FULL, incumbent=1.0, acceptable=-np.inf)
-    assert end.ending in ("hopeless", "stalled")
-    followed = refine(problem, far, 2, FULL, incumbent=1.0)
-    assert followed.ending in ("converged", "limit")
-    assert followed.cost <= end.cost
 
 
 @settings(max_examples=40)

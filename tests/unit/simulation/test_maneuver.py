@@ -6,8 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from stoop.errors import ManeuverError
 from stoop.simulation import maneuver
@@ -162,37 +160,6 @@ def test_files_that_are_none(tmp_path: Path) -> None:
             load_maneuver(path)
     with pytest.raises(ManeuverError, match=r"none\.toml: cannot read the maneuver file"):
         load_maneuver(tmp_path / "none.toml")
-
-
-word = st.sampled_from(
-    ["duration", "rate", "input", "noise", "shape", "pulse", "multisine", "start", "amplitude", "band", "x"]
-)
-literal = st.one_of(
-    st.floats().map(repr),
-    st.integers().map(str),
-    st.integers(10**307, 10**320).map(str),
-    word.map("'{}'".format),
-    st.sampled_from(["true", "false", "[]", "{}", "[{shape = 'pulse'}]"]),
-)
-lines = st.lists(st.tuples(word, literal).map(" = ".join), max_size=6).map("\n".join)
-
-
-@given(
-    st.one_of(
-        st.text(max_size=80), lines, lines.map("duration = 5.0\n[[input]]\ncontrol = 'elevator'\n{}".format)
-    )
-)
-@settings(max_examples=100)
-def test_any_text_flies_or_is_refused_in_one_line(text: str) -> None:
-    try:
-        maneuver = parse_maneuver(text, WHERE)
-    except ManeuverError as error:
-        said = str(error)
-    else:
-        assert all(np.isfinite(v).all() for v in maneuver.deflections().values())
-        return
-    assert said.startswith(f"{WHERE}: ")
-    assert said.isprintable()
 
 
 def test_units_follow_the_control() -> None:

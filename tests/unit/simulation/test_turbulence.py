@@ -65,16 +65,6 @@ def test_gusts_blow_as_hard_at_the_beginning(gusts):
     assert np.std([s["gust.u"] for s in starts]) == pytest.approx(SIGMA["u"], rel=0.05)
 
 
-def test_a_seed_gives_one_flight():
-    vehicle = gusty(resolve_vehicle("twin-boom").text)
-    maneuver = parse_maneuver("duration = 1.0", "straight")
-    one, same, other = (
-        simulate_flight(vehicle, maneuver, seed, noise=False).data["alpha"].values for seed in (1, 1, 2)
-    )
-    assert np.array_equal(one, same)
-    assert not np.allclose(one, other)
-
-
 def test_finer_inputs_are_linear_between_the_samples():
     coarse = np.array([[0.0, 1.0], [2.0, 1.0], [0.0, 5.0]])
     fine = finer(coarse, 4)

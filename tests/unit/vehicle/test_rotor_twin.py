@@ -102,17 +102,9 @@ CASES = {
     "unlagged": Case(UNLAGGED, {"motor": (0.6, 0.5), "voltage": (15.0, 0.8)}, slope=4.0),
 }
 START = {
-    "u": 4.0,
-    "v": -2.0,
-    "w": 1.5,
-    "p": 0.5,
-    "q": -0.4,
-    "r": 0.9,
-    "phi": 0.4,
-    "theta": -0.3,
-    "psi": 2.5,
-    "h": 300.0,
-}
+    "u": 4.0, "v": -2.0, "w": 1.5, "p": 0.5, "q": -0.4,
+    "r": 0.9, "phi": 0.4, "theta": -0.3, "psi": 2.5, "h": 300.0,
+}  # fmt: skip
 
 
 def means(spec: Case, channel: str) -> tuple[float, float]:
@@ -167,17 +159,9 @@ def test_single_points(name: str) -> None:
     vehicle = parse_vehicle(spec.text, name)
     rng, count = np.random.default_rng(2), 20
     spread = {
-        "u": 12.0,
-        "v": 12.0,
-        "w": 8.0,
-        "p": 4.0,
-        "q": 4.0,
-        "r": 3.0,
-        "phi": 3.0,
-        "theta": 1.4,
-        "psi": 3.0,
-        "h": 900.0,
-    }
+        "u": 12.0, "v": 12.0, "w": 8.0, "p": 4.0, "q": 4.0,
+        "r": 3.0, "phi": 3.0, "theta": 1.4, "psi": 3.0, "h": 900.0,
+    }  # fmt: skip
     start = {k: s * spec.spread * rng.uniform(-1, 1, count) for k, s in spread.items()}
     wide = [means(spec, c) for c in vehicle.inputs]
     u = np.array([m + 1.2 * s * rng.uniform(-1, 1, count) for m, s in wide])
@@ -205,16 +189,9 @@ def test_a_quadplane_is_its_aeroplane_and_its_rotors() -> None:
     text = (files("stoop") / "data" / "quadplane.toml").read_text()
     rng, count = np.random.default_rng(4), 10
     spread = {
-        "u": 4.0,
-        "v": 1.5,
-        "w": 1.5,
-        "p": 0.5,
-        "q": 0.5,
-        "r": 0.5,
-        "phi": 0.5,
-        "theta": 0.3,
-        "psi": 3.0,
-    }
+        "u": 4.0, "v": 1.5, "w": 1.5, "p": 0.5, "q": 0.5,
+        "r": 0.5, "phi": 0.5, "theta": 0.3, "psi": 3.0,
+    }  # fmt: skip
     start = {k: s * rng.uniform(-1, 1, count) for k, s in spread.items()} | {"h": np.full(count, 250.0)}
     start["u"] += 18.0
     u = rng.uniform(0.0, 0.6, (len(vehicle.inputs), count))

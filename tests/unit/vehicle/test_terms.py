@@ -82,13 +82,6 @@ def test_symbols_and_numbers_agree(text: str, numbers: list[float]) -> None:
     assert not math.isfinite(plain) or float(exact) == pytest.approx(plain, rel=1e-6, abs=bound)
 
 
-@given(st.text(max_size=60))
-@settings(max_examples=150)
-def test_any_text_parses_or_is_refused_in_one_line(text: str) -> None:
-    said = complaint(text)
-    assert not said or (said.startswith(f"{WHERE}: ") and said.isprintable())
-
-
 WORDS = ["alpha", "os", "__import__", "(", ")", "[", "]", "'a'", ".", ",", "^", "**", "1", "1e999", "9" * 30, "-",
          "lambda", ":", "for", "in", "if", "else", "abs", "*", "/", "+", "=", ":=", "\n", " ", "0x1", "1j", "{", "}",
          "True", "None", "and", "not", "<", "@", "%", "//", "await", "yield", "f'{1}'", "\\", "#", "\x00"]  # fmt: skip

@@ -218,16 +218,9 @@ def test_single_points(name: str) -> None:
     spec, rng, count = CASES[name], np.random.default_rng(11), 12
     vehicle = parse_vehicle(spec.text, name)
     spread = {
-        "V": 3.0,
-        "alpha": 0.3,
-        "beta": 0.3,
-        "p": 1.0,
-        "q": 1.0,
-        "r": 1.0,
-        "phi": 1.5,
-        "theta": 1.2,
-        "psi": 3.0,
-    }
+        "V": 3.0, "alpha": 0.3, "beta": 0.3, "p": 1.0, "q": 1.0,
+        "r": 1.0, "phi": 1.5, "theta": 1.2, "psi": 3.0,
+    }  # fmt: skip
     spread["h"] = 900.0
     zero = {"full": (), "longitudinal": ("beta", "p", "r", "phi", "psi"), "lateral": ("q",)}[vehicle.reduce]
     start = {
@@ -253,24 +246,3 @@ def test_single_points(name: str) -> None:
             if c in vehicle.states:
                 assert d[vehicle.states.index(c), b] == pytest.approx(rates[16 + i], rel=1e-11, abs=1e-11)
         np.testing.assert_allclose(y[:, b], twin.readings(s, named), rtol=1e-10, atol=1e-10)
-
-
-def test_all_lanes_at_any_place_agree_bit_for_bit() -> None:
-    spec = CASES["plain"]
-    vehicle = parse_vehicle(spec.text, "plain")
-    u = recorded(spec, vehicle)[:100]
-    candidates = changed(vehicle, 19)
-    rows = parameter_rows(vehicle, {n: np.array([c[n] for c in candidates]) for n in candidates[0]}, 19)
-    start = initial_states(vehicle, spec.start, rows, u[0])
-    kernel = vehicle.kernel()
-    z, w = np.zeros((100, 12)), np.ones((100, 12))
-    J = kernel.cost(rows, start, u, z, w, DT, threads=1)
-    assert all(np.array_equal(kernel.cost(rows, start, u, z, w, DT, threads=k), J) for k in (2, 3, 8))
-    back = slice(None, None, -1)
-    assert np.array_equal(kernel.cost(rows[:, back], start[:, back], u, z, w, DT), J[back])
-    assert np.array_equal(kernel.cost(rows[:, 4:5], start[:, 4:5], u, z, w, DT), J[4:5])
-    wild = rows.copy()
-    wild[vehicle.rows["Cmq"], 3] = 1e12
-    after = kernel.cost(wild, start, u, z, w, DT)
-    assert np.isposinf(after[3])
-    assert np.array_equal(np.delete(after, 3), np.delete(J, 3))

@@ -23,13 +23,9 @@ def test_agrees_with_the_handbook(template):
 def test_rates_are_about_the_center_of_gravity():
     """A wing without tail and sweep: CLq by the pitch rate at three quarters of the chord, 2 CLalpha (x_cg - x_3/4)/c."""
     wing = {
-        "area": 4.0,
-        "span": 8.0,
-        "taper": 1.0,
-        "sweep": 0.0,
-        "dihedral": 0.0,
-        "position": [3.0, 0.0, 0.0],
-    }
+        "area": 4.0, "span": 8.0, "taper": 1.0,
+        "sweep": 0.0, "dihedral": 0.0, "position": [3.0, 0.0, 0.0],
+    }  # fmt: skip
     tiny = {"area": 1e-5, "span": 0.01}
     raw = {"template": "flying-wing", "mass": 10.0, "wing": wing, "fin": tiny}
     geometry = Geometry.of(raw | {"center_of_gravity": [2.9, 0.0, 0.0]}, "rectangle")

@@ -2,11 +2,8 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from stoop.base.units import STANDARD_GRAVITY
-from stoop.errors import VehicleError
 from stoop.vehicle.defaults import EQUATION_1
 from stoop.vehicle_draft import handbook
 from stoop.vehicle_draft.apriori import shifted, typical_std
@@ -146,31 +143,6 @@ def test_the_spread_is_that_of_draws():
     expected = typical_std(sizes, lambda g: values(g, 0.3))
     for name in ("Clbeta", "Cmalpha", "Claileron", "Cmelevator"):
         assert np.std([d[name] for d in draws]) == pytest.approx(expected[name], rel=0.3, abs=1e-6), name
-
-
-@settings(max_examples=30)
-@given(
-    template=st.sampled_from(WINGED), span=st.floats(0.3, 30.0), aspect=st.floats(3.0, 30.0),
-    loading=st.floats(1.0, 100.0), taper=st.floats(0.2, 1.2), sweep=st.floats(0.05, 0.7),
-    dihedral=st.floats(-0.15, 0.3), tail=st.floats(0.05, 0.5), arm=st.floats(0.7, 2.0), lift=st.floats(0.05, 1.2),
-)  # fmt: skip
-def test_every_geometry_that_is_accepted_gives_derivatives(
-    template, span, aspect, loading, taper, sweep, dihedral, tail, arm, lift
-):
-    area = span**2 / aspect
-    raw = {"template": template, "mass": loading * area}
-    raw["wing"] = {"area": area, "span": span, "taper": taper, "sweep": sweep, "dihedral": dihedral}
-    if template != "flying-wing":
-        place = -arm * math.sqrt(area) - 0.5 * span * abs(math.tan(sweep))
-        raw["tail"] = {"area": tail * area, "position": [place, 0.0, 0.0]}
-    try:
-        geometry = Geometry.of(raw, "drawn")
-    except VehicleError:
-        return
-    found = nominal(geometry, handbook.WorkingPoint.of(geometry, 15.0, None, 1.225, lift))
-    assert all(math.isfinite(value) for value in found.values())
-    for name in ("CLalpha", "Clp", "Cmelevator", "CLelevator", "Claileron", "CD0", "Cmq", "Cnr"):
-        assert found[name] * SIGNS[name] > 0.0, name
 
 
 def test_a_path_that_curves_moves_the_tail():
