@@ -22,8 +22,7 @@ def transfer(lag: float, s: complex) -> complex:
 
 def test_a_lag_is_of_first_order_and_none_passes_the_command() -> None:
     for lag in (SHORTEST_LAG, 0.3):
-        for s in (1j, 50j):
-            assert transfer(lag, s) == pytest.approx(1.0 / (1.0 + lag * s), rel=1e-12)
+        assert transfer(lag, 20j) == pytest.approx(1.0 / (1.0 + 20j * lag), rel=1e-12)
     assert transfer(0.0, 20j) == pytest.approx(1.0, rel=1e-12)
     _, rate = lagged(sp.Float(0.0), sp.Float(1.0), sp.Float(0.0))
     assert float(rate) == pytest.approx(2.0 / SHORTEST_LAG)  # stable in steps of up to 0.028 s

@@ -212,7 +212,7 @@ def paths(node: Any, path: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
 
 
 @given(st.data())
-@settings(max_examples=60)
+@settings(max_examples=40)
 def test_any_spoiled_vehicle(twin_boom: str, data: st.DataObject) -> None:
     raw = tomllib.loads(twin_boom)
     for _ in range(data.draw(st.integers(1, 3))):

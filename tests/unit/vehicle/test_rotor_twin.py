@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from naive import march
 from naive.aircraft import Aircraft
-from naive.interpreted import interpreted
 from naive.multirotor import Multirotor
 
 from stoop.simulation import initial_states, parameter_rows
@@ -127,34 +126,30 @@ def test_trajectories() -> None:
     """The compiled model in motion: lags, voltage, clipped commands, tilted axes."""
     spec = CASES["commanded"]
     vehicle = parse_vehicle(spec.text, "commanded")
-    u = recorded(spec, vehicle)
-    rng = np.random.default_rng(5)
-    factors = rng.uniform(0.96, 1.04, (2, len(vehicle.parameters)))
-    named = [p.name for p in vehicle.parameters]
-    candidates = [dict(zip(named, row * vehicle.values, strict=True)) for row in factors]
-    rows = parameter_rows(vehicle, {n: np.array([c[n] for c in candidates]) for n in named}, 2)
-    start = initial_states(vehicle, START, rows, u[0])
-    y = vehicle.kernel().trajectories(rows, start, u, DT)
-    for b, changes in enumerate(candidates):
-        twin = Multirotor(spec.text, changes)
+    u, factors = (
+        recorded(spec, vehicle),
+        np.random.default_rng(5).uniform(0.96, 1.04, len(vehicle.parameters)),
+    )
+    changes = dict(zip([p.name for p in vehicle.parameters], factors * vehicle.values, strict=True))
+    rows, twin = parameter_rows(vehicle, changes), Multirotor(spec.text, changes)
+    y = vehicle.kernel().trajectories(rows, initial_states(vehicle, START, rows, u[0]), u, DT)[0]
 
-        def name(row: np.ndarray) -> dict[str, float]:
-            return dict(zip(vehicle.inputs, row.tolist(), strict=True))
+    def name(row: np.ndarray) -> dict[str, float]:
+        return dict(zip(vehicle.inputs, row.tolist(), strict=True))
 
-        begun = twin.start(START, name(u[0]))
-        expected = march.march(
-            lambda x, v, twin=twin: twin.rates(x, name(v)), lambda x, v, twin=twin: twin.readings(x, name(v)), begun, u, DT
-        )  # fmt: skip
-        size = np.abs(expected).max(axis=0)
-        turn = y[b] - expected
-        turn[:, 6:9] -= 2 * np.pi * np.round(turn[:, 6:9] / (2 * np.pi))
-        assert (np.ptp(expected, axis=0) > 1e-2 * size).all(), "every channel moves"
-        np.testing.assert_allclose(turn / size, 0.0, atol=1e-9)
+    begun = twin.start(START, name(u[0]))
+    expected = march.march(
+        lambda x, v: twin.rates(x, name(v)), lambda x, v: twin.readings(x, name(v)), begun, u, DT
+    )
+    size, turn = np.abs(expected).max(axis=0), y - expected
+    turn[:, 6:9] -= 2 * np.pi * np.round(turn[:, 6:9] / (2 * np.pi))
+    assert (np.ptp(expected, axis=0) > 1e-2 * size).all(), "every channel moves"
+    np.testing.assert_allclose(turn / size, 0.0, atol=1e-9)
 
 
 @pytest.mark.parametrize("name", CASES)
 def test_single_points(name: str) -> None:
-    """Rates and readings at random states, without an integrator and without the compiler."""
+    """Rates and readings at random states, without an integrator."""
     spec = CASES[name]
     vehicle = parse_vehicle(spec.text, name)
     rng, count = np.random.default_rng(2), 20
@@ -170,7 +165,7 @@ def test_single_points(name: str) -> None:
     lagged = [i for i, s in enumerate(vehicle.states) if s.endswith(".lag")]
     x[lagged] *= rng.uniform(0.7, 1.3, (len(lagged), count))
     assert any(channel.endswith(".slope") for channel in vehicle.inputs) == (spec.slope > 0.0)
-    d, y = interpreted(vehicle)(rows, x, u)
+    d, y = vehicle.kernel().evaluate(rows, x, u)
     twin = Multirotor(spec.text, {})
     for b in range(count):
         named = dict(zip(vehicle.inputs, u[:, b].tolist(), strict=True))
@@ -196,7 +191,7 @@ def test_a_quadplane_is_its_aeroplane_and_its_rotors() -> None:
     start["u"] += 18.0
     u = rng.uniform(0.0, 0.6, (len(vehicle.inputs), count))
     rows = parameter_rows(vehicle, None, count)
-    d, _ = interpreted(vehicle)(rows, initial_states(vehicle, start, rows, u), u)
+    d, _ = vehicle.kernel().evaluate(rows, initial_states(vehicle, start, rows, u), u)
     plane, lifted = Aircraft(text, {}, {}), Multirotor(text, {})
     for b in range(count):
         named = dict(zip(vehicle.inputs, u[:, b].tolist(), strict=True))

@@ -69,7 +69,7 @@ def hover_command(vehicle: Vehicle, altitude: float) -> float:
 @pytest.fixture(scope="module", params=TEMPLATES)
 def template(request: pytest.FixtureRequest) -> tuple[Vehicle, Evaluate]:
     vehicle = builtin_vehicle(request.param)
-    return vehicle, interpreted(vehicle)
+    return vehicle, vehicle.kernel().evaluate
 
 
 def test_templates_hover(template: tuple[Vehicle, Evaluate]) -> None:
@@ -129,7 +129,7 @@ def test_discs_draw_what_their_thrust_takes() -> None:
 def test_velocity_over_ground() -> None:
     """Nose north-east and level: forward is north and east alike; the wind is a bias."""
     vehicle = builtin_vehicle("quad-x")
-    evaluate = interpreted(vehicle)
+    evaluate = vehicle.kernel().evaluate
     wind = dict(zip(WIND_NUMBERS, (2.0, -1.0, 0.3), strict=True))
     start = {"u": 3.0, "v": 1.0, "w": -0.5, "psi": math.pi / 4.0}
     _, y = rates(vehicle, evaluate, motors(vehicle, 0.6), start, **wind)
@@ -156,7 +156,7 @@ def test_nothing_is_undefined_at_rest(template: tuple[Vehicle, Evaluate]) -> Non
 def test_aeroplane_fades_where_air_is_not_ahead() -> None:
     """Falling flat, a wing whose lift is linear in the angle would be pulled forward by half the weight."""
     vehicle = builtin_vehicle("quadplane")
-    evaluate = interpreted(vehicle)
+    evaluate = vehicle.kernel().evaluate
     u = motors(vehicle, 0.0)
     _, falling = rates(vehicle, evaluate, u, {"w": 5.0})
     _, backward = rates(vehicle, evaluate, u, {"u": -8.0})
