@@ -14,7 +14,7 @@ from scipy.optimize import brentq
 from stoop.base.atmosphere import standard_density
 from stoop.simulation import initial_states, parameter_rows
 from stoop.vehicle import Vehicle, parse_vehicle
-from stoop.vehicle.builtin import builtin_vehicle
+from stoop.vehicle.builtin import builtin_text, builtin_vehicle
 from stoop.vehicle.defaults import WIND_NUMBERS
 
 TEMPLATES = ["quad-x", "hexa-x", "octo-x", "quadplane"]
@@ -164,6 +164,23 @@ def test_aeroplane_fades_where_air_is_not_ahead() -> None:
     assert abs(backward["az"]) < 0.2
     _, ahead = rates(vehicle, evaluate, u, {"u": 18.0})
     assert ahead["az"] < -4.0, "lift"
+
+
+def test_ground_effect_of_rotors_and_wings() -> None:
+    """Thrust rises by (R/4)^2 / (h^2 + (R/4)^2), lift by 1 / (1 + (16 h/b)^2), times the numbers of the file."""
+    table = '[ground_effect]\nchannel = "agl"\nrotor = 0.8\nradius = 0.2\nlift = 0.3\n'
+    vehicle = parse_vehicle(builtin_text("quadplane") + table, "near")
+
+    def az(height: float, command: float, speed: float) -> float:
+        u = motors(vehicle, command)
+        u[vehicle.inputs.index("agl")] = height
+        return rates(vehicle, vehicle.kernel().evaluate, u, {"u": speed})[1]["az"]
+
+    for h in (0.05, 0.2):
+        rise = 0.05**2 / (h**2 + 0.05**2)
+        assert az(h, 0.6, 0.0) / az(1e6, 0.6, 0.0) == pytest.approx(1.0 + 0.8 * rise, rel=1e-6)
+        rise = 1.0 / (1.0 + (16.0 * h / vehicle.value("reference.span")) ** 2)
+        assert az(h, 0.0, 18.0) / az(1e6, 0.0, 18.0) == pytest.approx(1.0 + 0.3 * rise, rel=1e-3)
 
 
 def test_gyroscope_and_reaction() -> None:
