@@ -11,13 +11,7 @@ import numpy as np
 
 
 def evaluations_to(  # noqa: C901 - long on purpose: it is read beside the publications
-    target: float,
-    cost: Callable[[np.ndarray], float],
-    dimension: int,
-    budget: int,
-    seed: int,
-    *,
-    jso: bool,
+    target: float, cost: Callable[[np.ndarray], float], dimension: int, budget: int, seed: int, *, jso: bool
 ) -> float:
     """Return how many evaluations it takes to come down to the target; inf if the budget ends first."""
     rng = np.random.default_rng(seed)

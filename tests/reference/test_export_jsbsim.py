@@ -89,14 +89,7 @@ def apart(root: Path, record: Record, steps: int = 1) -> float:
     return max(relative_differences(record.vehicle.outputs, own_readings(record, steps), flown).values())
 
 
-@pytest.mark.parametrize(
-    ("name", "most"),
-    [
-        ("twin-boom", 1e-4),
-        ("v-tail", 1e-4),
-        ("flying-wing", 3e-4),
-    ],
-)
+@pytest.mark.parametrize(("name", "most"), [("twin-boom", 1e-4), ("v-tail", 1e-4), ("flying-wing", 3e-4)])
 def test_thirty_seconds_open_loop(name: str, most: float, tmp_path: Path) -> None:
     vehicle = load(name)
     point = trim(vehicle, None, 200.0)

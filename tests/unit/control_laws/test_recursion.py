@@ -58,14 +58,9 @@ def test_samples_are_those_of_the_whole_record(name: str) -> None:
     """Two lanes, one of them of another record; what actuators do is all that is asked for."""
     law = LAWS[name]
     records = [steps(1), steps(2)]
-    scale = (
-        1.0 + 0.2 * np.sin(np.arange(COUNT) / 50.0)
-        if law.terms[0].power and name != "plane"
-        else np.ones(COUNT)
-    )
-    expected = [
-        law.outputs({SETPOINT: setpoint, **sensed(law, rate)}, scale)["command"] for setpoint, rate in records
-    ]
+    scaled = law.terms[0].power and name != "plane"
+    scale = 1.0 + (0.2 if scaled else 0.0) * np.sin(np.arange(COUNT) / 50.0)
+    expected = [law.outputs({SETPOINT: s, **sensed(law, rate)}, scale)["command"] for s, rate in records]
     setpoints, rates = (np.column_stack([r[i] for r in records]) for i in range(2))
     running, found = LawRecursion([law], np.zeros((1, 2))), []
     for k in range(COUNT):

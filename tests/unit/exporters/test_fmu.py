@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import zipfile
+from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
@@ -35,27 +36,19 @@ def place(made: fmu.Unit, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.parametrize("version", fmu.VERSIONS)
-def test_fmpy_finds_no_fault(made: fmu.Unit, version: str, tmp_path: Path) -> None:
-    from fmpy.validation import validate_fmu
-
-    place = tmp_path / "unit.fmu"
-    place.write_bytes(fmu.unit_bytes(made, version))
-    assert validate_fmu(str(place)) == []
-
-
-@pytest.mark.parametrize("version", fmu.VERSIONS)
 @pytest.mark.parametrize("name", ["twin-boom", "quad-x"])
 def test_it_flies_as_the_kernel_does(name: str, version: str, tmp_path: Path) -> None:
+    from fmpy.validation import validate_fmu
+
     vehicle = builtin_vehicle(name)
     point = trim(vehicle)
     flight = reference_flight(vehicle, point)
     assert flight is not None
-    assert flight.time[-1] == 30.0
     assert np.ptp(flight.readings, axis=0).min() > 0.02  # every channel moves
     place = tmp_path / "unit.fmu"
     place.write_bytes(fmu.unit_bytes(fmu.make_unit(vehicle, point), version, fmu.find_compiler()))
-    found = flight.differences(fmu_target.fly_unit(place, flight))
-    assert max(found.values()) < 1e-11
+    assert validate_fmu(str(place)) == []
+    assert max(flight.differences(fmu_target.fly_unit(place, flight)).values()) < 1e-11
 
 
 def test_numbers_and_starts_can_be_set(twin_boom: Vehicle, steady: Trim, place: Path) -> None:
@@ -91,6 +84,8 @@ def test_a_unit_without_library_is_compiled_by_fmpy(made: fmu.Unit, tmp_path: Pa
     build_platform_binary(tmp_path / "open", tmp_path / "build")
     found = fmpy.simulate_fmu(str(tmp_path / "open"), stop_time=1.0, output=["V"])
     assert found["V"] == pytest.approx(35.0, abs=1e-6)
+    with pytest.raises(StoopError, match="/bin/false: cannot compile"):
+        fmu.unit_bytes(made, "3.0", "/bin/false")
 
 
 def test_delays_are_left_out_and_actuator_numbers_with_them() -> None:
@@ -103,8 +98,6 @@ def test_delays_are_left_out_and_actuator_numbers_with_them() -> None:
 
 
 def test_no_text_of_the_vehicle_reaches_the_source(steady: Trim, twin_boom: Vehicle) -> None:
-    from dataclasses import replace
-
     odd = replace(twin_boom, file=twin_boom.file.model_copy(update={"name": '*/ "<&>\\'}))
     made = fmu.make_unit(odd, steady)
     content = fmu.unit_bytes(made, "3.0")
@@ -113,11 +106,6 @@ def test_no_text_of_the_vehicle_reaches_the_source(steady: Trim, twin_boom: Vehi
         root = ET.fromstring(archive.read("modelDescription.xml"))  # noqa: S314
         assert root.attrib["modelName"] == '*/ "<&>\\'
         assert b"<&>" not in archive.read(f"sources/{made.name}.c")
-
-
-def test_a_compiler_that_fails_is_named(made: fmu.Unit) -> None:
-    with pytest.raises(StoopError, match="/bin/false: cannot compile"):
-        fmu.unit_bytes(made, "3.0", "/bin/false")
 
 
 def test_parameters_say_what_is_known_of_them(twin_boom: Vehicle, steady: Trim) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from dataclasses import replace
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -13,7 +14,6 @@ from naive import gazebo as naive
 from stoop.base.autopilots import FRAMES
 from stoop.errors import SimulationError, VehicleError
 from stoop.exporters import gazebo_autopilots, gazebo_files, rotorpy_flight
-from stoop.exporters.exporter import ModelData
 from stoop.exporters.gazebo import flown_alphas, fly_gazebo
 from stoop.exporters.gazebo_model import GazeboModel, gazebo_model, unsupported_rotor_numbers
 from stoop.exporters.gazebo_plugins import damping_loads, motor_loads, wing_loads
@@ -21,7 +21,6 @@ from stoop.exporters.gazebo_wing import unsupported_wing_terms
 from stoop.exporters.jsbsim_flight import excitation_record, relative_differences
 from stoop.exporters.px4_airframe import airframe_number
 from stoop.exporters.reference_flight import reference_flight
-from stoop.exporters.targets import export
 from stoop.simulation import Trim, trim
 from stoop.simulation.derivatives import derivatives
 from stoop.vehicle import Vehicle
@@ -75,19 +74,15 @@ Cnr = -0.1
 
 def rotor_text() -> str:
     """Return a quadrotor of MulticopterMotorModel's own terms: thrust by the square of the speed, drag, and drag of the body."""
-    text = builtin_text("quad-x").replace('drive = "command"', 'drive = "speed"\ngain = 1000.0')
+    text = builtin_text("quad-x")
     for old, new in {
-        "T1 = 2.5": "",
-        "T2 = 6.0": "T2 = 8.5e-6",
-        "inflow = 0.25": "",
+        'drive = "command"': 'drive = "speed"\ngain = 1000.0', "T1 = 2.5": "", "T2 = 6.0": "T2 = 8.5e-6", "inflow = 0.25": "",
         "drag = 0.08": "drag = 8e-5",
-    }.items():
+        "[body_drag]": "[environment]\ndensity = 1.225\n[body_drag]\nlinear = [0.1, 0.2, 0.1]\nrotation = [0.01, 0.01, 0.02]",
+    }.items():  # fmt: skip
         assert old in text
         text = text.replace(old, new)
-    return text.replace(
-        "[body_drag]",
-        "[environment]\ndensity = 1.225\n[body_drag]\nlinear = [0.1, 0.2, 0.1]\nrotation = [0.01, 0.01, 0.02]",
-    )
+    return text
 
 
 def made(vehicle: Vehicle, blades: bool = False) -> GazeboModel:
@@ -100,9 +95,7 @@ def differences(vehicle: Vehicle, point: Trim) -> dict[str, float]:
     assert flight.time[-1] == pytest.approx(30.0)
     ours, theirs = rotorpy_flight.motion(flight), fly_gazebo(gazebo_model(vehicle, point), flight)
     found = relative_differences(rotorpy_flight.CHANNELS, ours, theirs)
-    moves = (
-        np.abs(ours).max(axis=0) > 1e-3
-    )  # others rest: a wing without ailerons and rudder flies straight on
+    moves = np.abs(ours).max(axis=0) > 1e-3  # a wing without ailerons and rudder flies straight on
     assert np.abs(theirs[:, ~moves]).max(initial=0.0) < 1e-3
     return {name: x for (name, x), moving in zip(found.items(), moves, strict=True) if moving}
 
@@ -153,18 +146,15 @@ def test_first_order_on_wings(name: str) -> None:
 
     def loads(motion: np.ndarray, angles: list[float]) -> np.ndarray:
         velocity, rates = motion[:3].tolist(), motion[3:].tolist()
-        out = motor_loads(model.motors, speeds, velocity, rates) + wing_loads(
-            model.wing, angles, velocity, rates
-        )
+        out = motor_loads(model.motors, speeds, velocity, rates)
+        out = out + wing_loads(model.wing, angles, velocity, rates)
         return out if model.damping is None else out + damping_loads(model.damping, velocity, rates)
 
     motion = np.concatenate([exact.velocity, np.zeros(3)])
     assert loads(motion, angles) == pytest.approx(exact.loads, abs=1e-5 * np.abs(exact.loads).max())
     scale = np.abs(exact.matrix).max()
     tolerance = np.full((6, 6), 1e-4 * scale)
-    tolerance[[0, 2, 4]] = (
-        1e-3 * scale
-    )  # the drag polar is fitted over a range, and there is no drag by sideslip
+    tolerance[[0, 2, 4]] = 1e-3 * scale  # the drag polar is fitted over a range, without drag by sideslip
     tolerance[:, 0] = 2e-2 * scale  # the speed: coefficients that depend on it
     for i in range(6):
         step = 1e-5 * np.eye(6)[i]
@@ -256,22 +246,15 @@ def test_outputs_of_the_autopilots() -> None:
     """An output of PX4 or ArduPilot turns rotors as the recorded channel does."""
     model = made(builtin_vehicle("quad-x"))
     texts = gazebo_files.folders(model, made(model.vehicle, True))
-    sets = dict(
-        line.split()[2:]
-        for line in texts[f"px4/{airframe_number(model.name)}_gz_{model.name}"].splitlines()
-        if line.startswith("param")
-    )
-    motor = model.motors[0]
-    ends = [float(sets[f"SIM_GZ_EC_{end}1"]) for end in ("MIN", "MAX")]
+    sets, motor = sets_of(texts[f"px4/{airframe_number(model.name)}_gz_{model.name}"]), model.motors[0]
+    ends = [sets[f"SIM_GZ_EC_{end}1"] for end in ("MIN", "MAX")]
     assert ends == pytest.approx([motor.command({"motor_1": x}) for x in (1e-9, 1.0)], abs=0.5)
-    assert (sets["CA_ROTOR0_PX"], sets["CA_ROTOR0_KM"]) == ("0.177", "0.016")
+    assert (sets["CA_ROTOR0_PX"], sets["CA_ROTOR0_KM"]) == (0.177, 0.016)
     assert "SERVO1_FUNCTION 33\n" in texts[f"ardupilot/{model.name}.parm"]
     control = ET.fromstring(texts[f"{model.name}_ardupilot/model.sdf"])  # noqa: S314
     control = control.find(".//control[@channel='2']")
     multiplier, offset = (float(control.findtext(n)) for n in ("multiplier", "offset"))
-    turned = -np.array(
-        [multiplier * (x + offset) for x in (0.0, 0.5, 1.0)]
-    )  # the third rotor turns clockwise
+    turned = [-multiplier * (x + offset) for x in (0.0, 0.5, 1.0)]  # the third rotor turns clockwise
     assert turned == pytest.approx([motor.command({"motor_1": x}) for x in (1e-12, 0.5, 1.0)], rel=1e-9)
 
 
@@ -292,16 +275,12 @@ def rotor_tables(text: str, order: list[str], spins: dict[str, str] | None = Non
 
 
 @pytest.mark.parametrize(
-    ("name", "frame"),
+    ("name", "frame", "backward"),
     [
-        ("quad-x", (1, 1)),
-        ("quad-plus", (1, 0)),
-        ("hexa-x", (2, 1)),
-        ("octo-x", (3, 1)),
-        ("quadplane", (1, 1)),
+        ("quad-x", (1, 1), False), ("quad-x", (1, 1), True), ("quad-plus", (1, 0), False), ("hexa-x", (2, 1), False),
+        ("octo-x", (3, 1), False), ("quadplane", (1, 1), False),
     ],
-)
-@pytest.mark.parametrize("backward", [False, True])
+)  # fmt: skip
 def test_the_frame_follows_from_where_rotors_stand(name: str, frame: tuple[int, int], backward: bool) -> None:
     """Output n has the function of the motor of ArduPilot that stands and turns there, whatever the order of the file."""
     text = builtin_text(name)
@@ -363,41 +342,20 @@ def test_cruise_and_hover_in_the_parameters() -> None:
     assert px4["MPC_THR_HOVER"] == pytest.approx(relative, abs=1e-3)
 
 
-@pytest.mark.parametrize(
-    ("gain", "mix", "center", "limit"),
-    [
-        (7e-4, "pwm_1", 1500.0, 0.35),
-        (0.4, "servo_1", 0.0, 0.4),
-        (1.0, "elevator_cmd", 0.0, math.radians(25.0)),
-    ],
-)
-def test_joints_end_where_the_channel_ends(gain: float, mix: str, center: float, limit: float) -> None:
-    head = f"[controls.elevator]\nmix = {{ {mix} = {gain} }}\n"
-    text = WING.replace(
-        "[controls.elevator]\nmix = { servo_1 = 0.4 }\n", head + f"center = {{ {mix} = {center} }}\n"
-    )
-    vehicle = parse_vehicle(text, "wing")
-    model = gazebo_model(vehicle, trim(vehicle))
-    assert model.wing is not None
-    assert [s.limit for s in model.wing.moved] == pytest.approx([limit])
-
-
-def test_more_motors_than_the_bridge_has_outputs() -> None:
-    text = builtin_text("octo-x")
-    extra = text[text.index("[rotor.m1]") : text.index("[rotor.m2]")]
-    extra = extra.replace("m1]", "m9]").replace("motor_1", "motor_9")
-    vehicle = parse_vehicle(text + "\n" + extra, "many")
-    model = gazebo_model(vehicle, trim(vehicle))
-    with pytest.raises(VehicleError, match="outputs for 8 motors"):
-        gazebo_autopilots.airframe(model)
+def test_joints_end_where_the_channel_ends() -> None:
+    for gain, mix, center, limit in (
+        (7e-4, "pwm_1", 1500.0, 0.35), (0.4, "servo_1", 0.0, 0.4), (1.0, "elevator_cmd", 0.0, math.radians(25.0))
+    ):  # fmt: skip
+        written = f"mix = {{ {mix} = {gain} }}\ncenter = {{ {mix} = {center} }}"
+        vehicle = parse_vehicle(WING.replace("mix = { servo_1 = 0.4 }", written), "wing")
+        model = gazebo_model(vehicle, trim(vehicle))
+        assert model.wing is not None
+        assert [s.limit for s in model.wing.moved] == pytest.approx([limit]), mix
 
 
 def test_elevons_are_known_by_their_moments() -> None:
-    text = WING.replace(
-        "[controls.elevator]\nmix = { servo_1 = 0.4 }",
-        "[controls.elevator]\nmix = { servo_1 = 0.4, servo_2 = 0.4 }",
-    )
-    text = text.replace(
+    mix = "mix = { servo_1 = 0.4 }"
+    text = WING.replace(mix, "mix = { servo_1 = 0.4, servo_2 = 0.4 }").replace(
         "[aerodynamics.CD]",
         "[controls.aileron]\nmix = { servo_1 = 0.4, servo_2 = -0.4 }\nlag = 0.05\n[aerodynamics.CD]",
     )
@@ -409,41 +367,26 @@ def test_elevons_are_known_by_their_moments() -> None:
     assert "SERVO3_FUNCTION 78\n" in texts[f"ardupilot/{model.name}.parm"]
 
 
-def test_flown_angles_of_attack_bound_the_polar() -> None:
-    vehicle = builtin_vehicle("twin-boom")
-    point = trim(vehicle)
-    record = excitation_record(vehicle, point)
-    assert record is not None
-    low, high = flown_alphas([record]) or (math.nan, math.nan)
-    assert low < point.start["alpha"] < high
-    model = gazebo_model(vehicle, point, (low, high))
-    assert model.wing is not None
-    assert model.wing.alpha_stall > high + 0.5
-    assert flown_alphas([]) is None
-
-
-def test_what_is_left_out() -> None:
-    text = builtin_text("twin-boom").replace(
-        "CLV = 0.0", 'CLV = 0.1\nCLx = { value = 0.2, term = "alpha*elevator" }'
-    )
-    assert set(unsupported_wing_terms(parse_vehicle(text, "wing"))) == {"CLV", "CLx", "CQV"}
-    text = builtin_text("quad-x").replace("inflow = 0.25", "inflow = 0.25\ntranslational = 0.001")
-    assert unsupported_rotor_numbers(parse_vehicle(text, "quad")) == {"rotors.translational": 0.0}
-
-
-def test_a_longitudinal_fit_is_exported_whole() -> None:
-    found = export(ModelData(builtin_vehicle("twin-boom").reduced("longitudinal")), "gazebo")
-    assert any("longitudinal" in note and "six degrees of freedom" in note for note in found.notes)
-    assert any("CQV" in note and "% of Fy" in note for note in found.notes)
-    assert b"<Clp>" not in found.files[found.main]
-    assert b"<Cellp>-0.4" in found.files[found.main]
-
-
-def test_refusals() -> None:
-    text = builtin_text("quad-x").replace('channel = "motor_2"', 'channel = "motor_1"')
-    shared = parse_vehicle(text, "quad")
+def test_what_it_cannot_hold() -> None:
+    term = 'CLV = 0.1\nCLx = { value = 0.2, term = "alpha*elevator" }'
+    wing = parse_vehicle(builtin_text("twin-boom").replace("CLV = 0.0", term), "wing")
+    assert set(unsupported_wing_terms(wing)) == {"CLV", "CLx", "CQV"}
+    text = builtin_text("quad-x")
+    sliding = parse_vehicle(text.replace("inflow = 0.25", "inflow = 0.25\ntranslational = 0.001"), "quad")
+    assert unsupported_rotor_numbers(sliding) == {"rotors.translational": 0.0}
+    shared = parse_vehicle(text.replace('channel = "motor_2"', 'channel = "motor_1"'), "quad")
     with pytest.raises(VehicleError, match="share a channel"):
         made(shared)
+    octo = made(builtin_vehicle("octo-x"))
+    with pytest.raises(VehicleError, match="outputs for 8 motors"):
+        gazebo_autopilots.airframe(replace(octo, motors=(*octo.motors, octo.motors[0])))
     boom = builtin_vehicle("twin-boom")
     with pytest.raises(SimulationError, match="full equations"):
         gazebo_model(boom.reduced("longitudinal"), trim(boom))
+    point = trim(boom)
+    record = excitation_record(boom, point)
+    assert record is not None
+    low, high = flown_alphas([record]) or (math.nan, math.nan)
+    assert low < point.start["alpha"] < high
+    assert gazebo_model(boom, point, (low, high)).wing.alpha_stall > high + 0.5  # type: ignore[union-attr]
+    assert flown_alphas([]) is None

@@ -192,13 +192,6 @@ def test_the_script_of_a_plane_adds_the_maneuver() -> None:
         assert (moved < high + slack).all()
 
 
-def test_the_script_of_a_plane_moves_surfaces_on_the_ground() -> None:
-    plane = Plane()
-    plane.airspeed = 0.5
-    flown_by(plane, 14.0)
-    assert plane.said[-1] == "maneuver: done"
-
-
 def test_signs_of_outputs_are_those_of_the_moments() -> None:
     """Elevator down and rudder left are positive here; ailerons that roll right are."""
     one = wings()
@@ -217,23 +210,25 @@ def test_the_script_of_a_plane_needs_a_servo_of_each_control() -> None:
     assert plane.said == ["maneuver: no servo of rudder: no SERVOn_FUNCTION is 21"]
 
 
-@pytest.mark.parametrize(
-    ("upset", "said"),
-    [
-        (lambda p: setattr(p, "roll", 0.7 if p.ms > 3000 else 0.0), "bank beyond the limit"),
-        (lambda p: setattr(p, "airspeed", 20.0 if p.ms > 3000 else 35.0), "airspeed beyond the limit"),
-        (lambda p: setattr(p, "mode", 0 if p.ms > 3000 else 5), "the mode changed"),
-        (lambda p: setattr(p, "aux", 0 if p.ms > 3000 else p.aux), "switched off"),
-    ],
-)
-@pytest.mark.parametrize("angles", ["", "_rad"])
-def test_the_script_of_a_plane_ends_beyond_limits(upset: Any, said: str, angles: str) -> None:
-    plane = Plane()
-    plane.angles = angles
-    flown_by(plane, 5.0, upset)
-    assert plane.said[-1] == f"maneuver: {said}"
-    assert max(t for t, _ in plane.sent[1]) <= 3.02
-    assert plane.said.count("maneuver: begins") == 1, "it does not begin again while the switch stays up"
+def test_the_script_of_a_plane_ends_beyond_limits() -> None:
+    """Or where a pilot ends it; before ArduPilot 4.7 and from then on, when angles carry their unit in their names."""
+    upsets: dict[str, Any] = {
+        "bank beyond the limit": lambda p: setattr(p, "roll", 0.7 if p.ms > 3000 else 0.0),
+        "airspeed beyond the limit": lambda p: setattr(p, "airspeed", 20.0 if p.ms > 3000 else 35.0),
+        "the mode changed": lambda p: setattr(p, "mode", 0 if p.ms > 3000 else 5),
+        "switched off": lambda p: setattr(p, "aux", 0 if p.ms > 3000 else p.aux),
+    }
+    for (said, upset), angles in zip(upsets.items(), ("", "_rad", "", "_rad"), strict=True):
+        plane = Plane()
+        plane.angles = angles
+        flown_by(plane, 5.0, upset)
+        assert plane.said[-1] == f"maneuver: {said}"
+        assert max(t for t, _ in plane.sent[1]) <= 3.02
+        assert plane.said.count("maneuver: begins") == 1, "it does not begin again while the switch stays up"
+    still = Plane()
+    still.airspeed = 0.5
+    flown_by(still, 14.0)
+    assert still.said[-1] == "maneuver: done", "surfaces move on the ground"
 
 
 # --- ArduPilot Copter: the mode System ID
@@ -283,27 +278,6 @@ def test_parameters_of_sweeps_give_the_designed_signal() -> None:
     )
 
 
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"duration": 300.0}, "SID_T_REC of roll would be 300, outside 0 to 255; shorten --duration"),
-        ({"fade": 7.0}, "SID_T_FADE_OUT of roll would be 7, outside 0 to 5; shorten --duration"),
-        ({"amplitude": 500.0}, "SID_MAGNITUDE of roll would be .*, outside 0 to 1; lower --amplitude"),
-    ],
-)
-def test_parameters_out_of_their_range_are_refused(change: dict[str, float], message: str) -> None:
-    one = injection("quad-x", SWEEPS)
-    spec = one.maneuver.input[0].model_copy(update=change)
-    other = replace(one, maneuver=one.maneuver.model_copy(update={"input": (spec,)}))
-    with pytest.raises(SimulationError, match=message):
-        ARDUPILOT.write(other)
-
-
-def test_a_multirotor_of_ardupilot_flies_sweeps_alone() -> None:
-    with pytest.raises(SimulationError, match="add --shape sweep"):
-        ARDUPILOT.write(injection("quad-x", DOUBLETS))
-
-
 # --- PX4: set-points over a link that is not there
 
 
@@ -345,19 +319,10 @@ class Link:
         self.mode = self.mode if self.refuses else main << 16
 
     def set_attitude_target_send(
-        self,
-        ms: int,
-        _: int,
-        __: int,
-        mask: int,
-        q: list[float],
-        p: float,
-        q_rate: float,
-        r: float,
-        thrust: float,
-    ) -> None:
+        self, ms: int, _: int, __: int, mask: int, q: list[float], p: float, pitch: float, r: float, thrust: float
+    ) -> None:  # fmt: skip
         assert math.isclose(sum(v * v for v in q), 1.0)
-        self.sent.append((self.clock.now, mask, (p, q_rate, r), thrust))
+        self.sent.append((self.clock.now, mask, (p, pitch, r), thrust))
 
 
 def px4(tmp_path: Path) -> tuple[ModuleType, Link, list[dict[str, float]]]:
@@ -371,6 +336,8 @@ def test_the_script_of_px4_sends_rates_that_give_the_maneuver(tmp_path: Path) ->
     script, link, rows = px4(tmp_path)
     assert script.fly(link, rows, 1.0)
     assert link.modes == [(6, 0), (4, 3)]
+    lines = PX4.write(wings())["px4.params"].splitlines()[2:]
+    assert [len(line.split("\t")) for line in lines] == [5] * len(lines)
     rates = [one for one in link.sent if one[1] == 128]
     assert {one[3] for one in link.sent} == {0.55}
     k = SPEEDUP
@@ -390,20 +357,6 @@ def test_the_script_of_px4_sends_rates_that_give_the_maneuver(tmp_path: Path) ->
         assert np.allclose(sign * output * THROWS[control], want, atol=1e-6)
 
 
-def test_the_script_of_px4_ends_beyond_limits(tmp_path: Path) -> None:
-    script, link, rows = px4(tmp_path)
-    send = link.set_attitude_target_send
-
-    def tilt(*arguments: Any) -> None:
-        send(*arguments)
-        link.roll = 0.7 if len(link.sent) > 500 else 0.0
-
-    link.set_attitude_target_send = tilt  # type: ignore[method-assign]
-    assert not script.fly(link, rows, 1.0)
-    assert link.modes[-1] == (4, 3)
-    assert len(link.sent) <= 501
-
-
 def after(link: Link, count: int, change: Any) -> None:
     """Change something of a link once it has sent some set-points."""
     send = link.set_attitude_target_send
@@ -416,22 +369,20 @@ def after(link: Link, count: int, change: Any) -> None:
     link.set_attitude_target_send = sent  # type: ignore[method-assign]
 
 
-@pytest.mark.parametrize("count", [150, 400, 900])
-def test_a_pilot_takes_over_at_any_time(tmp_path: Path, count: int) -> None:
-    """Before, during and after the maneuver; the script does not change the mode again."""
-    script, link, rows = px4(tmp_path)
-    after(link, count, lambda link: setattr(link, "mode", 1 << 16))
-    assert not script.fly(link, rows, 1.0)
-    assert link.modes == [(6, 0)]
-    assert len(link.sent) < count + 5
-
-
-def test_without_telemetry_or_offboard_mode_the_script_ends(tmp_path: Path) -> None:
-    script, link, rows = px4(tmp_path)
-    after(link, 400, lambda link: setattr(link, "silent", True))
-    assert not script.fly(link, rows, 1.0)
-    assert link.modes[-1] == (4, 3)
-    assert len(link.sent) < 430, "half a second"
+def test_the_script_of_px4_ends_for_pilots_limits_and_lost_links(tmp_path: Path) -> None:
+    """A pilot takes over before, during and after the maneuver, and the script does not change the mode again."""
+    back, offboard = (4, 3), (6, 0)
+    for count, change, modes, most in (
+        (150, lambda link: setattr(link, "mode", 1 << 16), [offboard], 155),
+        (400, lambda link: setattr(link, "mode", 1 << 16), [offboard], 405),
+        (900, lambda link: setattr(link, "mode", 1 << 16), [offboard], 905),
+        (500, lambda link: setattr(link, "roll", 0.7), [offboard, back], 501),
+        (400, lambda link: setattr(link, "silent", True), [offboard, back], 430),  # half a second
+    ):
+        script, link, rows = px4(tmp_path)
+        after(link, count, change)
+        assert not script.fly(link, rows, 1.0)
+        assert (link.modes, len(link.sent) < most) == (modes, True), count
     script, link, rows = px4(tmp_path)
     link.refuses = True
     assert not script.fly(link, rows, 1.0)
@@ -449,11 +400,6 @@ def test_limits_keep_their_signs() -> None:
     assert "BANK, PITCH = {-0.1000, 0.5000}, {-0.2000, 0.3000}" in ARDUPILOT.write(one)["maneuver.lua"]
 
 
-def test_parameters_of_px4_are_lines_of_five() -> None:
-    lines = PX4.write(wings())["px4.params"].splitlines()[2:]
-    assert [len(line.split("\t")) for line in lines] == [5] * len(lines)
-
-
 # --- Crazyflie
 
 
@@ -469,6 +415,8 @@ def test_the_script_of_the_crazyflie_sends_the_expected_attitude(tmp_path: Path)
     )
     cf = SimpleNamespace(commander=commander, param=SimpleNamespace(set_value=lambda *v: values.append(v)))
     rows = script.read_rows(tmp_path / "crazyflie_setpoints.csv")
+    config = (tmp_path / "config.txt").read_text().splitlines()
+    assert max(map(len, config)) < 32, "the firmware reads no longer lines"
     assert script.fly(cf, rows, lambda: ((0.0, 0.0), clock.now), 1.0)
     assert stopped
     assert values == [("usd.logging", "1"), ("usd.logging", "0")]
@@ -487,26 +435,6 @@ def test_the_script_of_the_crazyflie_sends_the_expected_attitude(tmp_path: Path)
     assert not script.fly(cf, rows, lambda: ((0.0, 0.0), min(clock.now, began + 3.0)))
     assert clock.now < began + 3.5, "without telemetry it sends no more"
     assert stopped[-1] == clock.now
-
-
-def test_a_maneuver_that_climbs_is_refused() -> None:
-    text = DOUBLETS.replace('"yaw"', '"down"').replace("step = 0.4", "step = 1.5")
-    with pytest.raises(SimulationError, match=r"needs height_m .* sends 0.5 at most"):
-        CRAZYFLIE.write(injection("quad-x", text))
-
-
-@pytest.mark.parametrize(
-    ("target", "name", "text", "firmware"),
-    [
-        (ARDUPILOT, "twin-boom", WINGS, "ArduPilot Plane 4.3"), (ARDUPILOT, "quad-x", SWEEPS, "ArduPilot Copter 4.0"),
-        (PX4, "twin-boom", WINGS, "PX4 1.14"), (CRAZYFLIE, "quad-x", DOUBLETS, "irmware 2021.01"),
-    ],
-)  # fmt: skip
-def test_each_file_names_its_firmware(target: Any, name: str, text: str, firmware: str) -> None:
-    for file, written in target.write(injection(name, text)).items():
-        assert firmware in "".join(written.splitlines()[:3]), file
-        if file == "config.txt":
-            assert max(map(len, written.splitlines())) < 32, "the firmware reads no longer lines"
 
 
 # --- the pilot's card
@@ -535,46 +463,40 @@ def test_the_card_counts_the_steps() -> None:
     assert max(map(len, text.splitlines())) < 110
 
 
-def test_a_card_is_for_sticks() -> None:
-    one = replace(wings(), beat=0.5)
-    vehicle = SimpleNamespace(deflections=lambda: {"flap": np.ones(3)}, input=())
-    with pytest.raises(SimulationError, match="not flap; exclude it with --amplitude flap=0"):
-        PILOT.write(replace(one, maneuver=vehicle))  # type: ignore[arg-type]
-
-
-def test_a_target_needs_the_readings_that_it_sends() -> None:
-    one = wings()
-    bare = SimpleNamespace(outputs=("V", "p"), controls=one.vehicle.controls)
-    with pytest.raises(SimulationError, match=r"needs the output q; add \[sensors.q\]"):
-        PX4.check("px4", bare, one.trim, one.moved_controls, THROWS)  # type: ignore[arg-type]
-
-
-@pytest.mark.parametrize(
-    ("target", "name", "text", "throws", "message"),
-    [
+def test_refusals() -> None:
+    """Vehicles and throws that a target does not take, and maneuvers that it cannot write."""
+    two, near = {"elevator": 0.4, "aileron": 0.3}, {**THROWS, "aileron": 0.02}
+    for target, name, text, throws, said in (
         (PILOT, "quad-x", DOUBLETS, {}, "this flight is on rotors; its sticks command"),
         (PX4, "quad-x", DOUBLETS, {}, "this flight is on rotors; rates alone"),
         (CRAZYFLIE, "twin-boom", WINGS, {}, "this flight is on wings; choose --for pilot"),
-        (
-            PX4,
-            "twin-boom",
-            WINGS,
-            {"elevator": 0.4, "aileron": 0.3},
-            "how far rudder move .* add --throw rudder=DEG",
-        ),
+        (PX4, "twin-boom", WINGS, two, "how far rudder move .* add --throw rudder=DEG"),
         (ARDUPILOT, "twin-boom", WINGS, {"canard": 0.4}, "--throw canard: there is no such surface"),
         (ARDUPILOT, "twin-boom", WINGS, {"elevator": 0.0}, "above 0 and up to 90"),
-    ],
-)
-def test_what_a_target_does_not_fly_is_refused(
-    target: Any, name: str, text: str, throws: dict[str, float], message: str
-) -> None:
-    one = injection(name, text)
-    with pytest.raises(SimulationError, match=message):
-        target.check("it", one.vehicle, one.trim, one.moved_controls, throws)
+    ):
+        one = injection(name, text)
+        with pytest.raises(SimulationError, match=said):
+            target.check("it", one.vehicle, one.trim, one.moved_controls, throws)
+    wing = wings()
+    bare: Any = SimpleNamespace(outputs=("V", "p"), controls=wing.vehicle.controls)
+    with pytest.raises(SimulationError, match=r"needs the output q; add \[sensors.q\]"):
+        PX4.check("px4", bare, wing.trim, wing.moved_controls, THROWS)
+    sweeps = injection("quad-x", SWEEPS)
+    flaps: Any = SimpleNamespace(deflections=lambda: {"flap": np.ones(3)}, input=())
+    climb = DOUBLETS.replace('"yaw"', '"down"').replace("step = 0.4", "step = 1.5")
 
+    def roll(**change: float) -> Injection:
+        changed = sweeps.maneuver.input[0].model_copy(update=change)
+        return replace(sweeps, maneuver=sweeps.maneuver.model_copy(update={"input": (changed,)}))
 
-def test_more_than_the_throw_is_refused() -> None:
-    one = replace(wings(), throws={**THROWS, "aileron": 0.02})
-    with pytest.raises(SimulationError, match="moves aileron 150 % of its throw; lower --amplitude"):
-        PX4.write(one)
+    for target, one, said in (
+        (PX4, replace(wing, throws=near), "moves aileron 150 % of its throw; lower --amplitude"),
+        (PILOT, replace(wing, beat=0.5, maneuver=flaps), "not flap; exclude it with --amplitude flap=0"),
+        (CRAZYFLIE, injection("quad-x", climb), r"needs height_m .* sends 0.5 at most"),
+        (ARDUPILOT, injection("quad-x", DOUBLETS), "add --shape sweep"),
+        (ARDUPILOT, roll(duration=300.0), "SID_T_REC of roll would be 300, outside 0 to 255; shorten --duration"),
+        (ARDUPILOT, roll(fade=7.0), "SID_T_FADE_OUT of roll would be 7, outside 0 to 5; shorten --duration"),
+        (ARDUPILOT, roll(amplitude=500.0), "SID_MAGNITUDE of roll would be .*, outside 0 to 1; lower --amplitude"),
+    ):  # fmt: skip
+        with pytest.raises(SimulationError, match=said):
+            target.write(one)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from contextlib import suppress
 from xml.etree.ElementTree import Element
 
 import pytest
@@ -41,15 +42,12 @@ def check(text: str) -> None:
     assert evaluate(element) == pytest.approx(float(terms.convert(tree, VALUES)), rel=1e-12, abs=1e-15)
 
 
-@pytest.mark.parametrize(
-    "text",
-    [
+def test_terms() -> None:
+    for text in (
         "1", "alpha", "-elevator", "alpha^2*beta", "alpha/(1 + beta^2)", "abs(beta)*q - 0.3", "(alpha - 2*q)^3 / 7",
         "1/alpha^2", "2^3*q", "alpha^0", "1e-3*beta/abs(alpha)",
-    ],
-)  # fmt: skip
-def test_terms(text: str) -> None:
-    check(text)
+    ):  # fmt: skip
+        check(text)
 
 
 LEAF = st.one_of(st.sampled_from(NAMES), st.integers(1, 9).map(str), st.just("0.5"))
@@ -65,14 +63,11 @@ TERM = st.recursive(
 )
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=25, deadline=None)
 @given(TERM)
 def test_any_term(text: str) -> None:
-    try:
-        terms.parse(text, NAMES, "here")
-    except terms.TermError:  # too long, or powers of powers
-        return
-    check(text)
+    with suppress(terms.TermError):  # too long, or powers of powers
+        check(text)
 
 
 @given(st.floats(allow_nan=False, allow_infinity=False))

@@ -5,22 +5,20 @@ from __future__ import annotations
 import ast
 import io
 import json
-from collections.abc import Mapping
-from pathlib import Path
 from xml.etree import ElementTree as ET
 
 import numpy as np
 import pytest
+import yaml
 
 from stoop.errors import SimulationError, StoopError
-from stoop.exporters import exporter
 from stoop.exporters.bullet_and_isaac import GymPyBulletDrones, Isaac
 from stoop.exporters.crazyflow import Crazyflow
 from stoop.exporters.exporter import ModelData
 from stoop.exporters.mujoco_flight import MuJoCo
 from stoop.exporters.pyflyt import PyFlyt
 from stoop.exporters.targets import export
-from stoop.simulation import initial_states, parameter_rows, trim
+from stoop.simulation import trim
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import builtin_text, builtin_vehicle
 from stoop.vehicle.load import parse_vehicle
@@ -79,7 +77,6 @@ def test_gym_pybullet_drones_reads_the_description(square: Vehicle) -> None:
 
 
 def test_pyflyt_reads_the_folder(square: Vehicle) -> None:
-    yaml = pytest.importorskip("yaml")
     made = PyFlyt(ModelData(square)).files()
     content = yaml.safe_load(made.files["quadrotor_x_1_5_kg/quadrotor_x_1_5_kg.yaml"])
     motors = content["motor_params"]
@@ -90,25 +87,6 @@ def test_pyflyt_reads_the_folder(square: Vehicle) -> None:
     assert content["control_params"].keys() == gains
     root = ET.fromstring(made.files["quadrotor_x_1_5_kg/quadrotor_x_1_5_kg.urdf"])  # noqa: S314
     assert [link.attrib["name"] for link in root.iter("link")][-1] == "body", "its drag acts on link 4"
-
-
-def test_drone_models_has_the_static_thrust() -> None:
-    """Also of a vehicle with a part that is linear: T1 x + T2 x^2 at 1000 rad/s for x = 1."""
-    made = Crazyflow(ModelData(builtin_vehicle("quad-x")))
-    found, rpm = made.parameters(made.quad), 1000.0 * 30.0 / np.pi
-    density = trim_density(made.vehicle)
-    assert found["rpm2thrust"] == pytest.approx(
-        [0.0, 2.5 * density / rpm, 6.0 * density / rpm**2], rel=1e-6, abs=1e-9
-    )
-    assert found["mixing_matrix"][2] == [-1.0, -1.0, 1.0, 1.0]
-
-
-def trim_density(vehicle: Vehicle) -> float:
-    """Return the density at 200 m over that at sea level, by the force of gravity in hover."""
-    point = trim(vehicle)
-    x = float(point.inputs[0])
-    weight = vehicle.value("mass.mass") * vehicle.value("environment.gravity")
-    return weight / 4.0 / (2.5 * x + 6.0 * x * x)
 
 
 def test_isaac_lab_and_aerial_gym_have_the_fields_of_their_classes(square: Vehicle) -> None:
@@ -132,6 +110,7 @@ def test_isaac_lab_and_aerial_gym_have_the_fields_of_their_classes(square: Vehic
     matrix = np.array(content["allocation_matrix"])
     assert matrix[3:] @ np.ones(4) == pytest.approx(0.0, abs=1e-12), "equal thrusts turn it about no axis"
     assert matrix[3, 0] < 0.0, "the rotor at the front right rolls it to the left"
+    assert made.omitted.keys() >= {"rotors.drag", "body_drag.quadratic.x"}
     assert len([*ET.fromstring(files["quadrotor_x_1_5_kg.urdf"]).iter("link")]) == 5  # noqa: S314
 
 
@@ -150,66 +129,6 @@ def test_parameter_sets_keep_the_correlation(square: Vehicle) -> None:
     assert np.corrcoef(own["kf"] * own["thrust2weight"], data.draws["rotors.T2"])[0, 1] > 0.9
 
 
-def test_a_draw_flies_in_mujoco_as_its_numbers_do(square: Vehicle, tmp_path: Path) -> None:
-    pytest.importorskip("mujoco")
-    made = MuJoCo(ModelData(square)).files()
-    for place, content in made.files.items():
-        (tmp_path / place).write_bytes(content)
-    script = exporter.load_script(tmp_path / "quadrotor_x_1_5_kg_mujoco.py")
-    changes = {"rotors.T2": 9.0, "mass.mass": 1.7, "mass.inertia.yy": 0.035, "rotors.lag": 0.08}
-    flown = script.Vehicle(changes)
-    channels = np.array([0.7, 0.6, 0.65, 0.5])
-    flown.reset()
-    flown.command(channels)
-    flown.forward()
-    point = trim(square)
-    states = initial_states(square, point.start, parameter_rows(square), point.inputs)
-    rates, _ = square.kernel().evaluate(parameter_rows(square, changes), states, channels[:, None].copy())
-    ours = dict(zip(square.states, rates[:, 0], strict=True))
-    assert -flown.data.qacc[2] == pytest.approx(ours["w"], abs=1e-9)
-    assert flown.data.qacc[3:] == pytest.approx([ours["p"], -ours["q"], -ours["r"]], abs=1e-9)
-    assert flown.data.act_dot == pytest.approx([ours[f"m{i}.lag"] for i in range(1, 5)], abs=1e-9)
-
-
-def test_the_callback_that_was_set_and_forces_of_ones_own_are_kept(square: Vehicle, tmp_path: Path) -> None:
-    mujoco = pytest.importorskip("mujoco")
-    made = MuJoCo(ModelData(square)).files()
-    for place, content in made.files.items():
-        (tmp_path / place).write_bytes(content)
-    flown = exporter.load_script(tmp_path / "quadrotor_x_1_5_kg_mujoco.py").Vehicle()
-    flown.forward()
-    free, force = flown.data.qacc.copy(), 0.3
-    flown.data.qfrc_applied[flown.velocity] = [force, 0.0, 0.0]
-
-    def own(model: object, data: object) -> None:
-        """Stand for a callback of the user."""
-
-    mujoco.set_mjcb_control(own)
-    try:
-        flown.forward()
-        pushed = flown.data.qacc - free
-        flown.step(flown.channels)
-        assert mujoco.get_mjcb_control() is own
-    finally:
-        mujoco.set_mjcb_control(None)
-    assert pushed == pytest.approx([force / square.value("mass.mass"), 0.0, 0.0, 0.0, 0.0, 0.0], abs=1e-9)
-
-
-def test_each_draw_is_computed_once(square: Vehicle, monkeypatch: pytest.MonkeyPatch) -> None:
-    data, seen = drawn(square, 3), []
-    single = Isaac.numbers_of
-
-    def counted(self: Isaac, vehicle: Vehicle) -> Mapping[str, object]:
-        seen.append(vehicle.value("rotors.T2"))
-        return single(self, vehicle)
-
-    monkeypatch.setattr(Isaac, "numbers_of", counted)
-    target = Isaac(data)
-    made = target.with_draws(target.files())
-    assert seen == pytest.approx(data.draws["rotors.T2"])
-    assert "the constant of the thrust and the lag only" in made.notes[-1]
-
-
 def test_one_set_is_written_and_draws_that_change_nothing_are_refused(square: Vehicle) -> None:
     one = MuJoCo(ModelData(square, draws={"mass.mass": np.array([1.6])}))
     made = one.with_draws(one.files())
@@ -222,29 +141,34 @@ def test_one_set_is_written_and_draws_that_change_nothing_are_refused(square: Ve
         same.with_draws(same.files())
 
 
-def test_tilted_rotors_are_refused() -> None:
-    """The first leans by 5.7 degrees: its side force would be lost."""
-    text = builtin_text("quad-x")
-    assert text.count("[rotor.m1]") == 1
-    tilted = parse_vehicle(text.replace("[rotor.m1]", "[rotor.m1]\naxis = [0.0, 0.1, -1.0]"), "quad")
-    for target in (PyFlyt, Crazyflow, GymPyBulletDrones, Isaac):
-        with pytest.raises(SimulationError, match="vertical rotors only; export this vehicle to mujoco"):
-            target(ModelData(tilted)).files()
-
-
-def test_isaac_lab_has_no_drag_and_the_terms_are_named(square: Vehicle) -> None:
-    assert Isaac(ModelData(square)).omitted.keys() >= {"rotors.drag", "body_drag.quadratic.x"}
-
-
 def test_refusals(square: Vehicle) -> None:
+    tilted = parse_vehicle(
+        builtin_text("quad-x").replace("[rotor.m1]", "[rotor.m1]\naxis = [0.0, 0.1, -1.0]"), "quad"
+    )  # by 5.7 degrees: its side force would be lost
+    upright = "vertical rotors only; export this vehicle to mujoco"
+    six = "PyFlyt flies quadrotors on their rotors; this vehicle has 6 rotors"
+    for target, vehicle, said in (
+        *((one, tilted, upright) for one in (PyFlyt, Crazyflow, GymPyBulletDrones, Isaac)),
+        (PyFlyt, builtin_vehicle("hexa-x"), six),
+        (Isaac, builtin_vehicle("quad-plus"), "one rotor in each quadrant"),
+    ):
+        with pytest.raises(SimulationError, match=said):
+            target(ModelData(vehicle)).files()
     with pytest.raises(StoopError, match="this target takes one parameter set; give mujoco"):
         export(drawn(square), "state-space")
-    with pytest.raises(
-        SimulationError, match="PyFlyt flies quadrotors on their rotors; this vehicle has 6 rotors"
-    ):
-        PyFlyt(ModelData(builtin_vehicle("hexa-x"))).files()
-    with pytest.raises(SimulationError, match="one rotor in each quadrant"):
-        Isaac(ModelData(builtin_vehicle("quad-plus"))).files()
     heavy = ModelData(square, draws={"mass.mass": np.full(3, 1e3)})
     with pytest.raises(SimulationError, match="none of 3 draws has a steady flight"):
         assert GymPyBulletDrones(heavy).drawn
+
+
+def test_drone_models_has_the_static_thrust() -> None:
+    """Also of a vehicle with a part that is linear: T1 x + T2 x^2 at 1000 rad/s for x = 1, by the weight in hover at 200 m."""
+    vehicle = builtin_vehicle("quad-x")
+    made = Crazyflow(ModelData(vehicle))
+    found, rpm, x = made.parameters(made.quad), 1000.0 * 30.0 / np.pi, float(trim(vehicle).inputs[0])
+    density = (
+        vehicle.value("mass.mass") * vehicle.value("environment.gravity") / 4.0 / (2.5 * x + 6.0 * x * x)
+    )
+    thrust = [0.0, 2.5 * density / rpm, 6.0 * density / rpm**2]
+    assert found["rpm2thrust"] == pytest.approx(thrust, rel=1e-6, abs=1e-9)
+    assert found["mixing_matrix"][2] == [-1.0, -1.0, 1.0, 1.0]

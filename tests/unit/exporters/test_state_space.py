@@ -9,13 +9,7 @@ import numpy as np
 import pytest
 from scipy.io import loadmat
 
-from stoop.exporters.matlab import (
-    StateSpace,
-    json_text,
-    mat_bytes,
-    state_space,
-    variables,
-)
+from stoop.exporters.matlab import StateSpace, json_text, mat_bytes, state_space, variables
 from stoop.simulation import Trim
 from stoop.simulation.derivatives import ParameterCovariance
 from stoop.vehicle import Vehicle
@@ -59,6 +53,7 @@ def test_delays_are_those_that_matlab_takes(steady: Trim) -> None:
     text = builtin_vehicle("twin-boom").text
     late = "\n[controls.elevator]\ndelay = 0.1\n[controls.aileron]\n[controls.rudder]\n[sensors.q]\ndelay = 0.04\n"
     found = state_space(parse_vehicle(text + late, "late.toml"), steady)
+    assert json.loads(json_text(found))["standard_errors"] == {}, "without a covariance there are none"
     read = loadmat(io.BytesIO(mat_bytes(variables(found))))
     assert read["InputDelay"].shape == (len(found.model.inputs), 1)
     assert dict(zip(found.model.inputs, read["InputDelay"][:, 0], strict=True))["elevator"] == 0.1
@@ -79,10 +74,6 @@ def test_standard_errors_of_pitch_stiffness(found: StateSpace) -> None:
     errors[states.index("q"), states.index("alpha")] = 0.0
     errors[:, states.index("V")] = 0.0  # the pitching moment changes with speed too
     assert errors.max() < 1e-9
-
-
-def test_without_a_covariance_there_are_none(twin_boom: Vehicle, steady: Trim) -> None:
-    assert json.loads(json_text(state_space(twin_boom, steady)))["standard_errors"] == {}
 
 
 def test_what_the_data_cannot_tell_is_no_small_error(twin_boom: Vehicle, steady: Trim) -> None:

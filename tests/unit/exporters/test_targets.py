@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
+import subprocess
 import sys
 from pathlib import Path
 from types import ModuleType
 
 import pytest
-from docs.pages import DOCS, table
 
 import stoop
 from stoop.cli.main import main
 from stoop.errors import StoopError
 from stoop.exporters.exporter import Exported, Exporter
 from stoop.exporters.targets import TARGETS, Target
-
-PAGE = DOCS / "export.md"
 
 
 class MassCard(Exporter):
@@ -32,12 +30,6 @@ class MassCard(Exporter):
         return made.with_notes(["cards fly badly"])
 
 
-def documented() -> dict[str, str]:
-    """Return the title of each target in the table of the page."""
-    rows = table(PAGE, "A model that flies", "--to", "tool").rows
-    return {target: tool for target, tool, *_ in rows}
-
-
 @pytest.fixture
 def card(monkeypatch: pytest.MonkeyPatch) -> str:
     """Add a target: a module with a class, and a row."""
@@ -46,10 +38,6 @@ def card(monkeypatch: pytest.MonkeyPatch) -> str:
     monkeypatch.setitem(sys.modules, module.__name__, module)
     monkeypatch.setitem(TARGETS, "mass-card", Target("a card", "mass_card", "MassCard"))
     return "mass-card"
-
-
-def test_the_page_has_the_table() -> None:
-    assert documented() == {name: target.title for name, target in TARGETS.items()}
 
 
 def test_every_row_names_an_exporter() -> None:
@@ -61,6 +49,7 @@ def test_every_row_names_an_exporter() -> None:
 def test_a_row_is_seen_by_the_command_line(
     card: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    assert stoop.export("twin-boom", card).files == {"card.txt": b"189.4 kg\n"}
     assert main(["export", "--help"]) == 0
     assert "mass-card (a card)" in " ".join(capsys.readouterr().out.split())
     assert main(["export", "twin-boom", "--to", card, "-o", str(tmp_path)]) == 0
@@ -69,24 +58,8 @@ def test_a_row_is_seen_by_the_command_line(
     assert said.index("a card") < said.index("no aerodynamics") < said.index("cards fly badly")
 
 
-def test_a_row_is_seen_by_python_and_app(card: str) -> None:
-    pytest.importorskip("panel")
-    from stoop.app.use_view import UseView
-
-    assert stoop.export("twin-boom", card).files == {"card.txt": b"189.4 kg\n"}
-    options = UseView(None, None)._target.options
-    assert options == {target.title: name for name, target in TARGETS.items()}
-    assert options["a card"] == card
-
-
-def test_a_row_without_documentation_is_found(card: str) -> None:
-    assert set(TARGETS) - set(documented()) == {card}
-
-
 def test_modules_are_imported_when_chosen() -> None:
     """The table costs the command line no import of an exporter."""
-    import subprocess
-
     choices = "[o.choices for v in verbs().values() for o in v.options]"
     names = "[m for m in sys.modules if m.startswith('stoop.exporters.')]"
     code = f"import sys, stoop.cli.files; from stoop.base.verbs import verbs; {choices}; print({names})"

@@ -15,17 +15,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from stoop.errors import StoopError
-from stoop.fleet.logs import (
-    ABSENT,
-    DATES,
-    LogFigures,
-    Reading,
-    _require_own,
-    gathered,
-    is_table,
-    plan,
-    read,
-)
+from stoop.fleet.logs import ABSENT, DATES, LogFigures, Reading, _require_own, gathered, is_table, plan, read
 from stoop.fleet.table import LOGS, read_figures
 from stoop.flight import Flight, from_columns
 from stoop.vehicle.builtin import resolve_vehicle

@@ -73,11 +73,7 @@ def test_logs_of_no_use_are_told_one_by_one(
     logs: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "parts.csv").write_text("vehicle,part,serial,from,to\na,batery,B1,,\nc,battery,B2,,\n")
-    sources = [
-        *sorted(logs.glob("*.ulg")),
-        logs / "f0.csv",
-        copied(logs / "f1.csv", tmp_path / "g.csv"),
-    ]
+    sources = [*sorted(logs.glob("*.ulg")), logs / "f0.csv", copied(logs / "f1.csv", tmp_path / "g.csv")]
     words = ["fleet", *map(str, sources), "--flights", str(logs / "flights.csv"), "--workers", "1"]
     assert main([*words, "--parts", str(tmp_path / "parts.csv"), "-o", str(tmp_path / "store")]) == 0
     told = capsys.readouterr().out.splitlines()

@@ -1,0 +1,216 @@
+"""Other simulators fly the exports as the kernel does, and a lost axis shows in the statistics (full tier)."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from stoop.errors import SimulationError
+from stoop.exporters import exporter, jsbsim_aircraft, rotorpy_flight, rotorpy_model
+from stoop.exporters.agreement import AXES, Compared, agreement_table, loads_along, omission, omitted_shares
+from stoop.exporters.exporter import ModelData, written
+from stoop.exporters.gazebo import fly_gazebo, gazebo_loads
+from stoop.exporters.gazebo_model import gazebo_model
+from stoop.exporters.jsbsim_comparison import compare
+from stoop.exporters.jsbsim_flight import file_name, relative_differences
+from stoop.exporters.mujoco_flight import MuJoCo
+from stoop.exporters.reference_flight import ReferenceFlight, reference_flight, reference_record
+from stoop.exporters.targets import export
+from stoop.simulation import initial_states, parameter_rows, trim
+from stoop.vehicle import Vehicle
+from stoop.vehicle.builtin import builtin_text, builtin_vehicle
+from stoop.vehicle.load import load_vehicle, parse_vehicle
+
+ROOT = Path(__file__).parents[3]
+SECONDS = 3  #: of the flight that the tests repeat; the page shows 30
+
+
+def changed(text: str, changes: dict[str, str]) -> Vehicle:
+    for old, new in changes.items():
+        assert old in text
+        text = text.replace(old, new)
+    return parse_vehicle(text, "quad")
+
+
+def flight_of(vehicle: Vehicle) -> ReferenceFlight:
+    flight = reference_flight(vehicle, trim(vehicle))
+    assert flight is not None
+    return flight
+
+
+# --- an axis that another tool loses shows
+
+
+def test_a_lost_side_force_is_visible_in_gazebo() -> None:
+    """The hexacopter without the drag of its rotors: velocities hardly tell, the table and its sentence do."""
+    vehicle = load_vehicle(ROOT / "examples/hexacopter.toml")
+    flight, model = flight_of(vehicle), gazebo_model(vehicle, trim(vehicle))
+    ours = loads_along(flight)
+    whole = Compared("Gazebo", flight.title, tuple(AXES), ours, gazebo_loads(model, flight))
+    assert whole.statistics["correlation"][1] > 0.999
+    bare = replace(model, motors=tuple(replace(m, drag=0.0) for m in model.motors), damping=None)
+    theirs = np.hstack([gazebo_loads(bare, flight), fly_gazebo(bare, flight)])
+    names = (*AXES, *rotorpy_flight.CHANNELS)
+    lost = Compared("Gazebo", flight.title, names, np.hstack([ours, rotorpy_flight.motion(flight)]), theirs)
+    found = lost.statistics
+    side = [found[n][1] for n in ("slope", "correlation", "share")]
+    assert side == pytest.approx([0.0, 0.0, 1.0], abs=0.01)
+    assert found["correlation"][names.index("ve")] > 0.95
+    assert "lowest correlation 0 (Fx)" in str(lost)
+    assert agreement_table(lost).rows[1][3:] == ("100 %", "0.00", "0.00")
+
+
+def test_a_lost_side_force_is_visible_in_jsbsim() -> None:
+    vehicle = builtin_vehicle("twin-boom")
+    record = reference_record(vehicle, trim(vehicle))
+    assert record is not None
+    texts = jsbsim_aircraft.folder(vehicle, None)
+    with written(texts) as root:
+        same = compare(root, record).compared
+    assert same.names == (*AXES, *vehicle.outputs)
+    assert same.statistics["share"][:6].max() < 1e-4
+    place = f"aircraft/{file_name(vehicle.name)}/{file_name(vehicle.name)}.xml"
+    lost = re.sub(r'<axis name="SIDE">.*?</axis>', "", texts[place], flags=re.DOTALL)
+    assert lost != texts[place]
+    with written({**texts, place: lost}) as root:
+        bare = compare(root, record).compared
+    assert bare.statistics["slope"][1] < 0.3, "the drag has a part along the axis"
+    assert bare.statistics["share"][1] > 0.5
+
+
+def test_a_longitudinal_fit_is_exported_whole_to_gazebo() -> None:
+    found = export(ModelData(builtin_vehicle("twin-boom").reduced("longitudinal")), "gazebo")
+    assert any("longitudinal" in note and "six degrees of freedom" in note for note in found.notes)
+    assert any("CQV" in note and "% of Fy" in note for note in found.notes)
+    assert b"<Clp>" not in found.files[found.main]
+    assert b"<Cellp>-0.4" in found.files[found.main]
+
+
+# --- RotorPy
+
+
+def rotorpy_script(vehicle: Vehicle, folder: Path, **lost: float) -> Any:
+    """Write an export, some of its parameters changed, and import it."""
+    pytest.importorskip("rotorpy")
+    made = rotorpy_model.rotorpy_model(vehicle, trim(vehicle))
+    for name, text in made.texts.items():
+        for key, x in lost.items():
+            text = text.replace(f'"{key}": {made.parameters["quad_params"][key]}', f'"{key}": {x}')
+        (folder / name).write_text(text)
+    return exporter.load_script(folder / f"{made.name}_rotorpy.py")
+
+
+def rotorpy_differences(vehicle: Vehicle, folder: Path, stock: bool) -> dict[str, float]:
+    """Return the relative differences of the first seconds of the reference flight, states held in between."""
+    whole, n = flight_of(vehicle), SECONDS * 100 + 1
+    parts = {k: getattr(whole, k)[:n] for k in ("time", "inputs", "states", "readings")}
+    flight = replace(whole, **parts, restarts=whole.restarts[:SECONDS])
+    ours = rotorpy_flight.motion(rotorpy_flight.held_flight(flight))
+    theirs = rotorpy_flight.fly_rotorpy(rotorpy_script(vehicle, folder), flight, stock=stock)
+    return relative_differences(rotorpy_flight.CHANNELS, ours, theirs)
+
+
+def test_rotorpy_flies_the_identified_equations(tmp_path: Path) -> None:
+    found = rotorpy_differences(builtin_vehicle("quad-x"), tmp_path, stock=False)
+    moving = [n for n in found if n not in ("r", "psi", "vd", "fy", "p", "phi", "ve")]  # others rest yet
+    assert max(found[n] for n in moving) < 1e-3
+
+
+def test_a_lost_side_force_is_visible_in_rotorpy(tmp_path: Path) -> None:
+    vehicle = builtin_vehicle("quad-x")
+    flight, script = flight_of(vehicle), rotorpy_script(vehicle, tmp_path, k_d=0.0)
+    own, bare = (
+        Compared("", "", tuple(AXES), loads_along(flight), rotorpy_flight.rotorpy_loads(script, flight, stock=stock))
+        for stock in (False, True)
+    )  # fmt: skip
+    assert own.statistics["share"].max() < 1e-5, "equations printed from the same expressions"
+    assert bare.statistics["share"][:2].min() > 0.5, "side force without the drag of rotors"
+    assert bare.statistics["share"][2:].max() < 0.2
+
+
+def test_rotorpys_own_model_holds_a_vehicle_of_its_own_terms(tmp_path: Path) -> None:
+    """Speeds of rotation, thrust and torque by their squares, drag and inflow: only the torque of inflow is lost."""
+    vehicle = changed(builtin_text("quad-x"), {
+        'drive = "command"': 'drive = "speed"\ngain = 1000.0', "T1 = 2.5": "", "T2 = 6.0": "T2 = 8.5e-6",
+        "inflow = 0.25": "inflow = 2.5e-4", "drag = 0.08": "drag = 8e-5", "torque_ratio = 0.016": "Q2 = 1.4e-7",
+        "[body_drag]": "[environment]\ndensity = 1.225", "quadratic = [0.02, 0.02, 0.03]": "",
+    })  # fmt: skip
+    made = rotorpy_model.rotorpy_model(vehicle, trim(vehicle)).parameters["quad_params"]
+    numbers = {"k_eta": 8.5e-6, "k_m": 1.4e-7, "k_d": 8e-5, "k_z": 2.5e-4}
+    assert {n: made[n] for n in numbers} == pytest.approx(numbers, rel=1e-6)
+    assert made["rotor_directions"] == [-1, -1, 1, 1]
+    assert made["rotor_pos"]["m1"] == [0.177, -0.177, 0.03]
+    found = rotorpy_differences(vehicle, tmp_path, stock=True)
+    assert max(found[n] for n in ("vn", "q", "theta", "fz")) < 1e-3
+    assert rotorpy_model.limits(vehicle) == {}
+    with pytest.raises(SimulationError, match="flies vehicles of 4 rotors"):
+        rotorpy_model.rotorpy_model(builtin_vehicle("hexa-x"), trim(builtin_vehicle("hexa-x")))
+
+
+def test_omitted_damping_is_measured_in_shares_of_each_axis() -> None:
+    vehicle = changed(builtin_text("quad-x"), {"[body_drag]": "[body_drag]\nrotation = [0.01, 0.0, 0.0]"})
+    lost = rotorpy_model.limits(vehicle)
+    assert list(lost) == ["body_drag.rotation.x"]
+    flight = flight_of(vehicle)
+    shares = omitted_shares(flight, lost)["body_drag.rotation.x"]
+    p, q, r = (flight.states[:, vehicle.states.index(n)] for n in "pqr")
+    # rolling moment by hand: -0.01 p of Ixx pdot + (Izz - Iyy) q r
+    rows = np.repeat(vehicle.values[:, None], len(p), axis=1)
+    rates = vehicle.kernel().evaluate(rows, flight.states.T.copy(), flight.inputs.T.copy())[0]
+    xx, yy, zz = (vehicle.value(f"mass.inertia.{a}") for a in ("xx", "yy", "zz"))
+    rolling = xx * rates[vehicle.states.index("p")] + (zz - yy) * q * r
+    assert shares[3] == pytest.approx(np.sqrt(np.mean((0.01 * p) ** 2)) / rolling.std(), rel=1e-9)
+    assert np.nan_to_num(np.delete(shares, 3)) == pytest.approx(0.0, abs=1e-12)
+    assert ", 0 % of My, 0 % of Mz (rms" in omission("A tool", "this", shares), "rounding prints as 0"
+
+
+# --- MuJoCo
+
+
+def mujoco_script(vehicle: Vehicle, folder: Path) -> Any:
+    made = MuJoCo(ModelData(vehicle)).files()
+    for place, content in made.files.items():
+        (folder / place).write_bytes(content)
+    return exporter.load_script(folder / "quadrotor_x_1_5_kg_mujoco.py")
+
+
+def test_a_draw_flies_in_mujoco_with_its_numbers_beside_callbacks_of_the_user(tmp_path: Path) -> None:
+    mujoco = pytest.importorskip("mujoco")
+    density = {"[body_drag]": "[environment]\ndensity = 1.225\n[body_drag]"}
+    quad = changed(builtin_text("quad-x"), {"T1 = 2.5\nT2 = 6.0": "T2 = 8.5"} | density)
+    changes = {"rotors.T2": 9.0, "mass.mass": 1.7, "mass.inertia.yy": 0.035, "rotors.lag": 0.08}
+    script = mujoco_script(quad, tmp_path)
+    flown = script.Vehicle(changes)
+    channels = np.array([0.7, 0.6, 0.65, 0.5])
+    flown.reset()
+    flown.command(channels)
+    flown.forward()
+    point = trim(quad)
+    states = initial_states(quad, point.start, parameter_rows(quad), point.inputs)
+    rates, _ = quad.kernel().evaluate(parameter_rows(quad, changes), states, channels[:, None].copy())
+    ours = dict(zip(quad.states, rates[:, 0], strict=True))
+    assert -flown.data.qacc[2] == pytest.approx(ours["w"], abs=1e-9)
+    assert flown.data.qacc[3:] == pytest.approx([ours["p"], -ours["q"], -ours["r"]], abs=1e-9)
+    assert flown.data.act_dot == pytest.approx([ours[f"m{i}.lag"] for i in range(1, 5)], abs=1e-9)
+
+    def own(model: object, data: object) -> None:
+        """Stand for a callback of the user."""
+
+    flown = script.Vehicle()
+    flown.forward()
+    free, force = flown.data.qacc.copy(), 0.3
+    flown.data.qfrc_applied[flown.velocity] = [force, 0.0, 0.0]
+    mujoco.set_mjcb_control(own)
+    try:
+        flown.forward()
+        pushed = flown.data.qacc - free
+        flown.step(flown.channels)
+        assert mujoco.get_mjcb_control() is own
+    finally:
+        mujoco.set_mjcb_control(None)
+    assert pushed == pytest.approx([force / quad.value("mass.mass"), 0.0, 0.0, 0.0, 0.0, 0.0], abs=1e-9)
