@@ -1,16 +1,15 @@
-"""Driver, workers and scheduler are killed at random moments; the table does not notice, and nothing is done twice."""
+"""Driver and workers are killed at random moments; the table does not notice, and nothing is done twice."""
 
 from __future__ import annotations
 
 import os
 import random
 import shutil
-import socket
 import sqlite3
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -44,13 +43,9 @@ class Scene:
     def start(self, *words: str, name: str = "driver") -> psutil.Popen:
         with (self.folder / f"{name}.err").open("w") as errors:
             process = psutil.Popen(
-                [sys.executable, *words],
-                env=self.environment,
-                cwd=self.folder,
-                stdout=errors,
-                stderr=errors,
+                [sys.executable, *words], env=self.environment, cwd=self.folder, stdout=errors, stderr=errors,
                 stdin=subprocess.DEVNULL,
-            )
+            )  # fmt: skip
         self.started.append(process)
         return process
 
@@ -75,9 +70,6 @@ class Scene:
         assert len(keys) == len(done) * len(STOPS), "a task is committed whole or not at all"
         return done
 
-    def note_end(self) -> None:
-        self.ends.append((len(self.executed()), self.committed()))
-
     def finish(self) -> bytes:
         """Let the driver come to its end; return the table."""
         driver = self.drive()
@@ -93,50 +85,6 @@ class Scene:
             assert not committed & set(executed[length:])
         assert len(set(executed)) == TASKS
         assert len(executed) - TASKS <= AGAIN * kills
-
-
-def wait_until(true: Callable[[], bool]) -> None:
-    while not true():
-        time.sleep(0.002)
-
-
-def await_moment(scene: Scene, chance: random.Random, startup: float) -> bool:
-    """Wait for a random moment: in the driver's first second, or a few executions from now; False if it was done."""
-    driver = scene.drive()
-    if startup:
-        time.sleep(chance.uniform(0.0, startup))
-    else:
-        goal = len(scene.executed()) + chance.randint(1, 8)
-        wait_until(lambda: len(scene.executed()) >= goal or driver.poll() is not None)
-        time.sleep(chance.uniform(0.0, 0.03))
-    assert not driver.poll(), scene.errors()
-    return driver.poll() is None
-
-
-def kill_driver(scene: Scene, workers_end_too: bool) -> None:
-    driver = scene.drive()
-    family = driver.children(recursive=True) if workers_end_too else []
-    driver.kill()
-    driver.wait()
-    _, alive = psutil.wait_procs(family)
-    assert not alive, "workers outlive their driver"
-    scene.note_end()
-
-
-def kill_child(scene: Scene, chance: random.Random) -> None:
-    """Kill a worker process, be it at work or just starting."""
-
-    def workers() -> list[psutil.Process]:
-        found = []
-        for child in scene.drive().children():
-            with suppress(psutil.Error):
-                if any("spawn_main" in word for word in child.cmdline()):
-                    found.append(child)
-        return found
-
-    wait_until(lambda: bool(workers()))
-    with suppress(psutil.NoSuchProcess):
-        chance.choice(sorted(workers(), key=lambda p: p.pid)).kill()
 
 
 @pytest.fixture(scope="module")
@@ -173,99 +121,59 @@ def ended(scene: Scene) -> Iterator[None]:
                 process.wait()
 
 
-def test_processes(tmp_path: Path, code: Path, undisturbed: bytes) -> None:
+def await_moment(scene: Scene, chance: random.Random, startup: float) -> bool:
+    """Wait for a random moment: in the driver's first second, or a few executions from now; False if it was done."""
+    driver = scene.drive()
+    if startup:
+        time.sleep(chance.uniform(0.0, startup))
+    else:
+        goal = len(scene.executed()) + chance.randint(1, 8)
+        while len(scene.executed()) < goal and driver.poll() is None:
+            time.sleep(0.002)
+        time.sleep(chance.uniform(0.0, 0.03))
+    assert not driver.poll(), scene.errors()
+    return driver.poll() is None
+
+
+def kill_driver(scene: Scene) -> None:
+    driver = scene.drive()
+    family = driver.children(recursive=True)
+    driver.kill()
+    driver.wait()
+    _, alive = psutil.wait_procs(family)
+    assert not alive, "workers outlive their driver"
+    scene.ends.append((len(scene.executed()), scene.committed()))
+
+
+def kill_worker(scene: Scene, chance: random.Random) -> None:
+    """Kill a worker process, be it at work or just starting."""
+    workers: list[psutil.Process] = []
+    while not workers:
+        for child in scene.drive().children():
+            with suppress(psutil.Error):
+                if any("spawn_main" in word for word in child.cmdline()):
+                    workers.append(child)
+    with suppress(psutil.NoSuchProcess):
+        chance.choice(sorted(workers, key=lambda p: p.pid)).kill()
+
+
+def test_a_killed_campaign_ends_with_the_undisturbed_table(
+    tmp_path: Path, code: Path, undisturbed: bytes
+) -> None:
     chance = random.Random(1)  # noqa: S311
     kinds = ["startup"] * 2 + ["driver"] * 3 + ["worker"] * (KILLS - 5)
     chance.shuffle(kinds)
     before = psutil.Process().children(recursive=True)  # of other tests: multiprocessing keeps a helper
     while kinds:  # a quick machine may be done before the last kill: then there is another campaign
-        scene = Scene(tmp_path / str(len(kinds)), code, ["--workers", "2"])
+        left = len(kinds)
+        scene = Scene(tmp_path / str(left), code, ["--workers", "2"])
         scene.folder.mkdir()
         with ended(scene):
-            kills = disturb(scene, kinds, chance)
+            while kinds and await_moment(scene, chance, 1.0 if kinds[-1] == "startup" else 0.0):
+                if kinds.pop() == "worker":
+                    kill_worker(scene, chance)
+                else:
+                    kill_driver(scene)
             assert scene.finish() == undisturbed
-            scene.check_nothing_done_twice(kills)
+            scene.check_nothing_done_twice(left - len(kinds))
             assert not set(psutil.Process().children(recursive=True)) - set(before)
-
-
-def disturb(scene: Scene, kinds: list[str], chance: random.Random) -> int:
-    """Kill as the list says, from its end, until it is empty or the campaign done; return how often."""
-    left = len(kinds)
-    while kinds and await_moment(scene, chance, 1.0 if kinds[-1] == "startup" else 0.0):
-        if kinds.pop() == "worker":
-            kill_child(scene, chance)
-        else:
-            kill_driver(scene, workers_end_too=True)
-    return left - len(kinds)
-
-
-@dataclass
-class Cluster:
-    """A Dask scheduler and two workers, each a process that is started again when it has ended."""
-
-    scene: Scene
-    port: int
-    scheduler: psutil.Popen | None = None
-    workers: list[psutil.Popen] = field(default_factory=list)
-
-    @property
-    def address(self) -> str:
-        return f"tcp://127.0.0.1:{self.port}"
-
-    def revive(self) -> None:
-        if self.scheduler is None or self.scheduler.poll() is not None:
-            words = ("--host", "127.0.0.1", "--port", str(self.port), "--no-dashboard")
-            self.scheduler = self._dask("scheduler", *words)
-        self.workers = [w for w in self.workers if w.poll() is None]
-        while len(self.workers) < 2:
-            words = ("--no-nanny", "--nthreads", "1", "--no-dashboard", "--local-directory", "scratch")
-            self.workers.append(self._dask("worker", self.address, *words))
-
-    def lose_scheduler(self) -> None:
-        """Kill the scheduler; the driver says so in one line, the workers end."""
-        assert self.scheduler is not None
-        self.scheduler.kill()
-        self.scheduler.wait()
-        assert self.scene.drive().wait() == 2
-        assert self.scene.errors().splitlines()[-1] == (
-            f"stoop: error: scheduler {self.address}: lost; what is done is safe: "
-            "start the same command again when it is back"
-        )
-        assert "Traceback" not in self.scene.errors()
-        _, starting = psutil.wait_procs(self.workers, 3.0)
-        for worker in starting:  # these never knew it, and would wait for it
-            worker.kill()
-            worker.wait()
-        self.scene.note_end()
-
-    def _dask(self, part: str, *words: str) -> psutil.Popen:
-        return self.scene.start("-m", "dask", part, *words, name=part)
-
-
-def free_port() -> int:
-    with closing(socket.socket()) as s:
-        s.bind(("127.0.0.1", 0))
-        port: int = s.getsockname()[1]
-    return port
-
-
-def test_dask(tmp_path: Path, code: Path, undisturbed: bytes) -> None:
-    chance = random.Random(2)  # noqa: S311
-    kinds = ["driver"] * 4 + ["scheduler"] * 3 + ["worker"] * (KILLS - 7)
-    chance.shuffle(kinds)
-    cluster = Cluster(Scene(tmp_path, code, []), free_port())
-    scene = cluster.scene
-    scene.options = ["--scheduler", cluster.address]
-    with ended(scene):
-        for kind in kinds:
-            cluster.revive()
-            assert await_moment(scene, chance, 0.0), "done before the last kill: more tasks are needed"
-            if kind == "worker":
-                chance.choice(cluster.workers).kill()
-            elif kind == "driver":
-                kill_driver(scene, workers_end_too=False)
-            else:
-                cluster.lose_scheduler()
-        cluster.revive()
-        assert scene.finish() == undisturbed
-        scene.check_nothing_done_twice(KILLS)

@@ -5,12 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from stoop.errors import VehicleError
 from stoop.estimate.fit import Options
 from stoop.simulation import trim
 from stoop.simulation.fly import simulate_flight
 from stoop.simulation.maneuver import parse_maneuver
-from stoop.vehicle import Vehicle, parse_vehicle
+from stoop.vehicle import parse_vehicle
 from stoop.vehicle.builtin import builtin_text
 from stoop.workflow import identify
 
@@ -77,21 +76,3 @@ def test_near_the_ground_less_command_holds_the_vehicle_and_far_above_as_much_as
     thrust = 2.5 * x + 6.0 * x * x
     sea_level = 4 * thrust * (1.0 + ROTOR * quarter2 / (0.2**2 + quarter2))
     assert sea_level == pytest.approx(1.5 * 9.80665, rel=1e-3)
-
-
-@pytest.mark.parametrize(
-    ("text", "advice"),
-    [
-        (builtin_text("quad-x") + "\n[ground_effect]\nrotor = 1.0\n", "ground_effect.radius"),
-        (builtin_text("quad-x") + "\n[ground_effect]\nlift = 0.1\n", "span of a wing"),
-        (builtin_text("twin-boom") + "\n[ground_effect]\n", "there is no effect"),
-    ],
-)
-def test_a_table_that_cannot_work_says_what_to_write(text: str, advice: str) -> None:
-    with pytest.raises(VehicleError, match=advice):
-        parse_vehicle(text, "file")
-
-
-def test_a_file_without_the_table_has_the_equations_it_had() -> None:
-    plain: Vehicle = parse_vehicle(builtin_text("twin-boom"), "plain")
-    assert "ground_effect" not in plain.structure

@@ -11,6 +11,7 @@ from stoop.simulation.maneuver import parse_maneuver
 from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.workflow import identify
 
+ROTORS = ((1, 0.15, 0.15, "ccw"), (2, -0.15, -0.15, "ccw"), (3, 0.15, -0.15, "cw"), (4, -0.15, 0.15, "cw"))
 QUAD = """
 name = "quad"
 [mass]
@@ -27,24 +28,16 @@ torque_ratio = 0.019
 inertia = 6e-5
 """ + "".join(
     f'[rotor.m{i}]\nchannel = "motor_{i}"\nposition = [{x}, {y}, 0.0]\nspin = "{spin}"\n'
-    for i, x, y, spin in (
-        (1, 0.15, 0.15, "ccw"),
-        (2, -0.15, -0.15, "ccw"),
-        (3, 0.15, -0.15, "cw"),
-        (4, -0.15, 0.15, "cw"),
-    )
+    for i, x, y, spin in ROTORS
 )
+INPUTS = (
+    ("roll", "doublet", 1.0, 0.15, 8.0), ("pitch", "doublet", 2.0, 0.15, 8.0), ("yaw", "doublet", 3.0, 0.4, 1.5),
+    ("heave", "3-2-1-1", 4.0, 0.25, 2.0), ("yaw", "doublet", 7.0, 0.2, 2.0), ("north", "doublet", 8.0, 2.0, 2.5),
+    ("east", "doublet", 11.0, 2.0, 2.5),
+)  # fmt: skip
 MANEUVER = "duration = 16.0\nrate = 100.0\n" + "".join(
     f'[[input]]\ncontrol = "{control}"\nshape = "{shape}"\nstart = {start}\nstep = {step}\namplitude = {amplitude}\n'
-    for control, shape, start, step, amplitude in (
-        ("roll", "doublet", 1.0, 0.15, 8.0),
-        ("pitch", "doublet", 2.0, 0.15, 8.0),
-        ("yaw", "doublet", 3.0, 0.4, 1.5),
-        ("heave", "3-2-1-1", 4.0, 0.25, 2.0),
-        ("yaw", "doublet", 7.0, 0.2, 2.0),
-        ("north", "doublet", 8.0, 2.0, 2.5),
-        ("east", "doublet", 11.0, 2.0, 2.5),
-    )
+    for control, shape, start, step, amplitude in INPUTS
 )
 WRONG = {
     "rotors.inertia": {"value": 2e-5, "free": True, "bounds": (1e-6, 3e-4)},

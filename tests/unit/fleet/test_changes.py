@@ -43,14 +43,17 @@ def naive(one: Readings, t: int) -> float:
     return best
 
 
-@settings(deadline=None, max_examples=30)
+@settings(deadline=None, max_examples=20)
 @given(
     st.integers(0, 10**6),
     st.integers(2, 12),
     st.sampled_from([(np.inf,), (0.7,), (np.inf, 0.5, 0.8), (0.3, 0.5)]),
 )
 def test_ratios_are_those_of_regressions(seed: int, n: int, spread: tuple[float, ...]) -> None:
-    one = readings(np.random.default_rng(seed), n, spread)
+    rng = np.random.default_rng(seed)
+    one = readings(rng, n, spread)
+    if seed % 2:  # what favors a beginning is added
+        one = replace(one, onsets=rng.uniform(0.0, 9.0, (2, n)))
     found = scan(one).statistic[0]
     for t in range(1, n):
         assert found[t] == pytest.approx(naive(one, t), rel=1e-6, abs=1e-8)
@@ -64,12 +67,6 @@ def test_ratios_with_a_trend_are_those_of_regressions() -> None:
     found = scan(after).statistic[0]
     for t in range(1, len(after.values), 5):
         assert found[t] == pytest.approx(naive(after, t), rel=1e-5, abs=1e-7)
-
-
-def test_a_level_of_which_nothing_is_known_shifts_nothing() -> None:
-    one = readings(np.random.default_rng(0), 30, (np.inf,))
-    moved = Readings(one.values + 1e3, one.deviations, one.times + 1e4, one.effects, one.spread)
-    assert scan(moved).statistic == pytest.approx(scan(one).statistic, rel=1e-5, abs=1e-6)
 
 
 def test_the_rate_of_false_alarms_is_the_stated_one() -> None:
@@ -129,21 +126,6 @@ def test_another_part_is_no_change() -> None:
         assert [c.first for c in found] == [40] * alarms
 
 
-def test_too_few_flights_tell_nothing() -> None:
-    for n in (0, 1):
-        assert list(changes(flown(np.zeros(n)), 10.0)) == []
-
-
-@settings(deadline=None, max_examples=15)
-@given(st.integers(0, 10**6), st.integers(2, 12))
-def test_what_favors_a_beginning_is_added(seed: int, n: int) -> None:
-    rng = np.random.default_rng(seed)
-    one = replace(readings(rng, n, (0.7, 0.5, 0.8)), onsets=rng.uniform(0.0, 9.0, (2, n)))
-    found = scan(one).statistic[0]
-    for t in range(1, n):
-        assert found[t] == pytest.approx(naive(one, t), rel=1e-6, abs=1e-8)
-
-
 def test_the_rate_holds_with_flights_that_are_favored_and_an_exchange_is_found_sooner() -> None:
     """Parts that differ as parts do, and in the changed vehicle by six standard deviations of that."""
     rng, n, k = np.random.default_rng(11), 80, 40
@@ -160,14 +142,12 @@ def test_the_rate_holds_with_flights_that_are_favored_and_an_exchange_is_found_s
     assert found[1] > max(found[0], 0.95)
 
 
-@pytest.mark.parametrize(("after", "kept"), [(1.4, True), (0.0, False)])
-def test_an_alarm_is_withdrawn_where_its_likelihood_ratio_falls_to_less_than_a_tenth(
-    after: float, kept: bool
-) -> None:
-    values = np.concatenate([np.zeros(30), np.full(5, 3.0), np.full(8, after)])
-    own = Readings.about_a_level(values, np.ones(values.size), np.arange(float(values.size)), 1.0)
-    statistic = scan(own).statistic[0]
-    limit = float(statistic.max()) - 0.5
-    assert statistic[-1] < limit
-    assert (statistic[-1] > limit - 2.0 * np.log(10.0)) == kept
-    assert bool(list(changes(own, limit))) == kept
+def test_an_alarm_is_withdrawn_where_its_likelihood_ratio_falls_to_less_than_a_tenth() -> None:
+    for after, kept in ((1.4, True), (0.0, False)):
+        values = np.concatenate([np.zeros(30), np.full(5, 3.0), np.full(8, after)])
+        own = Readings.about_a_level(values, np.ones(values.size), np.arange(float(values.size)), 1.0)
+        statistic = scan(own).statistic[0]
+        limit = float(statistic.max()) - 0.5
+        assert statistic[-1] < limit
+        assert (statistic[-1] > limit - 2.0 * np.log(10.0)) == kept
+        assert bool(list(changes(own, limit))) == kept

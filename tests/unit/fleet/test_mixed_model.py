@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from stoop.fleet.mixed_model import Design, fit_mixed_model, indices
+from stoop.fleet.mixed_model import Design, fit_mixed_model
 
 #: vaccinated with and without tuberculosis, controls with and without: thirteen trials of the BCG vaccine, G. A. Colditz et
 #: al., "Efficacy of BCG vaccine in the prevention of tuberculosis", JAMA 271 (1994) 698
@@ -83,12 +83,6 @@ def test_a_fleet_without_spread_has_none() -> None:
     model = fit_mixed_model(Design(y, errors, np.ones((200, 1)), {"vehicle": of}))
     assert model.deviations["vehicle"] == pytest.approx(0.0, abs=1e-3)
     assert np.isfinite(model.covariance).all()
-
-
-def test_labels_become_indices() -> None:
-    at, names = indices(["b", None, "a", "b"])
-    assert at.tolist() == [1, -1, 0, 1]
-    assert names == ("a", "b")
 
 
 def test_the_likelihood_is_the_highest_wherever_the_mean_is() -> None:

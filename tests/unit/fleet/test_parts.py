@@ -58,33 +58,23 @@ def test_what_fits_no_flight_or_figure_is_named() -> None:
     assert parts.unused(nowhere) == (), "such a table names no places"
 
 
-@pytest.mark.parametrize(
-    ("rows", "said"),
-    [
+def test_contradictions_are_named(tmp_path: Path) -> None:
+    for rows, said in (
         ("A,rotor_1,P1,,\nA,rotor_1,P2,2026-03-01,\n", "A has P1 and P2 as rotor_1 on 2026-03-01"),
         ("A,rotor_1,P1,,\nB,rotor_2,P1,2026-03-01,\n", "P1 is rotor_1 of A and rotor_2 of B on 2026-03-01"),
         ("A,rotor_1,P1,yesterday,\n", "line 2: 'yesterday' is no date; write 2026-05-31"),
         ("A,rotor_1,P1,2026-03-02,2026-03-01\n", "line 2: P1 leaves rotor_1 before it comes"),
         ("A,rotor_1,,,\n", "line 2 names no vehicle, part or serial"),
         ("A,rotor_1\n", "line 2 has no serial"),
-    ],
-)
-def test_contradictions_are_named(tmp_path: Path, rows: str, said: str) -> None:
-    with pytest.raises(StoopError) as error:
-        read(tmp_path, HEAD + rows)
-    assert said in str(error.value)
-    assert "\n" not in str(error.value)
-
-
-def test_the_same_serial_of_different_kinds_are_two_parts(tmp_path: Path) -> None:
-    assert len(read(tmp_path, HEAD + "A,battery,1,,\nA,rotor_1,1,,\nB,rotor_1,2,,\n").fittings) == 3
-
-
-def test_what_is_no_table_is_one_line(tmp_path: Path) -> None:
-    with pytest.raises(StoopError, match="line 2 has no vehicle"):
-        read(tmp_path, "a,b\n1,2\n")
-    (tmp_path / "parts.csv").write_bytes(b"\xff\xfe\x00")
-    for path in (tmp_path / "parts.csv", tmp_path / "none.csv", tmp_path):
+    ):
         with pytest.raises(StoopError) as error:
-            read_parts(path)
+            read(tmp_path, HEAD + rows)
+        assert said in str(error.value)
+        assert "\n" not in str(error.value)
+    two = read(tmp_path, HEAD + "A,battery,1,,\nA,rotor_1,1,,\nB,rotor_1,2,,\n")
+    assert len(two.fittings) == 3, "one serial of different kinds are two parts"
+    for content in (b"a,b\n1,2\n", b"\xff\xfe\x00"):
+        (tmp_path / "parts.csv").write_bytes(content)
+        with pytest.raises(StoopError) as error:
+            read_parts(tmp_path / "parts.csv")
         assert "\n" not in str(error.value)

@@ -36,23 +36,20 @@ def flights(made: FleetFile, seed: int = 1) -> list[MadeFlight]:
     return drawn(made, ready(QUAD, made), seed)[0]
 
 
-@pytest.mark.parametrize(
-    ("kind", "course"),
-    [("step", [0.0, 0.0, -0.03, -0.03, -0.03]), ("drift", [0.0, 0.0, -0.01, -0.02, -0.03])],
-)
-def test_a_change_is_all_that_two_fleets_differ_by(tmp_path: Path, kind: str, course: list[float]) -> None:
+def test_a_change_is_all_that_two_fleets_differ_by(tmp_path: Path) -> None:
     head = 'vehicles = 3\nflights = 5\nvehicle = { "mass.mass" = 0.01 }\n'
-    change = f'[[change]]\nvehicle = 2\nflight = 3\nnumber = "{THRUST}"\nby = -0.03\nkind = "{kind}"\n'
-    plain, changed = (flights(fleet(tmp_path, text)) for text in (head, head + change))
-    for one, other in zip(plain, changed, strict=True):
-        assert (one.name, one.begin, one.seed, one.wind.tolist()) == (
-            other.name, other.begin, other.seed, other.wind.tolist(),
-        )  # fmt: skip
-        added = course[int(one.name[-3:]) - 1] if one.vehicle == "V2" else 0.0
-        assert other.numbers[THRUST] - one.numbers[THRUST] == pytest.approx(added, abs=1e-15)
-        assert {k: x for k, x in one.numbers.items() if k != THRUST} == {
-            k: x for k, x in other.numbers.items() if k != THRUST
-        }
+    plain = flights(fleet(tmp_path, head))
+    for kind, course in (
+        ("step", [0.0, 0.0, -0.03, -0.03, -0.03]), ("drift", [0.0, 0.0, -0.01, -0.02, -0.03])
+    ):  # fmt: skip
+        change = f'[[change]]\nvehicle = 2\nflight = 3\nnumber = "{THRUST}"\nby = -0.03\nkind = "{kind}"\n'
+        for one, other in zip(plain, flights(fleet(tmp_path, head + change)), strict=True):
+            added = course[int(one.name[-3:]) - 1] if one.vehicle == "V2" else 0.0
+            expected = {**one.numbers, THRUST: pytest.approx(one.numbers[THRUST] + added, abs=1e-15)}
+            assert other.numbers == expected
+            assert np.array_equal(one.wind, other.wind)
+            same = (one.name, one.begin, one.seed)
+            assert same == (other.name, other.begin, other.seed)
 
 
 def test_a_vehicle_is_the_same_whatever_the_number_of_vehicles(tmp_path: Path) -> None:
@@ -118,67 +115,43 @@ def test_the_logs_say_what_flew_and_a_weak_rotor_asks_for_more(
 
 def test_gusts_move_the_commands_and_a_fleet_may_be_a_number(tmp_path: Path) -> None:
     (tmp_path / "m.toml").write_text(SHORT)
-    words = [
-        "simulate",
-        "quad-x",
-        "--fleet",
-        "1",
-        "--maneuver",
-        str(tmp_path / "m.toml"),
-        "-o",
-        str(tmp_path / "a"),
-    ]
-    assert main(words) == 0
+    words = ["simulate", "quad-x", "--fleet", "1", "--maneuver", str(tmp_path / "m.toml")]
+    assert main([*words, "-o", str(tmp_path / "a")]) == 0
     assert len(list((tmp_path / "a").glob("*.ulg"))) == 12
-    motors = load(tmp_path / "a" / "V1-001.ulg").column("motor_1")
-    other = load(tmp_path / "a" / "V1-002.ulg").column("motor_1")
+    motors, other = (load(tmp_path / "a" / f"V1-00{i}.ulg").column("motor_1") for i in (1, 2))
     assert 1e-4 < motors.std() < 0.05
     assert abs(np.corrcoef(motors, other)[0, 1]) < 0.9, "gusts of their own"
 
 
-@pytest.mark.parametrize(
-    ("text", "said"),
-    [
+def test_a_wrong_fleet_is_named_in_one_line_and_nothing_is_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    change = '[[change]]\nvehicle = {}\nflight = {}\nnumber = "mass.mass"\nby = 1.0'
+    for text, said in (
         ("vehicels = 2", "vehicels: unknown key"),
         ("flights = 1", "flights: "),
         ("vehicles = 2.5", "vehicles: "),
-        ('[[change]]\nvehicle = 9\nflight = 2\nnumber = "mass.mass"\nby = 1.0', "vehicle 9 of 4"),
-        ('[[change]]\nvehicle = 1\nflight = 20\nnumber = "mass.mass"\nby = 1.0', "flight 20 of 12"),
+        (change.format(9, 2), "vehicle 9 of 4"),
+        (change.format(1, 20), "flight 20 of 12"),
         (WEAK.replace('part = "m1"', 'part = "m9"'), "there is no part 'm9'"),
         ('[[update]]\nflight = 1\nsoftware = "2"', "update.0.flight"),
         ('vehicle = { "mass.mass" = -1.0 }', "vehicle.mass.mass"),
-    ],
-)
-def test_a_wrong_fleet_is_named_in_one_line(tmp_path: Path, text: str, said: str) -> None:
-    with pytest.raises(StoopError) as error:
-        fleet(tmp_path, text)
-    assert said in str(error.value)
-    assert "\n" not in str(error.value)
-
-
-@pytest.mark.parametrize(
-    ("text", "words", "said"),
-    [
-        ('vehicle = { "mass.mas" = 0.1 }', (), "no number is called 'mass.mas'; did you mean mass.mass"),
-        ("flights = 100\ndays = 0.01", (), "100 flights do not fit into 0.01 days; raise days"),
-        ("", ("--autopilot", "fleet.toml"), "--autopilot flies one flight"),
-        ('vehicles = 1\nflights = 2\nflight = { "mass.mass" = 2.0 }', (), "flight V1-00"),
-    ],
-)
-def test_what_cannot_be_flown_is_told_and_nothing_is_written(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
-    text: str, words: tuple[str, ...], said: str,
-) -> None:  # fmt: skip
+    ):
+        with pytest.raises(StoopError) as error:
+            fleet(tmp_path, text)
+        assert said in str(error.value)
+        assert "\n" not in str(error.value)
     monkeypatch.chdir(tmp_path)
-    Path("fleet.toml").write_text(text)
-    assert main(["simulate", "quad-x", "--fleet", "fleet.toml", "-o", "logs", *words]) == 2
-    assert said in capsys.readouterr().err.splitlines()[-1]
-    assert not list(tmp_path.glob("logs/*"))
-
-
-def test_a_folder_with_other_logs_is_left_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    (tmp_path / "flown.ulg").write_bytes(b"")
-    assert main(["simulate", "quad-x", "--fleet", "1", "-o", str(tmp_path)]) == 2
-    assert "holds flown.ulg, which is no log of this fleet" in capsys.readouterr().err
-    assert main(["simulate", "quad-x", "-o", str(tmp_path / "x.ulg")]) == 2
-    assert "name a maneuver by --maneuver, or a fleet by --fleet" in capsys.readouterr().err
+    Path("with-others").mkdir()
+    Path("with-others/flown.ulg").write_bytes(b"")
+    for text, words, said in (
+        ('vehicle = { "mass.mas" = 0.1 }', [], "no number is called 'mass.mas'; did you mean mass.mass"),
+        ("flights = 100\ndays = 0.01", [], "100 flights do not fit into 0.01 days; raise days"),
+        ("", ["--autopilot", "fleet.toml"], "--autopilot flies one flight"),
+        ('vehicles = 1\nflights = 2\nflight = { "mass.mass" = 2.0 }', [], "flight V1-00"),
+        ("", ["-o", "with-others"], "holds flown.ulg, which is no log of this fleet"),
+    ):
+        Path("fleet.toml").write_text(text)
+        assert main(["simulate", "quad-x", "--fleet", "fleet.toml", "-o", "logs", *words]) == 2
+        assert said in capsys.readouterr().err.splitlines()[-1]
+        assert not list(tmp_path.glob("logs/*"))

@@ -13,33 +13,27 @@ from stoop.base.arrays import FloatArray
 from stoop.fleet.analysis import analyze
 from stoop.fleet.causes import EVERY
 from stoop.fleet.changes import Readings
-from stoop.fleet.software_updates import CommonStep, common_steps, significant, version_levels
+from stoop.fleet.software_updates import common_steps, significant
 from stoop.fleet.table import FigureTable
 
 BEFORE, AFTER = 12, 8  #: flights
 
 
-def sequence(
-    vehicle: int, values: FloatArray, software: list[str], errors: FloatArray
-) -> tuple[FigureTable, Readings]:
-    """Return readings with known errors about a level of which nothing is known, a flight a day."""
-    time = 86400.0 * np.arange(len(values)) + vehicle
-    texts = {
-        "flight": [f"{vehicle}-{i}" for i in range(len(values))],
-        "vehicle": [str(vehicle)] * len(values),
-    }
-    texts |= {"figure": ["drag"] * len(values), "software": software}
+def sequence(vehicle: int, values: FloatArray, software: list[str]) -> tuple[FigureTable, Readings]:
+    """Return readings with errors of one about a level of which nothing is known, a flight a day."""
+    count = len(values)
+    time, errors = 86400.0 * np.arange(count) + vehicle, np.ones(count)
+    texts = {"flight": [f"{vehicle}-{i}" for i in range(count)], "vehicle": [str(vehicle)] * count}
+    texts |= {"figure": ["drag"] * count, "software": software}
     table = FigureTable.of_columns(texts, {"time": time, "value": values, "std_error": errors}, {})
     return table, Readings.about_a_level(values, errors, time)
 
 
 def drawn(rng: np.random.Generator, count: int, step: float = 0.0) -> dict[str, tuple[FigureTable, Readings]]:
-    software, errors = ["1.0"] * BEFORE + ["1.1"] * AFTER, np.ones(BEFORE + AFTER)
-    after = np.arange(BEFORE + AFTER) >= BEFORE
+    software, n = ["1.0"] * BEFORE + ["1.1"] * AFTER, BEFORE + AFTER
+    steps = np.arange(n) >= BEFORE
     return {
-        str(v): sequence(
-            v, rng.standard_normal(BEFORE + AFTER) + (step + rng.standard_normal()) * after, software, errors
-        )
+        str(v): sequence(v, rng.standard_normal(n) + (step + rng.standard_normal()) * steps, software)
         for v in range(count)
     }
 
@@ -64,7 +58,7 @@ def test_an_update_that_changes_vehicles_differently_and_none_on_average_is_none
 def test_an_update_is_taken_between_the_one_before_and_the_one_after() -> None:
     software = ["1.0"] * 10 + ["1.1"] * 10 + ["1.0"] * 10
     values = np.repeat([0.0, 5.0, 1.0], 10)
-    sequences = {str(v): sequence(v, values, software, np.ones(30)) for v in range(3)}
+    sequences = {str(v): sequence(v, values, software) for v in range(3)}
     update, back = common_steps(sequences)
     assert (update.size, back.size) == (pytest.approx(5.0), pytest.approx(-4.0))
     assert (back.before, back.after) == ("1.1", "1.0")
@@ -76,42 +70,25 @@ def test_two_vehicles_tell_of_no_update() -> None:
     assert significant({"drag": [one]}) == {"drag": []}
 
 
-def test_versions_share_a_level_unless_their_update_changed_the_figure() -> None:
-    pairs = [("1.0", "1.1"), ("1.1", "1.2"), ("1.2", "1.0"), ("1.2", "2.0")]
-    steps = [CommonStep(*pair, 1.0, 0.1, 0.5, float(i), float(i)) for i, pair in enumerate(pairs)]
-    assert version_levels(steps, [steps[1], steps[3]]) == {"1.0": 0, "1.1": 0, "1.2": 1, "2.0": 2}
-
-
 def updated(table: FigureTable, size: float) -> FigureTable:
     own = np.array([f == "thrust" and s == "1.1" for f, s in zip(table.figure, table.software, strict=True)])
     return replace(table, value=table.value + size * own)
 
 
-def test_what_an_update_changes_in_all_vehicles_is_told_once() -> None:
-    table, parts = fleet()
-    (alarm,) = analyze(updated(table, 0.08), parts, 0.1).alarms
-    assert (alarm.vehicle, alarm.figure, alarm.causes[0].what) == (EVERY, "thrust", "software: 1.1 for 1.0")
-    assert alarm.change.interval[0] < 0.08 < alarm.change.interval[1]
-    own = [i for i, s in enumerate(table.software) if s == "1.1"]
-    assert (alarm.began, alarm.began_time) == (table.flight[own[0]], table.time[own[0]])
-
-
-def test_beside_an_update_the_change_of_a_vehicle_is_found() -> None:
+def test_an_update_that_changes_all_vehicles_is_told_once_beside_the_change_of_a_vehicle() -> None:
     table, parts = fleet()
     found = analyze(changed(updated(table, 0.08), "thrust", UPDATED - 10, -0.15), parts, 0.1).alarms
     assert [a.vehicle for a in found] == [EVERY, CHANGED]
     assert found[1].began == f"{CHANGED}-{UPDATED - 10}"
+    alarm = found[0]
+    assert (alarm.figure, alarm.causes[0].what) == ("thrust", "software: 1.1 for 1.0")
+    assert alarm.change.interval[0] < 0.08 < alarm.change.interval[1]
+    first = table.software.index("1.1")
+    assert (alarm.began, alarm.began_time) == (table.flight[first], table.time[first])
 
 
-def test_what_an_update_changes_in_one_vehicle_is_of_that_vehicle() -> None:
-    table, parts = fleet()
-    (alarm,) = analyze(changed(table, "drag", UPDATED, 0.12), parts, 0.1).alarms
-    assert (alarm.vehicle, alarm.causes[0].what) == (CHANGED, "software: 1.1 for 1.0")
-
-
-@pytest.mark.parametrize("difference", [0.4, 2.0])
-def test_a_vehicle_that_always_differed_did_not_change(difference: float) -> None:
-    table, parts = fleet()
+def test_a_vehicle_that_always_differed_did_not_change() -> None:
+    (table, parts), difference = fleet(), 0.4
     found = analyze(changed(table, "drag", 0, difference), parts, 0.1)
     assert found.alarms == ()
     (outlier,) = found.figures["drag"].outliers
