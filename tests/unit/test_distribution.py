@@ -95,14 +95,13 @@ def test_a_wheel_copies_its_examples(wheel: dict[str, bytes], tmp_path: Path) ->
 
 def test_page_of_the_package_has_no_relative_links(metadata: Message) -> None:
     """What the README links in the repository is linked, and shown, under the tag of the version."""
-    assert metadata["Description-Content-Type"] == "text/markdown"
+    assert (metadata["Description-Content-Type"], metadata["License-Expression"]) == ("text/markdown", "MIT")
+    assert {u.split(", ")[0] for u in metadata.get_all("Project-URL", [])} == set(URLS)
     payload = metadata.get_payload(decode=True)
     assert isinstance(payload, bytes)
     tag = f"v{PROJECT['version']}"
-    pages, pictures = (
-        f"{URLS['Source']}/blob/{tag}/",
-        f"{URLS['Source']}/{tag}/".replace("github.com", "raw.githubusercontent.com"),
-    )
+    pages = f"{URLS['Source']}/blob/{tag}/"
+    pictures = f"{URLS['Source']}/{tag}/".replace("github.com", "raw.githubusercontent.com")
     here = targets((ROOT / "README.md").read_text(encoding="utf-8"))
     absolute = {"link_open": pages, "image": pictures}
     assert targets(payload.decode("utf-8")) == [
@@ -110,18 +109,3 @@ def test_page_of_the_package_has_no_relative_links(metadata: Message) -> None:
         for kind, target in here
     ]
     assert {kind for kind, target in here if "://" not in target} == set(absolute)
-
-
-def test_metadata(metadata: Message) -> None:
-    assert metadata["License-Expression"] == "MIT"
-    assert "Typing :: Typed" in metadata.get_all("Classifier", [])
-    assert not [c for c in metadata.get_all("Classifier", []) if c.startswith("License")]
-    assert {u.split(", ")[0] for u in metadata.get_all("Project-URL", [])} == set(URLS)
-
-
-def test_address_is_one() -> None:
-    """The citation and the build of the page name the addresses of pyproject.toml."""
-    citation = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
-    assert f"\nrepository-code: {URLS['Source']}\n" in citation
-    assert f"\nurl: {URLS['Documentation']}\n" in citation
-    assert all(URLS[name].startswith(URLS["Source"]) for name in ("Homepage", "Issues", "Changelog"))

@@ -8,23 +8,21 @@ import re
 import stat
 import subprocess
 import sys
-from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
 from unit.parallel.works import HERE, sockets
 
 import stoop
-from stoop.base import cache, files
+from stoop.base import cache as compiled_cache
+from stoop.base import files
 from stoop.errors import LogError
 from stoop.logs import guard
 from stoop.parallel import LocalProcesses, Plan, Run, execute
 
 PACKAGE = Path(stoop.__file__ or "").parent
 EXAMPLES = Path(__file__).parents[2] / "examples"
-TREES = {
-    p.relative_to(PACKAGE).as_posix(): ast.parse(p.read_text(encoding="utf-8")) for p in PACKAGE.rglob("*.py")
-}
 #: prints what it was forbidden to do, and refuses it
 WATCHED = """
 import os, sys
@@ -57,81 +55,74 @@ sys.exit(code)
 """
 
 
-def calls() -> Iterator[tuple[str, str, ast.Call]]:
-    for place, tree in TREES.items():
-        for node in ast.walk(tree):
-            if isinstance(node, ast.Call):
-                yield place, ast.unparse(node.func), node
-
-
-def imports() -> Iterator[tuple[str, str]]:
-    for place, tree in TREES.items():
-        for node in ast.walk(tree):
-            if isinstance(node, ast.Import):
-                yield from ((place, alias.name) for alias in node.names)
-            elif isinstance(node, ast.ImportFrom):
-                yield place, node.module or ""
+@cache
+def trees() -> dict[str, ast.Module]:
+    """Return the parsed files of the package."""
+    files = PACKAGE.rglob("*.py")
+    return {p.relative_to(PACKAGE).as_posix(): ast.parse(p.read_text(encoding="utf-8")) for p in files}
 
 
 # What the source never does.
 
 
-def test_nothing_is_evaluated() -> None:
-    names = {
-        "eval",
-        "exec",
-        "compile",
-        "__import__",
-        "run_path",
-        "run_module",
-        "source_to_code",
-        "exec_module",
-    }
-    #: of patterns, and of functions for types of arguments, by Numba
-    compiled = {"re.compile", "again.compile", "dispatcher.compile", "found[entry].compile"}
-    last = ((place, name.rpartition(".")[2]) for place, name, _ in calls() if name not in compiled)
-    assert {(place, name) for place, name in last if name in names} == {
+@cache
+def calls() -> list[tuple[str, str, ast.Call]]:
+    """Return place, name and node of every call of the package."""
+    nodes = ((place, node) for place, tree in trees().items() for node in ast.walk(tree))
+    return [(place, ast.unparse(node.func), node) for place, node in nodes if isinstance(node, ast.Call)]
+
+
+def importers(*modules: str) -> set[str]:
+    """Return the files that import one of these modules."""
+    found = set()
+    for place, tree in trees().items():
+        for node in ast.walk(tree):
+            names = [a.name for a in node.names] if isinstance(node, ast.Import) else []
+            names += [node.module or ""] if isinstance(node, ast.ImportFrom) else []
+            if any(name.partition(".")[0] in modules for name in names):
+                found.add(place)
+    return found
+
+
+def called(pattern: str) -> set[tuple[str, str]]:
+    return {(place, name) for place, name, _ in calls() if re.fullmatch(pattern, name)}
+
+
+def test_the_source_evaluates_nothing_of_others() -> None:
+    """It runs code that stoop wrote itself, from a private folder; re.compile and Numba's compile are others."""
+    names = r"(.*\.)?(eval|exec|compile|__import__|run_path|run_module|source_to_code|exec_module)"
+    harmless = {"re.compile", "again.compile", "dispatcher.compile", "found[entry].compile"}
+    assert {(place, name.rpartition(".")[2]) for place, name in called(names) if name not in harmless} == {
         ("kernels/generated.py", "exec_module"),
         ("kernels/generated.py", "source_to_code"),
         ("exporters/exporter.py", "exec_module"),
-    }, "code that stoop wrote itself, from a private folder"
+    }
+    assert {place for place, _ in called(r"ast\.parse")} <= {"vehicle/terms.py", "parallel/worker.py"}
     for place, name, call in calls():
-        if name == "ast.parse":  # read, and never run
-            assert place in ("vehicle/terms.py", "parallel/worker.py"), place
         if name.endswith("import_module"):
-            assert not any(
-                isinstance(a, ast.JoinedStr) and "stoop." not in ast.unparse(a) for a in call.args
-            ), place
+            chosen = (a for a in call.args if isinstance(a, ast.JoinedStr))
+            assert all("stoop." in ast.unparse(a) for a in chosen), place
 
 
-def test_nothing_is_unpickled() -> None:
-    modules = {"pickle", "cPickle", "marshal", "shelve", "dill", "cloudpickle", "joblib", "yaml"}
-    assert [i for i in imports() if i[1].partition(".")[0] in modules] == []
+def test_the_source_unpickles_nothing() -> None:
+    modules = ("pickle", "cPickle", "marshal", "shelve", "dill", "cloudpickle", "joblib", "yaml")
+    assert importers(*modules) == set()
+    assert called(r".*\.(read_pickle|to_pickle)") == set()
     for place, name, call in calls():
-        if name in ("np.load", "numpy.load"):
-            assert "allow_pickle=False" in ast.unparse(call), place
-        assert not name.endswith(("read_pickle", "to_pickle")), place
+        assert name not in ("np.load", "numpy.load") or "allow_pickle=False" in ast.unparse(call), place
 
 
-def test_programs_are_started_in_one_place() -> None:
-    """The child that reads formats of others, the steps of the app, its browser, and the C compiler; none is given a shell."""
-    starters = re.compile(
-        r"(subprocess\.\w+|os\.(system|popen|exec\w*|spawn\w*|posix_spawn\w*)|webbrowser\.\w+|pty\.\w+)$"
-    )
-    found = {(place, name) for place, name, _ in calls() if starters.match(name)}
-    assert found == {
+def test_programs_and_connections_have_one_place_each() -> None:
+    """The child that reads formats of others, the steps of the app, its browser, the C compiler; a Dask client."""
+    starters = r"subprocess\.\w+|os\.(system|popen|exec\w*|spawn\w*|posix_spawn\w*)|webbrowser\.\w+|pty\.\w+"
+    assert called(starters) == {
         ("logs/guard.py", "subprocess.run"),
         ("app/steps.py", "subprocess.Popen"),
         ("app/server.py", "webbrowser.open"),
         ("exporters/fmu.py", "subprocess.run"),
     }
     assert all("shell" not in {k.arg for k in call.keywords} for _, _, call in calls())
-
-
-def test_one_place_connects_and_none_listens() -> None:
-    """The client of a Dask scheduler whose address the user gave."""
-    modules = {
-        "socket",
+    network = (
         "socketserver",
         "http",
         "urllib",
@@ -142,37 +133,26 @@ def test_one_place_connects_and_none_listens() -> None:
         "ftplib",
         "smtplib",
         "asyncio",
-    }
-    assert {place for place, name in imports() if name.partition(".")[0] in modules} == {
-        "parallel/pools.py",
-        "parallel/worker.py",
-    }
-    used = {(place, name) for place, name, _ in calls() if name.startswith("socket.")}
-    assert used == {
+    )
+    assert importers("socket", *network) == {"parallel/pools.py", "parallel/worker.py"}
+    assert called(r"socket\..*") == {
         ("parallel/pools.py", "socket.create_connection"),
         ("parallel/worker.py", "socket.gethostname"),
     }
 
 
-def test_the_app_alone_serves() -> None:
-    """Its server is bound to this machine; no other module imports what listens."""
-    modules = {"tornado", "bokeh", "panel"}
-    places = {place for place, name in imports() if name.partition(".")[0] in modules}
-    assert all(place.startswith("app/") for place in places)
-    servers = [c for place, name, c in calls() if name == "get_server"]
+def test_the_app_alone_serves_this_machine() -> None:
+    assert all(place.startswith("app/") for place in importers("tornado", "bokeh", "panel"))
+    servers = [c for _, name, c in calls() if name == "get_server"]
     assert [ast.unparse(k.value) for c in servers for k in c.keywords if k.arg == "address"] == ["ADDRESS"]
-    from stoop.app.server import ADDRESS
-
-    assert ADDRESS == "127.0.0.1"
+    (address,) = re.findall(r'^ADDRESS\b.*= "(.*)"$', (PACKAGE / "app/server.py").read_text(), re.MULTILINE)
+    assert address == "127.0.0.1"
 
 
 def test_environment_variables_are_those_of_the_page() -> None:
-    read = {
-        ast.unparse(call.args[0]).strip("'")
-        for _, name, call in calls()
-        if name in ("os.environ.get", "os.getenv", "environ.get")
-    }
-    page = (Path(__file__).parents[2] / "docs" / "security.md").read_text(encoding="utf-8")
+    getters = ("os.environ.get", "os.getenv", "environ.get")
+    read = {ast.unparse(call.args[0]).strip("'") for _, name, call in calls() if name in getters}
+    page = (EXAMPLES.parent / "docs" / "security.md").read_text(encoding="utf-8")
     assert read == set(re.findall(r"^\| `([A-Z_]+)` \|", page, re.MULTILINE)) - {"TMPDIR"}
 
 
@@ -183,19 +163,13 @@ def watched(folder: Path, *words: str) -> str:
     """Run a verb that may write in a folder, the cache of compiled code and the folder of temporary files only."""
     temporary = folder / "tmp"
     temporary.mkdir(exist_ok=True)
-    compiled = cache.cache_folder()
+    compiled = compiled_cache.cache_folder()
     compiled.parent.mkdir(parents=True, exist_ok=True)  # a new user has none
     allowed = [str(folder), str(compiled), "/dev/null"]
     environment = {**os.environ, "ALLOWED": os.pathsep.join(allowed), "TMPDIR": str(temporary),
                    "PYTHONDONTWRITEBYTECODE": "1"}  # fmt: skip
-    done = subprocess.run(
-        [sys.executable, "-c", WATCHED, *words],
-        env=environment,
-        cwd=folder,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    command = [sys.executable, "-c", WATCHED, *words]
+    done = subprocess.run(command, env=environment, cwd=folder, capture_output=True, text=True, check=False)
     assert "forbidden" not in done.stderr, done.stderr
     assert "done 0" in done.stdout, done.stderr
     assert not list(temporary.iterdir()), "temporary files are removed"
@@ -231,7 +205,7 @@ def test_reading_a_log_reaches_no_network_and_writes_nothing_elsewhere(folder: P
 
 
 def test_a_fit_reaches_no_network_and_writes_nothing_elsewhere(folder: Path) -> None:
-    words = (
+    words = [
         "--vehicle",
         "v.toml",
         "--maneuver",
@@ -242,15 +216,15 @@ def test_a_fit_reaches_no_network_and_writes_nothing_elsewhere(folder: Path) -> 
         "300",
         "-o",
         "fit",
-    )
+    ]
     assert "CLalpha" in watched(folder, "identify", "f.nc", *words)
 
 
 def test_temporary_folders_are_closed_to_others(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """They are made by `tempfile` only, which makes them so, and stay so."""
-    made = {name for _, name, _ in calls() if "tempfile." in name or "Temporary" in name}
-    assert made <= {"tempfile.TemporaryDirectory", "TemporaryDirectory", "tempfile.mkdtemp", "tempfile.mkstemp",
-                    "tempfile.NamedTemporaryFile"}  # fmt: skip
+    names = {name for _, name in called(r"tempfile\..*|.*Temporary.*")}
+    safe = {"TemporaryDirectory", "tempfile.TemporaryDirectory", "tempfile.NamedTemporaryFile"}
+    assert names <= safe | {"tempfile.mkdtemp", "tempfile.mkstemp"}
     modes: list[int] = []
 
     def note(folder: Path) -> None:
@@ -265,24 +239,10 @@ def test_temporary_folders_are_closed_to_others(tmp_path: Path, monkeypatch: pyt
         guard.read_in_child("matlab", tmp_path)
     with files.scratch(tmp_path) as folder:
         note(folder)
-    private = cache.private()
+    private = compiled_cache.private()
     note(private)
-    cache.discard(private)
+    compiled_cache.discard(private)
     assert modes == [0o700] * 3
-
-
-def test_a_module_beside_a_log_is_not_imported_by_the_child(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    from scipy.io import savemat
-
-    from stoop.logs import read
-
-    savemat(tmp_path / "a.mat", {"t": [0.0, 1.0, 2.0], "p": [1.0, 2.0, 3.0]})
-    for name in ("scipy.py", "json.py", "numpy.py"):
-        (tmp_path / name).write_text("raise SystemExit(7)")
-    monkeypatch.chdir(tmp_path)
-    assert read(Path("a.mat")).streams
 
 
 # What workers listen to.

@@ -21,13 +21,7 @@ from stoop.workflow.tuning import conditions_of, pitot_readings
 from stoop_studies.verify import scenes
 
 WING = {"FW_RR_P": 0.4, "FW_RR_I": 0.6, "FW_RR_FF": 0.0}
-TAIL = {
-    "CA_SV_CS_COUNT": 4.0,
-    "CA_SV_CS0_TYPE": 1.0,
-    "CA_SV_CS1_TYPE": 2.0,
-    "CA_SV_CS2_TYPE": 7.0,
-    "CA_SV_CS3_TYPE": 8.0,
-}
+TAIL = {"CA_SV_CS_COUNT": 4.0} | {f"CA_SV_CS{i}_TYPE": float(kind) for i, kind in enumerate((1, 2, 7, 8))}
 SURFACES = {"elevator": "pitch", "aileron": "roll", "rudder": "yaw"}
 SERVOS = {
     "elevator": {"servo_3": -0.2, "servo_4": -0.2}, "aileron": {"servo_1": -0.15, "servo_2": 0.15},
@@ -53,12 +47,8 @@ def test_outputs_of_a_v_tail_are_those_of_commands() -> None:
 def test_motors_move_by_commands_or_by_pulses_of_their_range() -> None:
     """PX4 linearizes thrust behind `actuator_motors`, so that it counts for pulses alone; speeds of rotors are no command."""
     parameters = {
-        "MC_ROLLRATE_P": 0.1,
-        "PWM_MAIN_MIN1": 1100.0,
-        "PWM_MAIN_MAX1": 1900.0,
-        "THR_MDL_FAC": 0.6,
-        "MPC_THR_HOVER": 0.3,
-    }
+        "MC_ROLLRATE_P": 0.1, "PWM_MAIN_MIN1": 1100.0, "PWM_MAIN_MAX1": 1900.0, "THR_MDL_FAC": 0.6, "MPC_THR_HOVER": 0.3,
+    }  # fmt: skip
     quad, firmware = builtin_vehicle("quad-x"), firmwares(parameters)[0]
 
     def moved_by(kind: str) -> Vehicle:
@@ -95,15 +85,6 @@ def test_thrust_of_betaflight_is_linearized_about_the_hover_of_the_altitude() ->
         mixing("rotor", 0.0)
 
 
-def test_yaw_of_arduplane_is_a_loop_where_it_is_enabled() -> None:
-    direct = {("controls", c, "mix"): {f"control_{a}": 0.3} for c, a in SURFACES.items()}
-    vehicle, parameters = with_entries(scenes.aircraft(), direct), {"RLL_RATE_P": 0.1}
-    (firmware,) = firmwares(parameters)
-    assert commands_of(vehicle, firmware, parameters).axes == ("roll", "pitch")
-    enabled = parameters | {"YAW_RATE_ENABLE": 1.0}
-    assert commands_of(vehicle, firmware, enabled).axes == ("roll", "pitch", "yaw")
-
-
 def test_a_draw_with_unstable_loops_has_no_margin() -> None:
     """The second lane turns the other way."""
     A = np.array([[[-4.0, 30.0, 0.0], [0.0, -15.0, 0.0], [1.0, 0.0, 0.0]]] * 2)
@@ -120,10 +101,8 @@ def test_a_draw_with_unstable_loops_has_no_margin() -> None:
 
 def test_a_law_acts_on_what_gyros_read() -> None:
     """A gyro that reads 5 % high is a loop with 5 % more gain, in the margins as in flight; attitude is read as it is."""
-    parameters = {f"MC_{a}RATE_{t}": 0.1 for a in ("ROLL", "PITCH", "YAW") for t in "PI"} | {
-        "MC_ROLL_P": 0.0,
-        "MC_PITCH_P": 0.0,
-    }
+    parameters = {f"MC_{a}RATE_{t}": 0.1 for a in ("ROLL", "PITCH", "YAW") for t in "PI"}
+    parameters |= {"MC_ROLL_P": 0.0, "MC_PITCH_P": 0.0}
     quad, none = builtin_vehicle("quad-x"), Draws(("mass.mass",), np.empty((0, 1)), "covariance")
     channels = {("rotor", name, "channel"): f"motor_{i}" for i, name in enumerate(quad.file.rotor, 1)}
     (firmware,), found = firmwares(parameters), []
