@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from recovery.maneuvers import maneuver
 
 from stoop.estimate.fit import Options
 from stoop.simulation import trim
 from stoop.simulation.fly import simulate_flight
-from stoop.simulation.maneuver import parse_maneuver
 from stoop.vehicle import parse_vehicle
 from stoop.vehicle.builtin import builtin_text
 from stoop.workflow import identify
@@ -18,36 +18,20 @@ QUAD = builtin_text("quad-x") + f"\n[ground_effect]\nradius = 0.127\nrotor = {RO
 WING = builtin_text("twin-boom") + f"\n[ground_effect]\nlift = {LIFT}\n"
 
 
-def maneuver(altitude: float, *inputs: tuple[str, str, float, float, float]) -> str:
-    head = f"duration = 20.0\nrate = 100.0\naltitude = {altitude}\n"
-    return head + "".join(
-        f'[[input]]\ncontrol = "{control}"\nshape = "{shape}"\nstart = {start}\nstep = {step}\namplitude = {amplitude}\n'
-        for control, shape, start, step, amplitude in inputs
-    )
-
-
 LOW_HOVER = maneuver(
-    0.45,
-    ("down", "doublet", 1.0, 1.5, 0.2),
-    ("roll", "doublet", 6.0, 0.15, 6.0),
-    ("pitch", "doublet", 7.5, 0.15, 6.0),
-    ("yaw", "doublet", 9.0, 0.4, 1.0),
-    ("heave", "3-2-1-1", 11.0, 0.25, 1.5),
-    ("down", "doublet", 14.0, 1.5, 0.2),
-)
+    20.0, ("down", "doublet", 1.0, 1.5, 0.2), ("roll", "doublet", 6.0, 0.15, 6.0), ("pitch", "doublet", 7.5, 0.15, 6.0),
+    ("yaw", "doublet", 9.0, 0.4, 1.0), ("heave", "3-2-1-1", 11.0, 0.25, 1.5), ("down", "doublet", 14.0, 1.5, 0.2), altitude=0.45,
+)  # fmt: skip
 LOW_PASS = maneuver(
-    0.6,
-    ("elevator", "3-2-1-1", 1.0, 0.3, 0.05),
-    ("height", "doublet", 5.0, 2.0, 0.3),
-    ("elevator", "doublet", 12.0, 0.5, 0.05),
-    ("height", "doublet", 14.0, 1.5, 0.3),
-)
+    20.0, ("elevator", "3-2-1-1", 1.0, 0.3, 0.05), ("height", "doublet", 5.0, 2.0, 0.3), ("elevator", "doublet", 12.0, 0.5, 0.05),
+    ("height", "doublet", 14.0, 1.5, 0.3), altitude=0.6,
+)  # fmt: skip
 
 
 @pytest.mark.parametrize("method", ["equation-error", ""])
 def test_the_ground_effect_of_rotors_is_recovered(method: str) -> None:
     true = parse_vehicle(QUAD, "quad")
-    flight = simulate_flight(true, parse_maneuver(LOW_HOVER, "m"), seed=1, name="low")
+    flight = simulate_flight(true, LOW_HOVER, seed=1, name="low")
     assert 0.05 < float(flight.column("height").min()) < 0.25
     start = true.with_numbers({"ground_effect.rotor": {"value": 0.5}})
     job = identify(start, flight, ["0:20"], options=Options(method=method))
@@ -58,7 +42,7 @@ def test_the_ground_effect_of_rotors_is_recovered(method: str) -> None:
 
 def test_the_ground_effect_on_lift_is_recovered() -> None:
     true = parse_vehicle(WING, "wing").reduced("longitudinal")
-    flight = simulate_flight(true, parse_maneuver(LOW_PASS, "m"), seed=2, name="low")
+    flight = simulate_flight(true, LOW_PASS, seed=2, name="low")
     start = true.with_numbers({"ground_effect.lift": {"value": 0.0, "bounds": (-1.0, 1.0)}})
     job = identify(start, flight, ["0:20"])
     found = job.result.parameters["ground_effect.lift"]

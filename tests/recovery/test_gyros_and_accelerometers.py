@@ -11,10 +11,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from recovery.maneuvers import maneuver
 
 from stoop.base.variables import EULER
 from stoop.simulation.fly import simulate_flight
-from stoop.simulation.maneuver import parse_maneuver
 from stoop.vehicle import parse_vehicle
 from stoop.vehicle.schema import WIND
 from stoop.workflow import identify
@@ -33,30 +33,24 @@ WRONG = {
 }  # fmt: skip
 
 
-def maneuver() -> str:
-    """Return 3-2-1-1 inputs about each axis and in thrust, twice."""
-    out = ["duration = 20.0\n"]
-    for k, sign in enumerate((1.0, -1.0)):
-        for control, start, step, amplitude in (
-            ("roll", 1.0, 0.1, 40.0), ("pitch", 3.5, 0.1, 40.0), ("yaw", 6.0, 0.25, 3.0), ("heave", 8.0, 0.2, 2.5),
-        ):  # fmt: skip
-            out.append(
-                f'[[input]]\ncontrol = "{control}"\nshape = "3-2-1-1"\nstart = {10.0 * k + start}\n'
-                f"step = {step}\namplitude = {sign * amplitude}\n"
-            )
-    return "".join(out)
+SHAPES = (
+    ("roll", 1.0, 0.1, 40.0),
+    ("pitch", 3.5, 0.1, 40.0),
+    ("yaw", 6.0, 0.25, 3.0),
+    ("heave", 8.0, 0.2, 2.5),
+)
+INPUTS = [
+    (control, "3-2-1-1", 10.0 * k + start, step, sign * amplitude)
+    for k, sign in enumerate((1.0, -1.0))
+    for control, start, step, amplitude in SHAPES
+]
 
 
 def test_the_default_needs_no_state() -> None:
-    text = (
-        (EXAMPLES / "crazyflie.toml")
-        .read_text()
-        .replace('drive = "command"', f'drive = "command"\nlag = {LAG}', 1)
-    )
-    truth = parse_vehicle(text, "crazyflie.toml")
-    flight = simulate_flight(
-        parse_vehicle(text + GUSTS, "crazyflie.toml"), parse_maneuver(maneuver(), "m"), seed=1
-    )
+    text = (EXAMPLES / "crazyflie.toml").read_text()
+    text = text.replace('drive = "command"', f'drive = "command"\nlag = {LAG}', 1)
+    truth, gusty = (parse_vehicle(text + more, "crazyflie.toml") for more in ("", GUSTS))
+    flight = simulate_flight(gusty, maneuver(20.0, *INPUTS), seed=1)
     sensed = replace(flight, data=flight.data.drop_vars([*WIND, *EULER], errors="ignore"))
     begun = truth.with_numbers(
         {n: {"value": f * truth.value(n), "free": True, "bounds": None} for n, f in WRONG.items()}

@@ -13,6 +13,7 @@ from collections.abc import Mapping
 
 import numpy as np
 import pytest
+from recovery.maneuvers import maneuver
 
 from stoop.assessment.covariance import NORMAL_95
 from stoop.assessment.error_bars import error_bars
@@ -21,7 +22,6 @@ from stoop.estimate.fit import Options
 from stoop.estimate.multiple_shooting import fit
 from stoop.problem.windows import Window
 from stoop.simulation.fly import simulate_flight
-from stoop.simulation.maneuver import parse_maneuver
 from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 
@@ -48,22 +48,15 @@ w = {{ intensity = {0}, length = 20.0 }}
 """
 
 
-def maneuver() -> str:
-    """Return doublets about each axis, steps of thrust, and legs in all directions, four times."""
-    out = [f"duration = {SECONDS}\nrate = 100.0\nwind = [2.0, -1.0, 0.0]\n"]
-    for k in range(4):
-        t, sign = 10.0 * k, (-1) ** k
-        for control, shape, start, step, amplitude in (
-            ("roll", "doublet", 1.0, 0.15, 8.0), ("pitch", "doublet", 2.0, 0.15, 8.0),
-            ("yaw", "doublet", 3.0, 0.4, 1.5), ("heave", "3-2-1-1", 4.0, 0.25, 2.0),
-            ("north", "doublet", 4.5, 2.0, 2.5 * sign), ("east", "doublet", 5.0, 2.0, 2.5),
-            ("down", "doublet", 5.5, 2.0, 1.0), ("heading", "doublet", 6.0, 1.5, 0.6),
-        ):  # fmt: skip
-            out.append(
-                f'[[input]]\ncontrol = "{control}"\nshape = "{shape}"\nstart = {t + start}\nstep = {step}\n'
-                f"amplitude = {amplitude}\n"
-            )
-    return "".join(out)
+LEGS = [
+    (control, shape, 10.0 * k + start, step, amplitude * ((-1) ** k if control == "north" else 1.0))
+    for k in range(4)
+    for control, shape, start, step, amplitude in (
+        ("roll", "doublet", 1.0, 0.15, 8.0), ("pitch", "doublet", 2.0, 0.15, 8.0), ("yaw", "doublet", 3.0, 0.4, 1.5),
+        ("heave", "3-2-1-1", 4.0, 0.25, 2.0), ("north", "doublet", 4.5, 2.0, 2.5), ("east", "doublet", 5.0, 2.0, 2.5),
+        ("down", "doublet", 5.5, 2.0, 1.0), ("heading", "doublet", 6.0, 1.5, 0.6),
+    )
+]  # fmt: skip
 
 
 def vehicles(name: str, gusts: float) -> tuple[Vehicle, Vehicle]:
@@ -97,7 +90,7 @@ def sigmas_off(found: Estimate, truth: dict[str, float]) -> np.ndarray:
 
 def flown(name: str, gusts: float, seed: int) -> np.ndarray:
     true, calm = vehicles(name, gusts)
-    flight = simulate_flight(true, parse_maneuver(maneuver(), "legs"), seed=seed, name="sim")
+    flight = simulate_flight(true, maneuver(SECONDS, *LEGS, wind=[2.0, -1.0, 0.0]), seed=seed, name="sim")
     start, truth = misled(calm, seed)
     found = fit(start, {"sim": flight}, [Window("sim", 0.0, SECONDS)], Options(seed=seed))
     assert found.outcome.status == "converged"

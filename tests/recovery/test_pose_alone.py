@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from recovery.maneuvers import maneuver
 
 import stoop
 from stoop.base.variables import EULER, POSITION, VARIABLES
@@ -19,21 +20,10 @@ from stoop_studies.verify import capture, defaults
 
 PLACES = {("sensors", c): {"sigma": 0.001} for c in POSITION}
 #: deflections of the twin-boom aircraft, rad
-MANEUVER = """
-duration = 12.0
-input = [
-  { control = "elevator", shape = "3-2-1-1", start = 1.0, step = 0.4, amplitude = 0.06 },
-  { control = "aileron", shape = "doublet", start = 5.0, step = 0.5, amplitude = 0.08 },
-  { control = "rudder", shape = "doublet", start = 8.0, step = 0.7, amplitude = 0.10 },
-]
-"""
-OTHER = """
-duration = 8.0
-input = [
-  { control = "aileron", shape = "3-2-1-1", start = 1.0, step = 0.4, amplitude = -0.05 },
-  { control = "elevator", shape = "doublet", start = 4.0, step = 0.8, amplitude = 0.05 },
-]
-"""
+MANEUVER = maneuver(
+    12.0, ("elevator", "3-2-1-1", 1.0, 0.4, 0.06), ("aileron", "doublet", 5.0, 0.5, 0.08), ("rudder", "doublet", 8.0, 0.7, 0.10)
+)  # fmt: skip
+OTHER = maneuver(8.0, ("aileron", "3-2-1-1", 1.0, 0.4, -0.05), ("elevator", "doublet", 4.0, 0.8, 0.05))
 
 
 @cache
@@ -60,8 +50,7 @@ def pose_of(flight: stoop.Flight, folder: Path) -> stoop.Flight:
 
 def test_an_airplane_is_identified_from_its_pose(tmp_path: Path) -> None:
     truth = captured()
-    (tmp_path / "maneuver.toml").write_text(MANEUVER, encoding="utf-8")
-    flight = pose_of(stoop.simulate(truth, tmp_path / "maneuver.toml"), tmp_path)
+    flight = pose_of(stoop.simulate(truth, MANEUVER), tmp_path)
     start = truth.with_numbers({
         n: {"value": 0.8 * truth.value(n)} for n in ("CLalpha", "Cmalpha", "Cmq", "Clp", "Claileron", "Cnbeta", "Cnr")
     })  # fmt: skip
@@ -74,31 +63,18 @@ def test_an_airplane_is_identified_from_its_pose(tmp_path: Path) -> None:
     assert not codes & {"rates-not-recorded", "airspeed-not-measured"}
     assert set(model.result.noise_covariance.channels) == {*EULER, *POSITION}
     assert model.result.initial_states[0].values["pn"].unit == "m"
-    (tmp_path / "other.toml").write_text(OTHER, encoding="utf-8")
     (tmp_path / "second").mkdir()
-    second = pose_of(stoop.simulate(truth, tmp_path / "other.toml"), tmp_path / "second")
+    second = pose_of(stoop.simulate(truth, OTHER), tmp_path / "second")
     validated = stoop.validate(model, second, ["0:8"], initial_state="measured")
     (scores,) = validated.record.open_loop.values()
     assert scores["model"] < 0.15  # noise of differentiated rates
     assert scores["model"] < 0.5 * min(scores[name] for name in ("draft", LINE, ARX))
 
 
-def test_a_position_takes_all_three_and_still_air() -> None:
-    assert captured().positions == POSITION
-    text = resolve_vehicle("twin-boom").text
-    assert parse_vehicle(text + "\n[sensors.pe]\nsigma = 0.001\n", "twin-boom").positions == POSITION
-    with pytest.raises(VehicleError, match="all equations"):
-        with_entries(captured(), {("model", "reduce"): "lateral"})
-    gust = {"intensity": 0.5, "length": 100.0}
-    with pytest.raises(VehicleError, match="turbulence: the air is still"):
-        with_entries(captured(), {("turbulence", "u"): gust})
-    quad = parse_vehicle(resolve_vehicle("quad-x").text + "\n[sensors.pn]\n", "quad-x")
-    assert not quad.parameters["sensors.vn.bias"].free
-    with pytest.raises(VehicleError, match="the air is still"):
-        with_entries(quad, {("sensors", "vn", "bias"): {"value": 0.0, "free": True}})
-
-
 def test_a_model_leaves_the_room_without_its_position(tmp_path: Path) -> None:
+    assert captured().positions == POSITION
+    with pytest.raises(VehicleError, match="turbulence: the air is still"):
+        with_entries(captured(), {("turbulence", "u"): {"intensity": 0.5, "length": 100.0}})
     linear = stoop.linearize(captured())
     assert not set(POSITION) & {*linear.outputs, *linear.states}
     assert linear.C.shape == (len(linear.outputs), len(linear.states))

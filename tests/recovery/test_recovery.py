@@ -13,6 +13,7 @@ from importlib.resources import files
 
 import numpy as np
 import pytest
+from recovery.maneuvers import maneuver
 
 from stoop.errors import IdentificationError, VehicleError
 from stoop.estimate.estimate import Estimate
@@ -43,11 +44,6 @@ PITCH = (
 ROLL = (("aileron", "doublet", 1.0, 0.6, 0.1), ("rudder", "2-1-1", 5.0, 0.6, 0.15))
 BOUNDS = {"CLalpha": (2.0, 8.0), "Cmalpha": (-4.0, 0.0), "Cmq": (-90.0, -10.0), "Cmelevator": (-2.0, 0.0)}
 TWO = [Window("a", 0.0, 16.0), Window("b", 0.0, 16.0)]
-
-
-def maneuver(steps: tuple[tuple[str, str, float, float, float], ...], duration: float = 16.0) -> Maneuver:
-    inputs = [{"control": c, "shape": s, "start": t, "step": d, "amplitude": a} for c, s, t, d, a in steps]
-    return Maneuver.model_validate({"duration": duration, "rate": 50.0, "input": inputs})
 
 
 def held(vehicle: Vehicle) -> Vehicle:
@@ -95,11 +91,11 @@ def aircraft() -> Vehicle:
 def pitching(aircraft: Vehicle) -> tuple[Vehicle, Flight]:
     """Return the longitudinal equations and a flight of them."""
     vehicle = aircraft.reduced("longitudinal")
-    return vehicle, simulate_flight(vehicle, maneuver(PITCH), seed=8, name="sim")
+    return vehicle, simulate_flight(vehicle, maneuver(16.0, *PITCH, rate=50.0), seed=8, name="sim")
 
 
 def test_all_32_parameters_of_eq_1(aircraft: Vehicle) -> None:
-    found = recover(aircraft, spoiled(aircraft, 4), maneuver(JOINT, 60.0), 4)
+    found = recover(aircraft, spoiled(aircraft, 4), maneuver(60.0, *JOINT, rate=50.0), 4)
     z = deviations(found, aircraft)
     assert len(z) == 32
     assert found.outcome.status == "converged"
@@ -109,7 +105,7 @@ def test_all_32_parameters_of_eq_1(aircraft: Vehicle) -> None:
 
 def test_standard_errors_are_exact_over_seeds(aircraft: Vehicle) -> None:
     """16 flights, 512 estimates: one in 20 beyond two standard errors, one in 370 beyond three."""
-    flown = maneuver(JOINT, 60.0)
+    flown = maneuver(60.0, *JOINT, rate=50.0)
     fits = (recover(aircraft, spoiled(aircraft, seed), flown, seed) for seed in range(16))
     z = np.array([list(deviations(found, aircraft).values()) for found in fits])
     assert np.mean(z**2) == pytest.approx(1.0, abs=0.15)
@@ -122,7 +118,7 @@ def test_separate_maneuvers_have_their_own_starts_and_biases(aircraft: Vehicle) 
     flights = {}
     for i, (name, flown, q, az) in enumerate((("a", PITCH, 0.012, -0.1), ("b", ROLL, -0.008, 0.15))):
         biased = aircraft.with_numbers({"sensors.q.bias": {"value": q}, "sensors.az.bias": {"value": az}})
-        flights[name] = simulate_flight(biased, maneuver(flown), seed=i, name=name)
+        flights[name] = simulate_flight(biased, maneuver(16.0, *flown, rate=50.0), seed=i, name=name)
     few = {
         "CLalpha", "Cmalpha", "Cmq", "Cmelevator", "CL0", "Cm0", "Clp", "Claileron", "Clbeta", "Cnbeta", "Cnr", "Cnrudder",
         "CQbeta",
@@ -150,7 +146,7 @@ def test_mass_inertia_and_center_of_gravity() -> None:
         "mass.inertia.yy": (60.0, 200.0),
         "mass.center_of_gravity.x": (-0.1, 0.15),
     }
-    found = recover(truth, spoiled(freed(truth, bounds), 1), maneuver(PITCH), 1)
+    found = recover(truth, spoiled(freed(truth, bounds), 1), maneuver(16.0, *PITCH, rate=50.0), 1)
     z = deviations(found, truth)
     assert set(z) == set(bounds)
     assert max(map(abs, z.values())) < 3.0
@@ -166,9 +162,8 @@ def test_a_loading_of_its_own_maneuver(aircraft: Vehicle) -> None:
     light = held(light.with_numbers({p.name: {"value": p.value} for p in aircraft.parameters}))
     heavy = light.with_numbers({n: {"value": x} for n, x in heavier.items()})
     drag = trim(heavy).thrust["propulsion.thrust"] - trim(light).thrust["propulsion.thrust"]
-    flights = {
-        n: simulate_flight(v, maneuver(PITCH), seed=i, name=n) for i, (n, v) in enumerate((("a", light), ("b", heavy)))
-    }  # fmt: skip
+    flown, both = maneuver(16.0, *PITCH, rate=50.0), (("a", light), ("b", heavy))
+    flights = {n: simulate_flight(v, flown, seed=i, name=n) for i, (n, v) in enumerate(both)}
     start = spoiled(freed(light, BOUNDS), 6)
     own = {**heavier, "propulsion.thrust": light.value("propulsion.thrust") + drag}
     start = replace(start, file=start.file.model_copy(update={"loadings": {"heavy": own}}))
@@ -213,7 +208,7 @@ def test_delays_lags_positions_and_scales() -> None:
         "sensors.q.delay": (0.0, 0.1), "sensors.alpha.scale": (0.8, 1.3), "sensors.vane_position.x": (0.0, 3.0),
         "sensors.accelerometer_position.x": (-1.0, 2.0), **{n: BOUNDS[n] for n in ("Cmalpha", "Cmq")}, "Cmelevator": (-3.0, 0.0),
     }  # fmt: skip
-    found = recover(truth, spoiled(freed(truth, numbers), 2), maneuver(PITCH), 2)
+    found = recover(truth, spoiled(freed(truth, numbers), 2), maneuver(16.0, *PITCH, rate=50.0), 2)
     z = deviations(found, truth)
     assert set(z) == set(numbers)
     assert max(map(abs, z.values())) < 3.0
@@ -240,6 +235,6 @@ def test_free_numbers_that_cannot_be_fitted_are_refused(aircraft: Vehicle) -> No
          r"loadings\.heavy\.mass\.mass: the number is free.*--fix mass\.mass"),
     ):  # fmt: skip
         start = vehicle.with_numbers({number: {"free": True}})
-        flight = simulate_flight(start, maneuver(PITCH, 2.0), name="sim")
+        flight = simulate_flight(start, maneuver(2.0, *PITCH), name="sim")
         with pytest.raises(error, match=said):
             fit(start, {"sim": flight}, [window])

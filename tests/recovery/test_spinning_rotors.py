@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import pytest
+from recovery.maneuvers import maneuver
 
 from stoop.estimate.fit import Options
-from stoop.flight import Flight
 from stoop.simulation.fly import simulate_flight
-from stoop.simulation.maneuver import parse_maneuver
-from stoop.vehicle import Vehicle, parse_vehicle
+from stoop.vehicle import parse_vehicle
 from stoop.workflow import identify
 
 ROTORS = ((1, 0.15, 0.15, "ccw"), (2, -0.15, -0.15, "ccw"), (3, 0.15, -0.15, "cw"), (4, -0.15, 0.15, "cw"))
@@ -30,15 +29,11 @@ inertia = 6e-5
     f'[rotor.m{i}]\nchannel = "motor_{i}"\nposition = [{x}, {y}, 0.0]\nspin = "{spin}"\n'
     for i, x, y, spin in ROTORS
 )
-INPUTS = (
-    ("roll", "doublet", 1.0, 0.15, 8.0), ("pitch", "doublet", 2.0, 0.15, 8.0), ("yaw", "doublet", 3.0, 0.4, 1.5),
+MANEUVER = maneuver(
+    16.0, ("roll", "doublet", 1.0, 0.15, 8.0), ("pitch", "doublet", 2.0, 0.15, 8.0), ("yaw", "doublet", 3.0, 0.4, 1.5),
     ("heave", "3-2-1-1", 4.0, 0.25, 2.0), ("yaw", "doublet", 7.0, 0.2, 2.0), ("north", "doublet", 8.0, 2.0, 2.5),
     ("east", "doublet", 11.0, 2.0, 2.5),
 )  # fmt: skip
-MANEUVER = "duration = 16.0\nrate = 100.0\n" + "".join(
-    f'[[input]]\ncontrol = "{control}"\nshape = "{shape}"\nstart = {start}\nstep = {step}\namplitude = {amplitude}\n'
-    for control, shape, start, step, amplitude in INPUTS
-)
 WRONG = {
     "rotors.inertia": {"value": 2e-5, "free": True, "bounds": (1e-6, 3e-4)},
     "rotors.delay": {"value": 0.005, "free": True, "bounds": (0.0, 0.05)},
@@ -47,18 +42,10 @@ WRONG = {
 }
 
 
-@pytest.fixture(scope="module")
-def true() -> Vehicle:
-    return parse_vehicle(QUAD, "quad")
-
-
-@pytest.fixture(scope="module")
-def flight(true: Vehicle) -> Flight:
-    return simulate_flight(true, parse_maneuver(MANEUVER, "m"), seed=3, name="sim")
-
-
 @pytest.mark.parametrize("method", ["equation-error", ""])
-def test_what_spins_rotors_up_is_found(true: Vehicle, flight: Flight, method: str) -> None:
+def test_what_spins_rotors_up_is_found(method: str) -> None:
+    true = parse_vehicle(QUAD, "quad")
+    flight = simulate_flight(true, MANEUVER, seed=3, name="sim")
     found = identify(true.with_numbers(WRONG), flight, ["0:16"], options=Options(method=method))
     parameters = found.result.parameters
     assert set(WRONG) <= set(parameters)

@@ -5,33 +5,16 @@ from __future__ import annotations
 from importlib.resources import files
 
 import pytest
+from recovery.maneuvers import maneuver
 
 from stoop.flight import Flight
 from stoop.performance.effectiveness import Balance, Reference, assess, hover, judge
 from stoop.simulation.fly import simulate_flight
-from stoop.simulation.maneuver import parse_maneuver
 from stoop.vehicle import Vehicle, parse_vehicle
 
 TEXT = (files("stoop.data") / "quad_x.toml").read_text(encoding="utf-8")
-MANEUVER = """
-format = "stoop-maneuver/1"
-duration = 25.0
-rate = 100.0
-altitude = 100.0
-wind = [2.0, -1.0, 0.0]
-[[input]]
-control = "roll"
-shape = "3-2-1-1"
-start = 4.0
-step = 0.15
-amplitude = 10.0
-[[input]]
-control = "north"
-shape = "doublet"
-start = 10.0
-step = 3.0
-amplitude = 2.0
-"""
+INPUTS = (("roll", "3-2-1-1", 4.0, 0.15, 10.0), ("north", "doublet", 10.0, 3.0, 2.0))
+MANEUVER = maneuver(25.0, *INPUTS, altitude=100.0, wind=[2.0, -1.0, 0.0])
 
 
 def with_factor(factor: float) -> Vehicle:
@@ -41,7 +24,7 @@ def with_factor(factor: float) -> Vehicle:
 
 
 def flown(factor: float, seed: int) -> Flight:
-    return simulate_flight(with_factor(factor), parse_maneuver(MANEUVER, "test"), seed=seed, name=f"{factor}")
+    return simulate_flight(with_factor(factor), MANEUVER, seed=seed, name=f"{factor}")
 
 
 @pytest.mark.parametrize("factor", [0.9, 0.7])

@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from recovery.maneuvers import maneuver
 
 from stoop.estimate.fit import Options
 from stoop.input_design.windows import Found, find_windows
 from stoop.simulation.fly import simulate_flight
-from stoop.simulation.maneuver import parse_maneuver
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop.workflow import identify
 
-HEAD = 'format = "stoop-maneuver/1"\nduration = {seconds}\nrate = 100.0\naltitude = 200.0\n{more}'
-INPUT = '[[input]]\ncontrol = "{}"\nshape = "{}"\nstart = {}\nstep = {}\namplitude = {}\n'
 QUAD = (
     ("roll", "3-2-1-1", 10.0, 0.15, 15.0),
     ("pitch", "doublet", 24.0, 0.2, 15.0),
@@ -38,10 +36,9 @@ def recalled(found: Found, inputs: tuple[tuple[str, str, float, float, float], .
 def test_known_maneuvers_are_found_and_calm_flight_is_not(
     name: str, inputs: tuple[tuple[str, str, float, float, float], ...]
 ) -> None:
-    more = "" if name == "quad-x" else "airspeed = 35.0\n"
-    text = HEAD.format(seconds=60.0, more=more) + "".join(INPUT.format(*one) for one in inputs)
-    vehicle = resolve_vehicle(name)
-    flight = simulate_flight(vehicle, parse_maneuver(text, "test"), seed=1, name="sim")
+    more, vehicle = {} if name == "quad-x" else {"airspeed": 35.0}, resolve_vehicle(name)
+    flown = maneuver(60.0, *inputs, altitude=200.0, **more)
+    flight = simulate_flight(vehicle, flown, seed=1, name="sim")
     found = find_windows({"sim": flight}, vehicle)
     assert recalled(found, inputs) == 1.0
     fitted = [w for w in found.windows if w.accept and w.use == "fit"]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -39,10 +40,13 @@ def plants(effect: float = 1.0, spread: float = 0.01) -> Plants:
     return Plants(("p", "aileron.lag", "phi"), own, np.repeat(B[None], 201, axis=0), np.full((201, 1), 0.03))
 
 
-def fly(seed: int, seconds: float = 120.0, **how: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    pilot = asked_at_random(round(seconds * RATE), 1, RATE, seed, how.pop("pilot", 0.5))
-    held = how.pop("attitude", 0.0) * np.array([[0.0, 0.0, 1.0]])
-    return flown(A, B, [0], [GAINS], RATE, 3, pilot, held, **how)
+@cache
+def fly(
+    seed: int, attitude: float = 0.0, pilot: float = 0.5, gust: float = 0.0
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return setpoints, rates and commands of 120 s."""
+    asked = asked_at_random(round(120.0 * RATE), 1, RATE, seed, pilot)
+    return flown(A, B, [0], [GAINS], RATE, 3, asked, attitude * np.array([[0.0, 0.0, 1.0]]), gust)
 
 
 def compared(

@@ -1,0 +1,12 @@
+"""Few simulated sequences for the threshold of alarms: the rate of false alarms has tests of its own."""
+
+from __future__ import annotations
+
+import pytest
+
+from stoop.fleet import analysis
+
+
+@pytest.fixture(autouse=True)
+def _few_draws(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(analysis, "DRAWS", 1600)
