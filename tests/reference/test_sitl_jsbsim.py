@@ -26,16 +26,6 @@ from stoop.vehicle.defaults import FULL_DEFLECTION
 FOOT = 0.3048
 Folder = tuple[dict[str, str], str]  #: texts by their places, and the place of the model
 FOLDERS = {"ardupilot-jsbsim": ardupilot, "px4-jsbsim": px4}
-GROUND = """<?xml version="1.0"?><initialize name="start"><latitude unit="DEG" type="geodetic">-35.36</latitude>
-<longitude unit="DEG">149.16</longitude><altitude unit="M">1.3</altitude><vt unit="FT/SEC">0.0</vt>
-<theta unit="DEG">13.0</theta><psi unit="DEG">90</psi></initialize>"""
-SCRIPT = """<?xml version="1.0"?><runscript name="t"><use aircraft="{name}" initialize="reset"/>
-<run start="0" end="1000" dt="0.000833"><event name="start engine"><condition>simulation/sim-time-sec le 0.01</condition>
-<set name="propulsion/engine[0]/set-running" value="1"/></event>
-<event name="Trim"><condition>simulation/sim-time-sec ge 0.01</condition><set name="simulation/do_simple_trim" value="2"/></event>
-</run></runscript>"""
-
-
 FLYING_WING = """
 format = "stoop-vehicle/1"
 name = "Flying wing"
@@ -159,14 +149,6 @@ def test_surfaces_turn_where_the_autopilot_means(name: str, target: str, tmp_pat
         assert abs(ends["elevator"]["elevator"]) == pytest.approx(full)
 
 
-def test_airspeeds_are_equivalent_ones() -> None:
-    made = autopilot_commands(builtin_vehicle("quadplane"), None, 3000.0, None)
-    speed = builtin_vehicle("quadplane").value("reference.airspeed") * np.sqrt(0.9091 / 1.225)
-    for folder, name in ((px4, "FW_AIRSPD_TRIM"), (ardupilot, "AIRSPEED_CRUISE")):
-        known = parameters("\n".join(folder(made)[0].values()))
-        assert known[name] == pytest.approx(speed, rel=1e-3)
-
-
 @pytest.mark.parametrize("name", ["hexa-x", "quadplane"])
 def test_the_allocation_is_that_of_the_model(name: str, tmp_path: Path) -> None:
     """What PX4 computes from its parameters of a rotor is what JSBSim does when that output rises."""
@@ -216,33 +198,6 @@ def test_what_the_bridge_reads(name: str) -> None:
         assert f * u**2 + (1.0 - f) * u == pytest.approx(known["MPC_THR_HOVER"], abs=1e-3)
 
 
-def test_arduplanes_start(tmp_path: Path) -> None:
-    """Its script starts an engine, trims on the ground; full throttle then lets the aircraft roll, and elevator lift its nose."""
-    made = commands("quadplane")
-    texts, place = ardupilot(made)
-    assert any("no rotors" in line for line in texts["README.md"].splitlines())
-    known = parameters(next(text for file, text in texts.items() if file.endswith(".parm")))
-    assert [known[f"SERVO{i}_FUNCTION"] for i in (1, 2, 3, 4)] == [4, 19, 70, 21]
-    elevator = next(c for c in made.surfaces if c.name == "elevator")
-    assert known["SERVO2_TRIM"] == round(1500 + 500 * elevator.steady)
-    write_files(tmp_path, texts)
-    root, name = tmp_path / "Tools" / "autotest", Path(place).stem
-    write_files(root, {f"aircraft/{name}/reset.xml": GROUND, "start.xml": SCRIPT.format(name=name)})
-    fdm = simulator(root)
-    assert fdm.load_script("start.xml")
-    assert fdm.run_ic()
-    for _ in range(2400):
-        assert fdm.run()
-    assert abs(fdm["attitude/theta-rad"]) < 0.1
-    assert fdm["velocities/vt-fps"] < 0.1
-    assert fdm["accelerations/a-pilot-z-ft_sec2"] == pytest.approx(-32.1, abs=0.3)
-    fdm["fcs/throttle-cmd-norm"] = 1.0
-    for _ in range(4800):
-        assert fdm.run()
-    assert fdm["velocities/vt-fps"] > 10.0
-    assert fdm["position/h-agl-ft"] < 3.0
-
-
 def test_px4s_start_and_a_climb(tmp_path: Path) -> None:
     texts, place = px4(commands("hexa-x"))
     write_files(tmp_path, texts)
@@ -264,17 +219,6 @@ def test_px4s_start_and_a_climb(tmp_path: Path) -> None:
         fdm.run()
     assert fdm["position/h-agl-ft"] * FOOT > 1.5
     assert abs(fdm["attitude/phi-rad"]) < 1e-3
-
-
-def test_names_that_would_mean_something_else() -> None:
-    text = builtin_text("quadplane").replace("Quadplane, 5 kg", "Elevon VTail `x` | $(reboot)")
-    made = autopilot_commands(parse_vehicle(text, "odd"), None, 200.0, None)
-    texts, place = ardupilot(made)
-    assert Path(place).stem == "e-levon-v-tail-x-reboot"
-    assert "$(reboot)" not in "".join(re.findall(r"```console\n(.*?)```", texts["README.md"], re.DOTALL))
-    assert "\\`x\\` \\|" in texts["README.md"]
-    for text in (t for file, t in px4(made)[0].items() if file.endswith(".xml")):
-        ET.fromstring(text)  # noqa: S314
 
 
 def test_what_they_cannot_hold() -> None:

@@ -199,3 +199,24 @@ def test_files_of_parameters_by_hand(tmp_path: Path) -> None:
         firmwares({"KP": 1.0})
     with pytest.raises(StoopError, match="those of PX4 fixed wing and of ArduPlane"):
         firmware_of({"FW_RR_P": 0.1, "RLL_RATE_P": 0.1}, rotors=False)
+
+
+def test_planes_before_4_1_and_thin_air() -> None:
+    """AP_RollController, deg of a full deflection of 45; feedforward is less by the ratio of true to equivalent airspeed."""
+    (signals, scale), thin, dt = recorded(5), 1.2, 0.02
+    k = {"P": 1.2, "TCONST": 0.4, "I": 0.3, "D": 0.08, "FF": 0.1, "IMAX": 500.0}
+    law = ardupilot.old_plane({f"RLL2SRV_{n}": x for n, x in k.items()}, "roll", thin)
+    found, integral = law.outputs(signals, scale), 0.0
+    per_rate = max((k["P"] - k["I"] * k["TCONST"]) * k["TCONST"] - k["D"], 0.0) / thin
+    for i in range(COUNT):
+        desired, turning = (math.degrees(float(signals[n][i])) for n in (SETPOINT, RATE))
+        scaler, error = float(scale[i]), (desired - turning) * float(scale[i])
+        grown = integral + error * k["I"] * k["TCONST"] * dt * scaler
+        integral = max(-k["IMAX"] / 100.0, min(k["IMAX"] / 100.0, grown))
+        expected = {"P": desired * per_rate * scaler, "I": integral, "D": error * k["D"] * scaler,
+                    "FF": desired * k["FF"] / thin * scaler}  # fmt: skip
+        for name, degrees in expected.items():
+            assert found[name][i] == pytest.approx(degrees / 45.0, rel=1e-9, abs=1e-12), (name, i)
+    new, dense = (ardupilot.plane(PLANE, "roll", ratio).outputs(signals, scale) for ratio in (thin, 1.0))
+    np.testing.assert_allclose(new["FF"] * thin, dense["FF"], rtol=1e-12)
+    np.testing.assert_array_equal(new["P"], dense["P"])

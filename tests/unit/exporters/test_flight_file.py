@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -14,7 +15,7 @@ from pyulog import ULog
 from stoop.base.variables import QUATERNION
 from stoop.cli.main import main
 from stoop.errors import OutputError
-from stoop.exporters.flight_logs import TABLES, WRITERS, save_flight_as
+from stoop.exporters.flight_logs import WRITERS, save_flight_as
 from stoop.flight import Flight, from_columns, load
 from stoop.logs.csv_tables import mapping_beside
 from stoop.simulation.fly import simulate_flight
@@ -34,6 +35,7 @@ amplitude = {amplitude}
 """
 SINGLE = 2.0**-22  #: of the largest value: numbers of 32 bits, twice rounded
 PULSE = 0.5  #: us; ArduPilot logs pulses as whole numbers
+CHILDREN = {".mat", ".parquet"}
 STEPS = {".bin": PULSE / 500.0, ".usd": 0.5 / 65535.0}  #: of a command, half
 
 
@@ -51,11 +53,10 @@ def there_and_back(flight: Flight, target: Path) -> Flight:
     return load(target)
 
 
-@pytest.mark.parametrize("name", ["twin-boom", "quad-x", "quadplane"])
-def test_every_channel_comes_back(name: str, tmp_path: Path) -> None:
+def check_every_channel(name: str, endings: Iterable[str], folder: Path) -> None:
     flight = flown(name)
-    for ending in (".ulg", ".bin", ".usd", *(TABLES if name == "quad-x" else ())):
-        back = there_and_back(flight, tmp_path / f"flight{ending}")
+    for ending in endings:
+        back = there_and_back(flight, folder / f"flight{ending}")
         np.testing.assert_allclose(back.time, flight.time, atol=1e-9, err_msg=ending)
         for variable in map(str, flight.data.data_vars):
             if variable in QUATERNION:
@@ -65,6 +66,16 @@ def test_every_channel_comes_back(name: str, tmp_path: Path) -> None:
             if variable == "psi":  # of a heading up to 360 deg, or turned by a quarter
                 most = SINGLE * 2.0 * np.pi
             assert float(np.abs(y - x).max()) <= most * 1.001, (variable, ending)
+
+
+@pytest.mark.parametrize("name", ["twin-boom", "quad-x", "quadplane"])
+def test_every_channel_comes_back(name: str, tmp_path: Path) -> None:
+    check_every_channel(name, (".ulg", ".bin", ".usd", ".csv"), tmp_path)
+
+
+def test_every_channel_comes_back_of_tables_that_a_child_reads(tmp_path: Path) -> None:
+    check_every_channel("quad-x", CHILDREN, tmp_path)
+    check_every_command(CHILDREN, tmp_path)
 
 
 def tolerance(variable: str, ending: str) -> float:
@@ -122,8 +133,7 @@ def first_of(log: Any, kind: str) -> Any:
     return log.recv_match(type=kind)
 
 
-def test_an_aircraft_with_every_command(tmp_path: Path) -> None:
-    """What no autopilot has a place for is kept all the same: a measured thrust, more motors than outputs."""
+def check_every_command(endings: Iterable[str], folder: Path) -> None:
     time = np.arange(200) * 0.01
     rng = np.random.default_rng(0)
     names = [
@@ -136,10 +146,15 @@ def test_an_aircraft_with_every_command(tmp_path: Path) -> None:
     base |= {"voltage": 16.0, "rotor_1": 500.0}  # of which a blackbox log keeps whole steps
     columns = {n: base.get(n, 0.3) * (1.0 + 0.1 * rng.random(time.size)) for n in names}
     flight = from_columns("all", time, columns)
-    for ending in WRITERS:
-        back = there_and_back(flight, tmp_path / f"all{ending}")
+    for ending in endings:
+        back = there_and_back(flight, folder / f"all{ending}")
         for n in names:
             assert back.column(n) == pytest.approx(flight.column(n), rel=2e-3, abs=1.01e-3), (ending, n)
+
+
+def test_an_aircraft_with_every_command(tmp_path: Path) -> None:
+    """What no autopilot has a place for is kept all the same: a measured thrust, more motors than outputs."""
+    check_every_command(WRITERS.keys() - CHILDREN, tmp_path)
 
 
 def test_a_name_of_no_format_is_refused(tmp_path: Path) -> None:

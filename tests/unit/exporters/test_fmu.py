@@ -1,91 +1,25 @@
-"""Units: what is in them, and that FMPy flies them as the kernel does, with inputs, numbers and starts of its own."""
+"""Units of FMI: what is written is read back by ElementTree. FMPy flies them in test_other_simulators."""
 
 from __future__ import annotations
 
 import io
 import zipfile
 from dataclasses import replace
-from pathlib import Path
 from xml.etree import ElementTree as ET
 
 import numpy as np
 import pytest
 
-from stoop.errors import StoopError
-from stoop.exporters import fmu, fmu_target
-from stoop.exporters.reference_flight import reference_flight
-from stoop.simulation import Trim, initial_states, parameter_rows, trim
+from stoop.exporters import fmu
+from stoop.simulation import Trim, trim
 from stoop.simulation.derivatives import ParameterCovariance
 from stoop.vehicle import Vehicle
-from stoop.vehicle.builtin import builtin_vehicle
 from stoop_studies.verify.export import load
-
-fmpy = pytest.importorskip("fmpy")
 
 
 @pytest.fixture(scope="module")
 def made(twin_boom: Vehicle, steady: Trim) -> fmu.Unit:
     return fmu.make_unit(twin_boom, steady)
-
-
-@pytest.fixture(scope="module")
-def place(made: fmu.Unit, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    out = tmp_path_factory.mktemp("units") / "three.fmu"
-    out.write_bytes(fmu.unit_bytes(made, "3.0", fmu.find_compiler()))
-    return out
-
-
-@pytest.mark.parametrize("version", fmu.VERSIONS)
-@pytest.mark.parametrize("name", ["twin-boom", "quad-x"])
-def test_it_flies_as_the_kernel_does(name: str, version: str, tmp_path: Path) -> None:
-    from fmpy.validation import validate_fmu
-
-    vehicle = builtin_vehicle(name)
-    point = trim(vehicle)
-    flight = reference_flight(vehicle, point)
-    assert flight is not None
-    assert np.ptp(flight.readings, axis=0).min() > 0.02  # every channel moves
-    place = tmp_path / "unit.fmu"
-    place.write_bytes(fmu.unit_bytes(fmu.make_unit(vehicle, point), version, fmu.find_compiler()))
-    assert validate_fmu(str(place)) == []
-    assert max(flight.differences(fmu_target.fly_unit(place, flight)).values()) < 1e-11
-
-
-def test_numbers_and_starts_can_be_set(twin_boom: Vehicle, steady: Trim, place: Path) -> None:
-    """The kernel with the same number and start gives the same flight; inputs are held where no rate is given."""
-    changed = parameter_rows(twin_boom, {**steady.changes, "Cmq": -30.0})
-    states = initial_states(twin_boom, steady.start, changed, steady.inputs)
-    states[twin_boom.states.index("q")] = 0.1
-    ours = twin_boom.kernel().trajectories(changed, states, np.tile(steady.inputs, (201, 1)), 0.01)[0]
-    theirs = fmpy.simulate_fmu(
-        str(place), stop_time=2.0, step_size=0.1, output_interval=0.1, output=list(twin_boom.outputs),
-        start_values={"Cmq": -30.0, "start.q": 0.1},
-    )  # fmt: skip
-    for i, name in enumerate(twin_boom.outputs):
-        assert theirs[name] == pytest.approx(ours[::10, i], rel=1e-10, abs=1e-12)
-
-
-def test_the_position_is_the_path_over_ground(steady: Trim, place: Path) -> None:
-    found = fmpy.simulate_fmu(str(place), stop_time=10.0, step_size=0.1, output=["north", "east"])
-    angle = steady.start["theta"] - steady.start["alpha"]  # level flight, due north but for a little sideslip
-    assert found["north"][-1] == pytest.approx(350.0 * np.cos(angle), rel=1e-3)
-    assert abs(found["east"][-1]) < 10.0
-
-
-def test_a_unit_without_library_is_compiled_by_fmpy(made: fmu.Unit, tmp_path: Path) -> None:
-    from fmpy.build import build_platform_binary
-
-    place = tmp_path / "unit.fmu"
-    place.write_bytes(fmu.unit_bytes(made, "2.0"))
-    with zipfile.ZipFile(place) as archive:
-        assert not [n for n in archive.namelist() if n.startswith("binaries")]
-        archive.extractall(tmp_path / "open")
-    (tmp_path / "build").mkdir()
-    build_platform_binary(tmp_path / "open", tmp_path / "build")
-    found = fmpy.simulate_fmu(str(tmp_path / "open"), stop_time=1.0, output=["V"])
-    assert found["V"] == pytest.approx(35.0, abs=1e-6)
-    with pytest.raises(StoopError, match="/bin/false: cannot compile"):
-        fmu.unit_bytes(made, "3.0", "/bin/false")
 
 
 def test_delays_are_left_out_and_actuator_numbers_with_them() -> None:
@@ -116,3 +50,19 @@ def test_parameters_say_what_is_known_of_them(twin_boom: Vehicle, steady: Trim) 
     assert said["Cmq"] == "not identified by the flight"
     assert said["Clp"] == ""
     assert b'description="not identified by the flight"' in fmu.description(made, "2.0")
+
+
+def test_outputs_are_named_by_their_places(made: fmu.Unit, twin_boom: Vehicle) -> None:
+    """FMI 2.0 counts variables from one, 3.0 by their references."""
+    for version in fmu.VERSIONS:
+        root = ET.fromstring(fmu.description(made, version))  # noqa: S314 - our own
+        variables = list(root.find("ModelVariables") or ())
+        assert [v.attrib["valueReference"] for v in variables] == [str(i) for i in range(len(variables))]
+        if version == "2.0":
+            places = [int(u.attrib["index"]) - 1 for u in root.iterfind("ModelStructure/Outputs/Unknown")]
+        else:
+            places = [int(u.attrib["valueReference"]) for u in root.iterfind("ModelStructure/Output")]
+        assert {variables[i].attrib["causality"] for i in places} == {"output"}
+        assert {variables[i].attrib["name"] for i in places} >= {*twin_boom.outputs, "north", "east"}
+        start = {v.attrib["name"]: v if version == "3.0" else v[0] for v in variables}["Cmq"].attrib
+        assert (float(start["start"]), start["unit"]) == (twin_boom.value("Cmq"), "1")

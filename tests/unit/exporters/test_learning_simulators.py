@@ -43,7 +43,7 @@ def square() -> Vehicle:
     return parse_vehicle(text, "quad")
 
 
-def drawn(vehicle: Vehicle, count: int = 40) -> ModelData:
+def drawn(vehicle: Vehicle, count: int = 12) -> ModelData:
     """Return a model with draws of thrust and drag that correlate."""
     z = np.random.default_rng(1).standard_normal((count, 2))
     thrust = vehicle.value("rotors.T2") * (1.0 + 0.02 * z[:, 0])
@@ -107,6 +107,9 @@ def test_isaac_lab_and_aerial_gym_have_the_fields_of_their_classes(square: Vehic
     content = json.loads(files["quadrotor_x_1_5_kg.json"])
     low, high = content["ranges"]["thrust_const"]
     assert low < content["nominal"]["thrust_const"] < high
+    thrust = drawn(square).draws["rotors.T2"]
+    share = np.percentile(thrust, [2.5, 97.5]) / square.value("rotors.T2")
+    assert [low, high] == pytest.approx(content["nominal"]["thrust_const"] * share, rel=1e-3)
     matrix = np.array(content["allocation_matrix"])
     assert matrix[3:] @ np.ones(4) == pytest.approx(0.0, abs=1e-12), "equal thrusts turn it about no axis"
     assert matrix[3, 0] < 0.0, "the rotor at the front right rolls it to the left"

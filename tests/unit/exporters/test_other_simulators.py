@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import re
+import zipfile
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -10,18 +10,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from stoop.errors import SimulationError
-from stoop.exporters import exporter, jsbsim_aircraft, rotorpy_flight, rotorpy_model
+from stoop.errors import SimulationError, StoopError
+from stoop.exporters import exporter, fmu, fmu_target, rotorpy_flight, rotorpy_model
 from stoop.exporters.agreement import AXES, Compared, agreement_table, loads_along, omission, omitted_shares
-from stoop.exporters.exporter import ModelData, written
+from stoop.exporters.exporter import ModelData
 from stoop.exporters.gazebo import fly_gazebo, gazebo_loads
 from stoop.exporters.gazebo_model import gazebo_model
-from stoop.exporters.jsbsim_comparison import compare
-from stoop.exporters.jsbsim_flight import file_name, relative_differences
+from stoop.exporters.jsbsim_flight import relative_differences
 from stoop.exporters.mujoco_flight import MuJoCo
-from stoop.exporters.reference_flight import ReferenceFlight, reference_flight, reference_record
+from stoop.exporters.reference_flight import ReferenceFlight, reference_flight
 from stoop.exporters.targets import export
-from stoop.simulation import initial_states, parameter_rows, trim
+from stoop.simulation import Trim, initial_states, parameter_rows, trim
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import builtin_text, builtin_vehicle
 from stoop.vehicle.load import load_vehicle, parse_vehicle
@@ -63,24 +62,6 @@ def test_a_lost_side_force_is_visible_in_gazebo() -> None:
     assert found["correlation"][names.index("ve")] > 0.95
     assert "lowest correlation 0 (Fx)" in str(lost)
     assert agreement_table(lost).rows[1][3:] == ("100 %", "0.00", "0.00")
-
-
-def test_a_lost_side_force_is_visible_in_jsbsim() -> None:
-    vehicle = builtin_vehicle("twin-boom")
-    record = reference_record(vehicle, trim(vehicle))
-    assert record is not None
-    texts = jsbsim_aircraft.folder(vehicle, None)
-    with written(texts) as root:
-        same = compare(root, record).compared
-    assert same.names == (*AXES, *vehicle.outputs)
-    assert same.statistics["share"][:6].max() < 1e-4
-    place = f"aircraft/{file_name(vehicle.name)}/{file_name(vehicle.name)}.xml"
-    lost = re.sub(r'<axis name="SIDE">.*?</axis>', "", texts[place], flags=re.DOTALL)
-    assert lost != texts[place]
-    with written({**texts, place: lost}) as root:
-        bare = compare(root, record).compared
-    assert bare.statistics["slope"][1] < 0.3, "the drag has a part along the axis"
-    assert bare.statistics["share"][1] > 0.5
 
 
 def test_a_longitudinal_fit_is_exported_whole_to_gazebo() -> None:
@@ -214,3 +195,61 @@ def test_a_draw_flies_in_mujoco_with_its_numbers_beside_callbacks_of_the_user(tm
     finally:
         mujoco.set_mjcb_control(None)
     assert pushed == pytest.approx([force / quad.value("mass.mass"), 0.0, 0.0, 0.0, 0.0, 0.0], abs=1e-9)
+
+
+# --- FMPy
+
+
+@pytest.mark.parametrize("version", fmu.VERSIONS)
+@pytest.mark.parametrize("name", ["twin-boom", "quad-x"])
+def test_fmpy_flies_as_the_kernel_does(name: str, version: str, tmp_path: Path) -> None:
+    pytest.importorskip("fmpy")
+    from fmpy.validation import validate_fmu
+
+    vehicle = builtin_vehicle(name)
+    point = trim(vehicle)
+    flight = reference_flight(vehicle, point)
+    assert flight is not None
+    assert np.ptp(flight.readings, axis=0).min() > 0.02  # every channel moves
+    place = tmp_path / "unit.fmu"
+    place.write_bytes(fmu.unit_bytes(fmu.make_unit(vehicle, point), version, fmu.find_compiler()))
+    assert validate_fmu(str(place)) == []
+    assert max(flight.differences(fmu_target.fly_unit(place, flight)).values()) < 1e-11
+
+
+def test_numbers_and_starts_of_a_unit_can_be_set(twin_boom: Vehicle, steady: Trim, tmp_path: Path) -> None:
+    """The kernel with the same number and start gives the same flight; level flight is due north."""
+    fmpy = pytest.importorskip("fmpy")
+    place = tmp_path / "three.fmu"
+    place.write_bytes(fmu.unit_bytes(fmu.make_unit(twin_boom, steady), "3.0", fmu.find_compiler()))
+    found = fmpy.simulate_fmu(str(place), stop_time=10.0, step_size=0.1, output=["north", "east"])
+    angle = steady.start["theta"] - steady.start["alpha"]
+    assert found["north"][-1] == pytest.approx(350.0 * np.cos(angle), rel=1e-3)
+    assert abs(found["east"][-1]) < 10.0, "but for a little sideslip"
+    changed = parameter_rows(twin_boom, {**steady.changes, "Cmq": -30.0})
+    states = initial_states(twin_boom, steady.start, changed, steady.inputs)
+    states[twin_boom.states.index("q")] = 0.1
+    ours = twin_boom.kernel().trajectories(changed, states, np.tile(steady.inputs, (201, 1)), 0.01)[0]
+    theirs = fmpy.simulate_fmu(
+        str(place), stop_time=2.0, step_size=0.1, output_interval=0.1, output=list(twin_boom.outputs),
+        start_values={"Cmq": -30.0, "start.q": 0.1},
+    )  # fmt: skip
+    for i, name in enumerate(twin_boom.outputs):
+        assert theirs[name] == pytest.approx(ours[::10, i], rel=1e-10, abs=1e-12)
+
+
+def test_a_unit_without_library_is_compiled_by_fmpy(twin_boom: Vehicle, steady: Trim, tmp_path: Path) -> None:
+    fmpy = pytest.importorskip("fmpy")
+    from fmpy.build import build_platform_binary
+
+    made, place = fmu.make_unit(twin_boom, steady), tmp_path / "unit.fmu"
+    place.write_bytes(fmu.unit_bytes(made, "2.0"))
+    with zipfile.ZipFile(place) as archive:
+        assert not [n for n in archive.namelist() if n.startswith("binaries")]
+        archive.extractall(tmp_path / "open")
+    (tmp_path / "build").mkdir()
+    build_platform_binary(tmp_path / "open", tmp_path / "build")
+    found = fmpy.simulate_fmu(str(tmp_path / "open"), stop_time=1.0, output=["V"])
+    assert found["V"] == pytest.approx(35.0, abs=1e-6)
+    with pytest.raises(StoopError, match="/bin/false: cannot compile"):
+        fmu.unit_bytes(made, "3.0", "/bin/false")

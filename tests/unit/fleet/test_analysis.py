@@ -1,9 +1,12 @@
-"""A made-up fleet: what was changed is found, dated and explained by the part that was exchanged."""
+"""A made-up fleet: changes of a vehicle and updates of all are found, dated and explained."""
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from scipy.stats import kstest
 from unit.fleet.made_up import (
     CHANGED,
     EXCHANGED,
@@ -17,7 +20,12 @@ from unit.fleet.made_up import (
     fleet,
 )
 
+from stoop.base.arrays import FloatArray
 from stoop.fleet.analysis import FleetAnalysis, analyze, figure_model
+from stoop.fleet.causes import EVERY
+from stoop.fleet.changes import Readings
+from stoop.fleet.software_updates import common_steps, significant
+from stoop.fleet.table import FigureTable
 
 
 def of_changed(found: FleetAnalysis) -> list[tuple[str, str, str]]:
@@ -61,3 +69,86 @@ def test_the_same_seed_gives_the_same() -> None:
     first, again = (analyze(table, parts, seed=3) for _ in range(2))
     assert first.threshold == again.threshold
     assert first.alarms == again.alarms
+
+
+# --- updates that change a figure of all vehicles
+
+BEFORE, AFTER = 12, 8  #: flights
+
+
+def sequence(vehicle: int, values: FloatArray, software: list[str]) -> tuple[FigureTable, Readings]:
+    """Return readings with errors of one about a level of which nothing is known, a flight a day."""
+    count = len(values)
+    time, errors = 86400.0 * np.arange(count) + vehicle, np.ones(count)
+    texts = {"flight": [f"{vehicle}-{i}" for i in range(count)], "vehicle": [str(vehicle)] * count}
+    texts |= {"figure": ["drag"] * count, "software": software}
+    table = FigureTable.of_columns(texts, {"time": time, "value": values, "std_error": errors}, {})
+    return table, Readings.about_a_level(values, errors, time)
+
+
+def drawn(rng: np.random.Generator, count: int, step: float = 0.0) -> dict[str, tuple[FigureTable, Readings]]:
+    software, n = ["1.0"] * BEFORE + ["1.1"] * AFTER, BEFORE + AFTER
+    steps = np.arange(n) >= BEFORE
+    return {
+        str(v): sequence(v, rng.standard_normal(n) + (step + rng.standard_normal()) * steps, software)
+        for v in range(count)
+    }
+
+
+def test_the_mean_step_is_that_of_the_differences_and_its_error_that_of_their_scatter() -> None:
+    """Of equal errors Hartung's and Knapp's mean and error are those of Student's t."""
+    sequences = drawn(np.random.default_rng(1), 9, 2.0)
+    steps = np.array([r.values[BEFORE:].mean() - r.values[:BEFORE].mean() for _, r in sequences.values()])
+    (one,) = common_steps(sequences)
+    assert (one.before, one.after) == ("1.0", "1.1")
+    assert one.size == pytest.approx(steps.mean())
+    assert one.error == pytest.approx(steps.std(ddof=1) / 3.0)
+    assert (one.began, one.found) == (BEFORE * 86400.0, BEFORE * 86400.0 + 2.0)
+
+
+def test_an_update_that_changes_vehicles_differently_and_none_on_average_is_none() -> None:
+    rng = np.random.default_rng(2)
+    chances = [common_steps(drawn(rng, 6))[0].chance for _ in range(300)]
+    assert kstest(chances, "uniform").pvalue > 0.01
+
+
+def test_an_update_is_taken_between_the_one_before_and_the_one_after() -> None:
+    software = ["1.0"] * 10 + ["1.1"] * 10 + ["1.0"] * 10
+    values = np.repeat([0.0, 5.0, 1.0], 10)
+    sequences = {str(v): sequence(v, values, software) for v in range(3)}
+    update, back = common_steps(sequences)
+    assert (update.size, back.size) == (pytest.approx(5.0), pytest.approx(-4.0))
+    assert (back.before, back.after) == ("1.1", "1.0")
+
+
+def test_two_vehicles_tell_of_no_update() -> None:
+    (one,) = common_steps(drawn(np.random.default_rng(3), 2, 50.0))
+    assert one.chance == 1.0
+    assert significant({"drag": [one]}) == {"drag": []}
+
+
+def updated(table: FigureTable, size: float) -> FigureTable:
+    own = np.array([f == "thrust" and s == "1.1" for f, s in zip(table.figure, table.software, strict=True)])
+    return replace(table, value=table.value + size * own)
+
+
+def test_an_update_that_changes_all_vehicles_is_told_once_beside_the_change_of_a_vehicle() -> None:
+    table, parts = fleet()
+    found = analyze(changed(updated(table, 0.08), "thrust", UPDATED - 10, -0.15), parts, 0.1).alarms
+    assert [a.vehicle for a in found] == [EVERY, CHANGED]
+    assert found[1].began == f"{CHANGED}-{UPDATED - 10}"
+    alarm = found[0]
+    assert (alarm.figure, alarm.causes[0].what) == ("thrust", "software: 1.1 for 1.0")
+    assert alarm.change.interval[0] < 0.08 < alarm.change.interval[1]
+    first = table.software.index("1.1")
+    assert (alarm.began, alarm.began_time) == (table.flight[first], table.time[first])
+
+
+def test_a_vehicle_that_always_differed_did_not_change() -> None:
+    (table, parts), difference = fleet(), 0.4
+    found = analyze(changed(table, "drag", 0, difference), parts, 0.1)
+    assert found.alarms == ()
+    (outlier,) = found.figures["drag"].outliers
+    assert (outlier.group, outlier.level) == ("vehicle", 3)
+    assert outlier.difference == pytest.approx(difference, abs=0.15)
+    assert len(found.figures["drag"].rows.value) == VEHICLES * FLIGHTS

@@ -103,6 +103,9 @@ def test_a_drift_is_one_change() -> None:
     assert only.kind == "drift"
     assert only.first == pytest.approx(begun, abs=5)
     assert only.interval[0] < 0.3 < only.interval[1]
+    times = np.array([0.0, 1.0, 3.0, 4.0])  # a drift begins right after the flight before its first
+    for kind, course in (("drift", [0.0, 0.0, 1.0, 1.5]), ("step", [0.0, 0.0, 0.5, 0.5])):
+        assert Change(kind, 2, 3, 0.5, 0.1, 9.0).course(times).tolist() == course
 
 
 def test_a_return_is_a_second_change() -> None:

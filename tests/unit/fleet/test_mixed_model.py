@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.stats import norm
 
-from stoop.fleet.mixed_model import Design, fit_mixed_model
+from stoop.fleet.mixed_model import Design, fit_mixed_model, fit_robust_model
 
 #: vaccinated with and without tuberculosis, controls with and without: thirteen trials of the BCG vaccine, G. A. Colditz et
 #: al., "Efficacy of BCG vaccine in the prevention of tuberculosis", JAMA 271 (1994) 698
@@ -102,3 +103,13 @@ def test_the_likelihood_is_the_highest_wherever_the_mean_is() -> None:
     assert far.flight == pytest.approx(about_zero.flight, rel=1e-5)
     assert far.deviations == pytest.approx(about_zero.deviations, rel=1e-5)
     assert far.coefficients[0] - 1e4 == pytest.approx(about_zero.coefficients[0], abs=1e-6)
+
+
+def test_a_level_is_outlying_beyond_the_largest_of_all_by_chance() -> None:
+    """Of 40 levels the largest lies within 3.7 standard deviations in 99 % (Bonferroni), a single one within 2.6."""
+    levels, of = norm.ppf((np.arange(40) + 0.5) / 40.0), np.repeat(np.arange(40), 6)
+    flights = 0.05 * np.random.default_rng(1).standard_normal(240)
+    for farthest, outlying in ((3.1, []), (5.5, [39])):
+        y = np.append(levels[:-1], farthest)[of] + flights
+        design = Design(y, np.full(240, 0.05), np.ones((240, 1)), {"vehicle": of})
+        assert [one.level for one in fit_robust_model(design)[1]] == outlying, farthest

@@ -13,8 +13,8 @@ from unit.fleet.made_up import EXCHANGED, FLIGHTS, changed, fleet
 
 from stoop.fleet.analysis import FleetAnalysis, analyze
 from stoop.fleet.mixed_model import Outlier, indices
-from stoop.fleet.page import HUES, MOST, NEAR, _thinned, fleet_page
-from stoop.fleet.parts import Fitting, Parts, day
+from stoop.fleet.page import MOST, NEAR, _thinned, fleet_page
+from stoop.fleet.parts import Parts, day
 from stoop.fleet.store import Fleet, ToldAlarm
 from stoop.fleet.table import FigureTable
 from stoop.report.sheet import render_sheet
@@ -51,13 +51,6 @@ def cells(html: str) -> list[list[str]]:
 def opened(html: str) -> list[list[list[str]]]:
     """Return the rows of flights that each alarm opens."""
     return [cells(one) for one in re.findall(r"<details>(.*?)</details>", html, re.DOTALL)]
-
-
-def spans(html: str, vehicle: str, figure: str) -> dict[str, int]:
-    """Return the color of each part and software in a panel."""
-    panel = html[html.index(f"{figure} of {vehicle} over") :]
-    found = re.findall(r"hue(\d)\"><title>(.*?), ", panel[: panel.index("</svg>")])
-    return {name: int(hue) for hue, name in found}
 
 
 def test_alarms_come_first_and_their_vehicles_are_open() -> None:
@@ -100,27 +93,6 @@ def test_an_alarm_opens_the_flights_around_it() -> None:
         assert 0.5 * (high + low) == pytest.approx(value, abs=0.002)
         assert abs(value - own.value[k]) < 0.05, "but for the season"
     assert [row[0].split()[0] for row in whole if "more" in row[0]] == ["15", "11", "4"]
-
-
-def test_a_part_has_one_color_wherever_it_is() -> None:
-    """The part of v3 moves to v5; the figure of two rotors has a strip of its second place; versions differ in color."""
-    table, parts = fleet()
-    moment = max(one.begin for one in parts.fittings if one.vehicle in ("v3", "v5"))
-    last = [table.time[-1] - 1.0, np.inf]
-    kept = [one for one in parts.fittings if one.vehicle != "v5"]
-    kept = [replace(one, end=min(one.end, moment)) if one.vehicle == "v3" else one for one in kept]
-    moved = [Fitting("v5", "rotor_2", "v3b", moment, last[0]), Fitting("v5", "rotor_2", "v3c", *last)]
-    both = replace(table, parts=tuple("rotor_1 rotor_2" if p else "" for p in table.parts))
-    html = page(both, Parts((*kept, *moved)))
-    v3, v5, v0 = (spans(html, vehicle, "thrust") for vehicle in ("v3", "v5", "v0"))
-    assert list(v3) == ["rotor_1: v3a", "rotor_1: v3b", "software: 1.0", "software: 1.1"]
-    assert v3["rotor_1: v3b"] == v5["rotor_2: v3b"]
-    assert v3["rotor_1: v3a"] != v3["rotor_1: v3b"]
-    assert v3["software: 1.0"] == v0["software: 1.0"] != v0["software: 1.1"]
-    assert spans(html, "v3", "drag") == {name: hue for name, hue in v3.items() if "software" in name}
-    assert html.count('class="fleet-span ') == 7 * 2, "the first place is behind the flights"
-    style = html[: html.index("</style>")]
-    assert all(f".hue{k} {{" in style for k in range(HUES))
 
 
 def test_what_is_unlike_the_fleet_is_told() -> None:

@@ -83,20 +83,6 @@ def test_an_alarm_is_told_once_and_withdrawn_when_nothing_shows_it(tmp_path: Pat
     assert [a.began for a in fresh] == [STEP[3]], "what was withdrawn is told anew"
 
 
-def test_tables_of_several_figures_are_one_fleet(tmp_path: Path) -> None:
-    both = WORN.frame()
-    paths = []
-    for figure, rows in both.groupby("figure"):
-        paths.append(tmp_path / f"{figure}.csv")
-        rows.to_csv(paths[-1], index=False)
-    _, parts = write(tmp_path, WORN)
-    one, *_ = update_fleet(tmp_path / "store", paths[:1], parts, 0.1)
-    assert one.table.figures() == ("drag",)
-    one, *_ = update_fleet(tmp_path / "store", paths[1:])
-    assert steps(one) == [STEP]
-    assert one.table.frame().equals(WORN.frame())
-
-
 def test_an_error_changes_nothing(tmp_path: Path) -> None:
     figures, parts = write(tmp_path, SOUND)
     store = tmp_path / "store"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import shutil
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -14,7 +13,6 @@ import stoop
 from stoop.cli.main import main
 from stoop.errors import StoopError
 from stoop.exporters.flight_logs import save_flight_as
-from stoop.fleet.store import STATE
 from stoop.flight import from_columns
 
 
@@ -89,16 +87,6 @@ def test_logs_of_no_use_are_told_one_by_one(
         "parts: 1 vehicle without flights (c); correct the name in parts.csv",
         "parts: 1 place without figures (batery); correct the name in parts.csv",
     ]
-
-
-def test_a_store_of_another_version_is_refused_before_logs_are_read(logs: Path, tmp_path: Path) -> None:
-    (tmp_path / STATE).write_text(json.dumps({"schema": "stoop-fleet/9"}))
-    (tmp_path / "logs-0123456789abcdef.sqlite").write_bytes(b"")
-    with ThreadPoolExecutor(1) as executor:
-        executor.shutdown()
-        with pytest.raises(StoopError, match="of schema stoop-fleet/9"):
-            stoop.update_fleet(tmp_path, [logs / "f0.csv"], executor=executor)
-    assert {one.name for one in tmp_path.iterdir()} == {STATE, "logs-0123456789abcdef.sqlite"}
 
 
 def test_nothing_is_left_of_a_store_that_no_log_could_begin(logs: Path, tmp_path: Path) -> None:

@@ -7,12 +7,11 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 from scipy.optimize import fsolve
 
 from stoop.assessment.draws import Draws
 from stoop.propagation.wing_figures import Domain
-from stoop.simulation import initial_states, parameter_rows, trim
+from stoop.simulation import trim
 from stoop.tuning.physical_parameters import PhysicalParameters, physical_parameters
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import builtin_vehicle
@@ -243,27 +242,6 @@ def test_trims_climb_and_sink_of_px4_are_those_by_hand() -> None:
         [aileron / 0.35, rudder / -0.35], rel=1e-3
     )
     assert found["FW_THR_ASPD_MIN"] > 0.0
-
-
-def test_the_nonlinear_model_flies_level_with_these_values() -> None:
-    vehicle = aeroplane(Cl0=0.0, Cn0=0.0, CQ0=0.0)
-    found, ratio = of_wings(vehicle, PX4_WING), math.sqrt(RHO / SEA)
-    values = {one.name: one.value for one in found.found}
-    assert "TRIM_ROLL" not in values
-    assert set(found.absent["no number that was estimated moves it"]) >= {"TRIM_ROLL", "TRIM_YAW"}
-    written = {"control_pitch": values["TRIM_PITCH"], "control_throttle": values["FW_THR_TRIM"] / ratio}
-    inputs = np.array([[written.get(channel, 0.0)] for channel in vehicle.inputs])
-    pitch, speed = math.radians(values["FW_PSP_OFF"]), 35.0 / ratio
-    rows, start = parameter_rows(vehicle), {"V": speed, "alpha": pitch, "theta": pitch, "h": HEIGHT}
-    state = initial_states(vehicle, start, rows, inputs)
-
-    def rates(_: float, x: np.ndarray) -> np.ndarray:
-        return vehicle.kernel().evaluate(rows, np.ascontiguousarray(x[:, None]), inputs)[0][:, 0]
-
-    flown = solve_ivp(rates, (0.0, 20.0), state[:, 0], rtol=1e-8, atol=1e-8).y
-    u, w, h = (flown[vehicle.states.index(n)] for n in ("u", "w", "h"))
-    assert np.abs(h - HEIGHT).max() < 1.0
-    assert np.abs(np.hypot(u, w) - speed).max() < 0.1
 
 
 def test_arduplane_has_percent_and_hundredths_of_a_degree() -> None:

@@ -1,4 +1,4 @@
-"""Tables of parts: what stood where, when, and what contradicts itself."""
+"""Tables of parts and of figures from elsewhere, and what is wrong with one."""
 
 from __future__ import annotations
 
@@ -7,11 +7,13 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 from unit.fleet.made_up import fleet
 
 from stoop.errors import StoopError
 from stoop.fleet.parts import Parts, read_parts
+from stoop.fleet.table import read_figures
 
 HEAD = "vehicle,part,serial,from,to\n"
 TABLE = HEAD + (
@@ -20,7 +22,7 @@ TABLE = HEAD + (
 )
 
 
-def read(folder: Path, text: str) -> Parts:
+def parts_of(folder: Path, text: str) -> Parts:
     path = folder / "parts.csv"
     path.write_text(text, encoding="utf-8")
     return read_parts(path)
@@ -31,7 +33,7 @@ def day(*date: int) -> float:
 
 
 def test_a_part_moves_between_vehicles(tmp_path: Path) -> None:
-    parts = read(tmp_path, TABLE)
+    parts = parts_of(tmp_path, TABLE)
     assert parts.places() == ("battery", "rotor_1")
     times = np.array(
         [day(2026, 2, 28, 23), day(2026, 3, 1), day(2026, 4, 1, 11), day(2026, 4, 1, 12), day(2025, 1, 1)]
@@ -68,13 +70,65 @@ def test_contradictions_are_named(tmp_path: Path) -> None:
         ("A,rotor_1\n", "line 2 has no serial"),
     ):
         with pytest.raises(StoopError) as error:
-            read(tmp_path, HEAD + rows)
+            parts_of(tmp_path, HEAD + rows)
         assert said in str(error.value)
         assert "\n" not in str(error.value)
-    two = read(tmp_path, HEAD + "A,battery,1,,\nA,rotor_1,1,,\nB,rotor_1,2,,\n")
+    two = parts_of(tmp_path, HEAD + "A,battery,1,,\nA,rotor_1,1,,\nB,rotor_1,2,,\n")
     assert len(two.fittings) == 3, "one serial of different kinds are two parts"
     for content in (b"a,b\n1,2\n", b"\xff\xfe\x00"):
         (tmp_path / "parts.csv").write_bytes(content)
         with pytest.raises(StoopError) as error:
             read_parts(tmp_path / "parts.csv")
+        assert "\n" not in str(error.value)
+
+
+ROWS = pd.DataFrame({
+    "flight": ["f2", "f1", "f1"], "vehicle": ["A", "A", "A"], "time": ["2026-01-02", "1970-01-01T00:01", "1970-01-01T00:01"],
+    "figure": ["drag", "thrust", "drag"], "value": [2.0, 3, 1], "std_error": [0.1, 0.2, 0.3],
+    "software": ["1.1", None, None], "density": [1.1, 1.2, 1.2], "pilot": ["x", "y", "y"],
+})  # fmt: skip
+
+
+@pytest.mark.parametrize("ending", ["csv", "parquet"])
+def test_rows_come_in_order(tmp_path: Path, ending: str) -> None:
+    path = tmp_path / f"figures.{ending}"
+    ROWS.to_csv(path, index=False) if ending == "csv" else ROWS.to_parquet(path)
+    table = read_figures(path)
+    assert table.flight == ("f1", "f1", "f2")
+    assert table.figure == ("drag", "thrust", "drag")
+    assert table.software == ("", "", "1.1")
+    assert table.time.tolist() == [60.0, 60.0, 1767312000.0]
+    assert table.value.tolist() == [1.0, 3.0, 2.0]
+    assert list(table.conditions) == ["density"]
+    assert table.of("drag").std_error.tolist() == [0.3, 0.1]
+    assert table.figures() == ("drag", "thrust")
+
+
+def test_a_vehicle_called_na_is_one(tmp_path: Path) -> None:
+    path = tmp_path / "figures.csv"
+    ROWS.assign(vehicle="NA", software=["null", "", "1"]).to_csv(path, index=False)
+    table = read_figures(path)
+    assert table.vehicle == ("NA",) * 3
+    assert table.software == ("1", "", "null")
+
+
+def test_what_is_wrong_is_named(tmp_path: Path) -> None:
+    path = tmp_path / "figures.csv"
+    for change, said in (
+        ({"value": ["a", "b", "c"]}, "column value holds what is no number"),
+        ({"std_error": [0.1, 0.0, 0.2]}, "1 rows, first that of flight f1, lack a value"),
+        ({"time": ["soon", "late", "now"]}, "column time holds what is no date"),
+        ({"figure": ["drag", "drag", "drag"]}, "drag of flight f1 stands there twice"),
+        ({"vehicle": ["", "A", "A"]}, "1 rows, first that of flight f2, lack "),
+    ):
+        ROWS.assign(**change).to_csv(path, index=False)
+        with pytest.raises(StoopError, match=said):
+            read_figures(path)
+    ROWS.drop(columns="vehicle").to_csv(tmp_path / "few.csv", index=False)
+    (tmp_path / "bad.parquet").write_bytes(b"PAR1PAR1")
+    (tmp_path / "bad.csv").write_bytes(b"\xff\x00\n" * 9)
+    for name in ("few.csv", "bad.parquet", "bad.csv", "none.csv"):
+        with pytest.raises(StoopError) as error:
+            read_figures(tmp_path / name)
+        assert name in str(error.value)
         assert "\n" not in str(error.value)

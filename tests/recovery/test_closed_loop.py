@@ -1,4 +1,4 @@
-"""An aircraft that only its autopilot holds: a simulation leaves the record, a filter with a small process noise does not."""
+"""Aircraft that only an autopilot holds, and gusts: which estimator is chosen, and how far others are off."""
 
 from __future__ import annotations
 
@@ -8,15 +8,18 @@ import numpy as np
 import pytest
 
 from stoop.assessment.error_bars import error_bars
+from stoop.base.units import KNOT
 from stoop.estimate.estimate import Estimate
 from stoop.estimate.fit import Options
+from stoop.estimate.gust_bias import MIN_BIAS, gust_biases
 from stoop.estimate.instability import PREDICTED_GROWTH, growth, growth_at_start
 from stoop.estimate.methods import find
 from stoop.problem.prepare import prepare
 from stoop.problem.windows import Window
 from stoop.simulation import parameter_rows, trim
 from stoop.simulation.linearize import state_matrix
-from stoop.strategy.run import FIT_ALONE, choose_method, fit
+from stoop.strategy.run import FIT_ALONE, choose_method
+from stoop.strategy.run import fit as fit_by
 from stoop_studies.verify import closed_loop
 from stoop_studies.verify.scenes import ALTITUDE, Scene
 
@@ -34,7 +37,7 @@ def scene() -> Scene:
 def found(scene: Scene) -> tuple[str, Estimate]:
     choice = choose_method("", scene.start, scene.flights.values(), WINDOW)
     assert [n.code for n in choice.notices] == ["unstable"]
-    done = fit(FIT_ALONE, scene.start, scene.flights, WINDOW)
+    done = fit_by(FIT_ALONE, scene.start, scene.flights, WINDOW)
     return done.setup.options.method, done.estimate
 
 
@@ -91,3 +94,22 @@ def test_a_short_window_or_a_stable_aircraft_is_simulated(scene: Scene) -> None:
     assert choose_method("", scene.start, scene.flights.values(), short).options.method == "output-error"
     calm = closed_loop.aircraft_scene(0.0, 3)
     assert choose_method("", calm.start, calm.flights.values(), calm.windows).options.method == "output-error"
+
+
+def test_large_biases_are_told_with_sign_and_size() -> None:
+    """All errors beyond four standard errors of filter error: told with their sign, and within a factor of two."""
+    scene = closed_loop.aircraft_scene(30.0 * KNOT, 2)
+    choice = choose_method("output-error", scene.start, scene.flights.values(), scene.windows)
+    assert [n.code for n in choice.notices] == ["gusts-ignored"]
+    options = Options(method="output-error")
+    fit = fit_by(FIT_ALONE, scene.start, scene.flights, scene.windows, options=options).estimate
+    (told,) = [n for n in fit.notices if n.code == "gusts-bias"]
+    found = gust_biases(fit, scene.flights)
+    assert told.values["count"] == sum(abs(size) > MIN_BIAS for _, size in found.values())
+    errors = {n: fit.estimates[n] - v for n, v in scene.truth.items()}
+    error_bar = {n: bias / size for n, (bias, size) in found.items()}
+    large = [n for n in errors if abs(errors[n]) > 4.0 * error_bar[n]]
+    ratio = np.array([found[n][0] / errors[n] for n in large])
+    assert len(large) > 3
+    assert ratio.min() > 0.5
+    assert ratio.max() < 2.0
