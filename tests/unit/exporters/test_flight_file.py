@@ -13,7 +13,6 @@ from pymavlink import DFReader
 from pyulog import ULog
 
 from stoop.base.variables import QUATERNION
-from stoop.cli.main import main
 from stoop.errors import OutputError
 from stoop.exporters.flight_logs import WRITERS, save_flight_as
 from stoop.flight import Flight, from_columns, load
@@ -162,14 +161,3 @@ def test_a_name_of_no_format_is_refused(tmp_path: Path) -> None:
         OutputError, match=r"flight\.xyz: no kind of flight file; end its name in \.nc, \.ulg"
     ):
         save_flight_as(flown("quad-x"), tmp_path / "flight.xyz")
-
-
-def test_a_mapping_of_yours_is_not_replaced(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    (tmp_path / "m.toml").write_text("duration = 1.0\n", encoding="utf-8")
-    (tmp_path / "flight.ulg.toml").write_text("mine", encoding="utf-8")
-    words = ["simulate", "quad-x", "--maneuver", str(tmp_path / "m.toml"), "-o", str(tmp_path / "flight.ulg")]
-    assert main(words) == 2
-    assert "flight.ulg.toml: exists already; add --overwrite" in capsys.readouterr().err
-    assert not (tmp_path / "flight.ulg").exists()
-    assert main([*words, "--overwrite"]) == 0
-    assert "next: stoop info" in capsys.readouterr().out

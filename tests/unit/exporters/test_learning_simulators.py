@@ -83,6 +83,9 @@ def test_pyflyt_reads_the_folder(square: Vehicle) -> None:
     assert motors["total_thrust"] == pytest.approx(4.0 * FULL_THRUST, rel=1e-6)
     assert motors["torque_coef"] / motors["thrust_coef"] == pytest.approx(0.016)
     assert motors["tau"] == square.value("rotors.lag")
+    # 1/2 rho A v^2 is the drag of the body, by the mean of its axes, in PyFlyt's air
+    area = content["drag_params"]["drag_coef_xyz"] * content["drag_params"]["drag_area_xyz"]
+    assert 0.5 * 1.225 * area == pytest.approx((0.02 + 0.02 + 0.03) / 3.0)
     gains = {"ang_vel", "ang_pos", "lin_vel", "lin_pos", "z_pos", "z_vel"}
     assert content["control_params"].keys() == gains
     root = ET.fromstring(made.files["quadrotor_x_1_5_kg/quadrotor_x_1_5_kg.urdf"])  # noqa: S314

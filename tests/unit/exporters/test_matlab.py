@@ -113,8 +113,31 @@ def test_the_function_computes_what_the_kernel_does(twin_boom: Vehicle, steady: 
     check(crooked, trim(crooked, None, 200.0), equations(crooked, "crooked"))
 
 
+def stepped(made: Matlab, s: np.ndarray, a: np.ndarray, b: np.ndarray, p: np.ndarray, h: float) -> np.ndarray:
+    """Return the state after a step, by the lines of the script."""
+    script, function = made.texts[f"{made.name}_fly.m"], made.texts[f"{made.name}_equations.m"]
+    known: dict[str, Any] = {"s": s, "a": a, "b": b, "p": p, "h": h}
+    known[f"{made.name}_equations"] = lambda *given: run(function, *given)[0]
+    lines = re.findall(r"^    (k[1-4]|s) = (.*_equations.*|s \+ .*);", script, re.MULTILINE)
+    assert [name for name, _ in lines] == ["k1", "k2", "k3", "k4", "s"]
+    for name, expression in lines:
+        known[name] = eval(expression, {}, known)  # noqa: S307 - our own
+    return np.asarray(known["s"])
+
+
+def test_the_script_steps_as_the_kernel_does(twin_boom: Vehicle, steady: Trim) -> None:
+    made, rows, h = files(twin_boom, steady), parameter_rows(twin_boom, steady.changes), 0.05
+    u = steady.inputs + 0.1 * np.random.default_rng(1).standard_normal((3, len(steady.inputs)))
+    begin = initial_states(twin_boom, steady.start, rows, u[0])
+    readings, s = twin_boom.kernel().trajectories(rows, begin, u, h)[0], begin[:, 0]
+    for k in range(2):
+        s = stepped(made, s, u[k], u[k + 1], rows[:, 0], h)
+        found = run(made.texts[f"{made.name}_equations.m"], s, u[k + 1], rows[:, 0])[1]
+        assert found == pytest.approx(readings[k + 1], rel=1e-10, abs=1e-12)
+
+
 def test_it_flies_with_the_slopes_of_channels_that_spin_rotors_up(twin_boom: Vehicle) -> None:
-    """The script's own steps, one for one in Python, keep the angular momentum of a free body."""
+    """They keep the angular momentum of a free body."""
     vehicle = parse_vehicle(FREE, "free")
     still = Trim({"h": 100.0}, {}, {}, np.array([990.0, 0.0]), {}, 0.0)
     found = files(vehicle, still)
@@ -128,16 +151,12 @@ def test_it_flies_with_the_slopes_of_channels_that_spin_rotors_up(twin_boom: Veh
     ):
         assert line in script
     assert not any("slope" in text for text in files(twin_boom, trim(twin_boom)).texts.values())
-    u = np.zeros((4, 2))
-    u[:, 0], h = (990.0, 1010.0, 970.0, 1000.0), 0.01
+    u, h = np.zeros((4, 2)), 0.01
+    u[:, 0] = (990.0, 1010.0, 970.0, 1000.0)
     u[:, 1] = (np.diff(u[:, 0]) / h)[[0, 1, 2, 2]]
     p, s = parameter_rows(vehicle)[:, 0], initial_states(vehicle, {}, parameter_rows(vehicle), u[0])[:, 0]
     for k in range(3):
-        a, b = u[k], np.array([u[k + 1, 0], u[k, 1]])
-        k1 = run(function, s, a, p)[0]
-        k2 = run(function, s + h / 2 * k1, (a + b) / 2, p)[0]
-        k3 = run(function, s + h / 2 * k2, (a + b) / 2, p)[0]
-        s = s + h / 6 * (k1 + 2 * k2 + 2 * k3 + run(function, s + h * k3, b, p)[0])
+        s = stepped(found, s, u[k], np.array([u[k + 1, 0], u[k, 1]]), p, h)
         assert s[vehicle.states.index("r")] == pytest.approx(6e-5 / 0.03 * (u[k + 1, 0] - 990.0), abs=1e-12)
 
 

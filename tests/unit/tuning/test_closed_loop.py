@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from stoop import simulate
 from stoop.assessment.draws import Draws
+from stoop.base.files import write_files
+from stoop.base.rotations import quaternions_of
 from stoop.base.units import STANDARD_GRAVITY
+from stoop.control_laws.recursion import LawRecursion
 from stoop.control_laws.table import firmware_of
 from stoop.errors import ManeuverError, SimulationError, StoopError
+from stoop.exporters import jsbsim_aircraft
+from stoop.exporters.jsbsim_flight import Host, Record, begin, file_name
 from stoop.simulation.maneuver import Maneuver
-from stoop.tuning.closed_loop import FlownUnderLaw, centered_means, fly_under_law
+from stoop.tuning.closed_loop import AttitudeLoop, Course, FlownUnderLaw, centered_means, fly_under_law
 from stoop.tuning.gain_search import Design, Specification
 from stoop.tuning.judgment import commands_of
 from stoop.vehicle import Vehicle
@@ -84,18 +90,7 @@ def flown(vehicle: Vehicle, maneuver: Maneuver, parameters: Mapping[str, float])
     return fly_under_law(vehicle, maneuver, firmware_of(parameters, bool(vehicle.rotors)), parameters)
 
 
-@pytest.mark.parametrize(
-    ("vehicle", "parameters", "gains", "airspeed"),
-    [
-        (quad(), PX4, [f"MC_ROLLRATE_{t}" for t in "PID"], 0.0),
-        (quad(0.021), COPTER, [f"ATC_RAT_RLL_{t}" for t in "PID"], 0.0),
-        (wing(lag=0.05, delay=0.033), PLANE, ["RLL_RATE_P", "RLL_RATE_I", "RLL_RATE_FF"], 33.0),
-        (quad(0.005, lag=0.025), BETAFLIGHT, [f"rollPID[{k}]" for k in range(3)], 0.0),
-        (quad(0.005, lag=0.025), CRAZYFLIE, [f"pid_rate.roll_k{t}" for t in "pid"], 0.0),
-    ],
-    ids=["px4", "copter", "plane", "betaflight", "crazyflie"],
-)
-def test_a_loop_begins_to_swing_at_its_gain_margin(
+def check_gain_margin(
     vehicle: Vehicle, parameters: Mapping[str, float], gains: list[str], airspeed: float
 ) -> None:
     """Margins come from frequency responses; the flight knows none of them."""
@@ -113,6 +108,26 @@ def test_a_loop_begins_to_swing_at_its_gain_margin(
         early, late = (np.std(p[(found.time > t) & (found.time < t + 1.0)]) for t in (3.0, 6.5))
         grown.append(late / early)
     assert grown[0] < 0.7 < 1.5 < grown[1]
+
+
+def test_a_loop_begins_to_swing_at_its_gain_margin() -> None:
+    check_gain_margin(quad(), PX4, [f"MC_ROLLRATE_{t}" for t in "PID"], 0.0)
+
+
+@pytest.mark.parametrize(
+    ("vehicle", "parameters", "gains", "airspeed"),
+    [
+        (lambda: quad(0.021), COPTER, [f"ATC_RAT_RLL_{t}" for t in "PID"], 0.0),
+        (lambda: wing(lag=0.05, delay=0.033), PLANE, ["RLL_RATE_P", "RLL_RATE_I", "RLL_RATE_FF"], 33.0),
+        (lambda: quad(0.005, lag=0.025), BETAFLIGHT, [f"rollPID[{k}]" for k in range(3)], 0.0),
+        (lambda: quad(0.005, lag=0.025), CRAZYFLIE, [f"pid_rate.roll_k{t}" for t in "pid"], 0.0),
+    ],
+    ids=["copter", "plane", "betaflight", "crazyflie"],
+)
+def test_loops_of_other_autopilots_begin_to_swing_at_theirs(
+    vehicle: Callable[[], Vehicle], parameters: Mapping[str, float], gains: list[str], airspeed: float
+) -> None:
+    check_gain_margin(vehicle(), parameters, gains, airspeed)
 
 
 @pytest.mark.parametrize(
@@ -231,3 +246,36 @@ def test_what_no_law_flies_is_refused() -> None:
             simulate(vehicle, maneuver, autopilot=parameters)
     with pytest.raises(ManeuverError, match="has its own time and steady flight"):
         simulate(wing(), still, autopilot=WING, airspeed=30.0)
+
+
+# --- JSBSim as the independent truth: the exported airplane, its law in the loop
+
+
+def test_jsbsim_flies_the_same_under_the_law(tmp_path: Path) -> None:
+    """Steps of bank and pitch with servos that lag; readings within 0.1 % of their ranges."""
+    vehicle, firmware, pitch = wing(lag=0.04), firmware_of(WING, rotors=False), ("theta", 2.0, 2.0, 0.08)
+    steps = course(8.0, ("phi", 1.0, 5.0, 0.4), pitch, ("theta", 4.0, 2.0, -0.08))
+    maneuver = steps.model_copy(update={"rate": 400.0})
+    ours = fly_under_law(vehicle, maneuver, firmware, WING)
+
+    given, moved = Course.of(vehicle, maneuver), commands_of(vehicle, firmware, WING)
+    write_files(tmp_path, jsbsim_aircraft.folder(vehicle, None))
+    record = Record(vehicle, given.point.start, given.time, given.inputs)
+    simulation = begin(tmp_path, file_name(vehicle.name), record, None, Host(2000.0))
+    loop = AttitudeLoop(firmware, WING, moved.axes, given)
+    law = LawRecursion([firmware.law(WING, a) for a in moved.axes], np.zeros((3, 1)))
+    rows, done = [], np.zeros((3, 1))
+    for k in range(len(given.time)):
+        s = simulation.read()
+        rows.append(s)
+        attitude = quaternions_of(np.array([s["phi"], s["theta"], s["psi"]]))
+        speed = float(np.linalg.norm([s["u"], s["v"], s["w"]]))
+        setpoints, _ = loop.setpoints(k, attitude, speed)
+        done = law.commands(setpoints, np.array([[s["p"]], [s["q"]], [s["r"]]]), loop.scale(speed), done)
+        channels = given.inputs[k] + moved.outputs @ done[:, 0]
+        simulation.advance(channels, channels)
+    for name in ("p", "q", "r", "phi", "theta"):
+        theirs = np.array([row[name] for row in rows])
+        own = ours.outputs[:, vehicle.outputs.index(name)]
+        assert np.ptp(theirs) > 0.05, name
+        assert np.sqrt(np.mean((own - theirs) ** 2)) < 1e-3 * np.ptp(theirs), name
