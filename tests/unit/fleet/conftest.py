@@ -9,4 +9,4 @@ from stoop.fleet import analysis
 
 @pytest.fixture(autouse=True)
 def _few_draws(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(analysis, "DRAWS", 1600)
+    monkeypatch.setattr(analysis, "DRAWS", 800)
