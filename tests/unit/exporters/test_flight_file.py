@@ -9,11 +9,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from orangebox.decoders import decoder_map
 from pymavlink import DFReader
 from pyulog import ULog
 
 from stoop.base.variables import QUATERNION
 from stoop.errors import OutputError
+from stoop.exporters import blackbox_bytes
 from stoop.exporters.flight_logs import WRITERS, save_flight_as
 from stoop.flight import Flight, from_columns, load
 from stoop.logs.csv_tables import mapping_beside
@@ -161,3 +163,12 @@ def test_a_name_of_no_format_is_refused(tmp_path: Path) -> None:
         OutputError, match=r"flight\.xyz: no kind of flight file; end its name in \.nc, \.ulg"
     ):
         save_flight_as(flown("quad-x"), tmp_path / "flight.xyz")
+
+
+def test_orangebox_reads_its_numbers() -> None:
+    """Those of 32 bits with and without a sign, to both ends."""
+    signed, unsigned = (decoder_map[kind] for kind in (0, 1))
+    for x in (0, 1, -1, 63, -64, 64, 8191, -8192, 123_456_789, -(2**30) - 5, 2**31 - 1, -(2**31)):
+        assert signed(iter(blackbox_bytes.signed_vb(x)), None) == x
+    for x in (0, 127, 128, 2**31 + 7, 2**32 - 1):
+        assert unsigned(iter(blackbox_bytes.unsigned_vb(x)), None) == x

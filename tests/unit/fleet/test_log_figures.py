@@ -233,6 +233,17 @@ def test_a_flight_of_another_mass_has_the_same_drag_and_trims_at_the_same_lift_c
     assert found["trim.elevator"] == pytest.approx(0.01, abs=0.002)
 
 
+def test_a_heavier_flight_has_the_same_drag_and_trims_at_the_same_lift_coefficient() -> None:
+    flight = glide(np.random.default_rng(0), 0.002, mass=1.1 * MASS)
+    vehicle = builtin_vehicle("twin-boom").with_numbers({"mass.mass": {"value": 1.1 * MASS}})
+    figures = told("drag", flight, vehicle) | told("trims", flight, vehicle)
+    found = {name: figures[name].value for name in ("drag.CD", "trim.alpha", "trim.elevator")}
+    assert found["drag.CD"] == pytest.approx(0.05 + 0.06 * LEVEL**2, rel=0.01)
+    assert [found["trim.alpha"], found["trim.elevator"]] == pytest.approx(
+        [-0.08 + LEVEL / 4.8, 0.01], abs=0.002
+    )
+
+
 def test_a_rougher_ride_is_a_larger_vibration() -> None:
     rng, time = np.random.default_rng(0), np.arange(0.0, 120.0, 0.01)
     shakes = 0.5 * rng.standard_normal(time.size)

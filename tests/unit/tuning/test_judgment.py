@@ -177,3 +177,10 @@ def test_an_airspeed_that_a_pitot_measured_has_its_scale() -> None:
     read = gliding(V=19.0 + 0.0 * HEADINGS)
     np.testing.assert_allclose(pitot_readings([read], vehicle, drawn), [0.95, 0.93, 0.97])
     np.testing.assert_allclose(pitot_readings([gliding()], vehicle, drawn), [1.0])
+
+
+def test_yaw_of_arduplane_is_a_loop_where_it_is_enabled() -> None:
+    direct = {("controls", c, "mix"): {f"control_{a}": 0.3} for c, a in SURFACES.items()}
+    vehicle, parameters = with_entries(scenes.aircraft(), direct), {"RLL_RATE_P": 0.1}
+    for enabled, axes in (({}, ("roll", "pitch")), ({"YAW_RATE_ENABLE": 1.0}, ("roll", "pitch", "yaw"))):
+        assert commands_of(vehicle, firmwares(parameters)[0], parameters | enabled).axes == axes

@@ -286,3 +286,20 @@ def test_what_the_model_does_not_determine_is_left_out_with_the_reason() -> None
     small = wide.absent["the drag of the body is not three standard errors above zero"]
     assert small == ("EKF2_BCOEF_X", "EKF2_BCOEF_Y")
     assert not physical_parameters(quad, "Betaflight", {}, domain, guessed).found
+
+
+def test_trims_by_outputs_are_those_by_commands() -> None:
+    """A V-tail and two ailerons, servo by servo as PX4 allocates them; the trim of a servo itself is no command."""
+    tail = {"CA_SV_CS_COUNT": 4.0} | {f"CA_SV_CS{i}_TYPE": x for i, x in enumerate((1.0, 2.0, 7.0, 8.0))}
+    shares = {
+        "elevator": {"servo_3": -0.175, "servo_4": -0.175}, "aileron": {"servo_1": -0.175, "servo_2": 0.175},
+        "rudder": {"servo_3": -0.175, "servo_4": 0.175},
+    }  # fmt: skip
+    outputs = with_entries(aeroplane(), {("controls", c, "mix"): mix for c, mix in shares.items()})
+    commands = estimates(of_wings(aeroplane(), PX4_WING | tail))
+    for held, pitch in (({}, 0.0), ({"CA_SV_CS2_TRIM": 0.1, "CA_SV_CS3_TRIM": 0.1}, 0.1)):
+        found = estimates(of_wings(outputs, PX4_WING | tail | held))
+        expected = [commands["TRIM_ROLL"], commands["TRIM_PITCH"] - pitch, commands["TRIM_YAW"]]
+        assert [found[f"TRIM_{axis}"] for axis in ("ROLL", "PITCH", "YAW")] == pytest.approx(
+            expected, rel=1e-4
+        )
