@@ -12,7 +12,7 @@ from stoop.errors import StoopError
 from stoop.flight import Flight
 from stoop.flight.flight import from_columns
 from stoop.tuning.gain_search import Design, Specification
-from stoop.tuning.judgment import Condition, commands_of, judge, with_handling
+from stoop.tuning.judgment import Condition, commands_of, judge, with_handling, worst
 from stoop.tuning.loops import AxisLoop, Plants
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import builtin_vehicle
@@ -184,3 +184,22 @@ def test_yaw_of_arduplane_is_a_loop_where_it_is_enabled() -> None:
     vehicle, parameters = with_entries(scenes.aircraft(), direct), {"RLL_RATE_P": 0.1}
     for enabled, axes in (({}, ("roll", "pitch")), ({"YAW_RATE_ENABLE": 1.0}, ("roll", "pitch", "yaw"))):
         assert commands_of(vehicle, firmwares(parameters)[0], parameters | enabled).axes == axes
+
+
+def test_the_worst_airspeed_counts_with_the_5th_or_95th_of_its_draws() -> None:
+    loops, judged = {"roll": AxisLoop(px4.fixed_wing(WING, "roll"), 2.5)}, []
+    effects = np.linspace(0.8, 1.2, 22)
+    for slower in (1.0, 0.6):
+        A = np.array([[[-4.0, 30.0 * slower * x, 0.0], [0.0, -15.0, 0.0], [1.0, 0.0, 0.0]] for x in effects])
+        plants = Plants(
+            ("p", "aileron.lag", "phi"), A, np.array([[[0.0], [15.0], [0.0]]] * 22), np.zeros((22, 1))
+        )
+        judged += judge(Condition(20.0 * slower, 1.0, plants), loops, {"roll": 1e-4})
+    for name, least, place in (("gain margin", min, 1), ("noise", max, 19)):
+        drawn = [np.sort(one.values()[name][1][1:]) for one in judged]
+        expected = [float(x[place]) for x in drawn]
+        assert (
+            worst(judged, "roll", name)
+            == least(expected)
+            != expected[0 if least(expected) != expected[0] else 1]
+        )
