@@ -1,8 +1,9 @@
-"""The app as a process of its own, and a real browser, both ended with the tests."""
+"""The app as a process of its own, and a real browser, both ended with the tests; logs that it opens."""
 
 from __future__ import annotations
 
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -10,15 +11,28 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import pytest
-from playwright.sync_api import Browser, Locator, Page, expect
+
+from stoop.app.folder import Project
+from stoop.app.steps import PRODUCTS, Step, steps
+from stoop.base.units import FACTORS
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser, Locator, Page
 
 #: a resize while figures are laid out, of Bokeh 3.9: it measures again
 HARMLESS = "Cannot read properties of undefined (reading 'top_panel')"
 PATIENCE = 600_000  #: ms until something must be there, on the busiest machine
-expect.set_options(timeout=PATIENCE)
+#: column of a table -> variable, and the unit in which it is recorded
+RECORDED = {
+    "gyro_x": ("p", "deg/s"), "gyro_y": ("q", "deg/s"), "gyro_z": ("r", "deg/s"), "acc_x": ("ax", "m/s2"),
+    "acc_y": ("ay", "m/s2"), "acc_z": ("az", "m/s2"), "roll_deg": ("phi", "deg"), "pitch_deg": ("theta", "deg"),
+    "yaw_deg": ("psi", "deg"), "tas_kt": ("V", "kt"), "aoa_deg": ("alpha", "deg"), "h_ft": ("altitude", "ft"),
+    "stick": ("elevator", "deg"), "wheel": ("aileron", "deg"),
+}  # fmt: skip
 
 
 @dataclass
@@ -61,11 +75,16 @@ def start_app(folder: Path, *words: str, cwd: Path | None = None) -> App:
 
 def end_steps(folder: Path) -> None:
     """End what the app has started and nobody waits for."""
-    from stoop.app.steps import PRODUCTS, steps
-
     for step in (s for kind in PRODUCTS for s in steps(folder, kind)):
         if step.running:
             os.killpg(int(step.file("process.txt").read_text()), signal.SIGKILL)
+
+
+def ended(step: Step | None) -> Step:
+    assert step is not None
+    while step.running:
+        time.sleep(0.05)
+    return step
 
 
 @pytest.fixture
@@ -105,6 +124,17 @@ class Tab:
         self.page.get_by_label(label).first.fill(text)
         self.clicks += 1
 
+    def cell(self, row: str, column: str) -> Locator:
+        """Return a cell of a table of numbers or columns."""
+        found = self.page.locator(".tabulator-row", has=self.page.get_by_text(row, exact=True)).first
+        return found.locator(f'.tabulator-cell[tabulator-field="{column}"]')
+
+    def edit(self, row: str, value: str, column: str = "value") -> None:
+        self.cell(row, column).click()
+        entry = self.cell(row, column).locator("input").first
+        entry.fill(value)
+        entry.press("Enter")
+
     def settled(self, what: Locator) -> dict[str, float]:
         """Return where something is, once it stays there."""
         before: Any = None
@@ -125,6 +155,9 @@ class Tab:
 @pytest.fixture
 def tab(browser: Browser, request: pytest.FixtureRequest) -> Iterator[Callable[[App], Tab]]:
     """Return what opens an app in a browser of its own; at the end nothing was asked for elsewhere, and no script failed."""
+    from playwright.sync_api import expect
+
+    expect.set_options(timeout=PATIENCE)
     given: Any = request.config.getoption("--screenshots")
     opened: list[Tab] = []
 
@@ -133,11 +166,10 @@ def tab(browser: Browser, request: pytest.FixtureRequest) -> Iterator[Callable[[
         page = context.new_page()
         page.set_default_timeout(PATIENCE)
         one = Tab(page, app.port, Path(given) if given else None)
+        own = (f"http://127.0.0.1:{app.port}/", f"ws://127.0.0.1:{app.port}/", "blob:", "data:")
 
         def asked(url: str) -> None:
-            if not url.startswith(
-                (f"http://127.0.0.1:{app.port}/", f"ws://127.0.0.1:{app.port}/", "blob:", "data:")
-            ):
+            if not url.startswith(own):
                 one.elsewhere.append(url)
 
         page.on("request", lambda r: asked(r.url))
@@ -169,17 +201,43 @@ def hover(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return log
 
 
-@pytest.fixture
-def quadrotor(tmp_path: Path, hover: Path) -> Path:
-    """Return the folder of an app with the log of a quadrotor, its vehicle, and two windows."""
-    from stoop.app.folder import Project
+@pytest.fixture(scope="session")
+def ready(tmp_path_factory: pytest.TempPathFactory, hover: Path) -> Path:
+    """Return the folder of an app with the log of a quadrotor that was read, its vehicle, and two windows."""
     from stoop.input_design.windows_file import Entry
     from stoop.vehicle.builtin import builtin_text
 
-    project = Project(tmp_path / "project")
+    project = Project(tmp_path_factory.mktemp("ready") / "project")
     project.open_log(hover)
     project.take_vehicle(builtin_text("quad-x"))
     project.save_windows([Entry(flight="hover", start=a, stop=b) for a, b in ((0.5, 3.0), (4.5, 7.0))])
-    while (step := project.latest("info")) is not None and step.running:
-        time.sleep(0.05)
+    ended(project.latest("info"))
     return project.root
+
+
+@pytest.fixture
+def quadrotor(tmp_path: Path, ready: Path) -> Path:
+    """Return such a folder for one test."""
+    return Path(shutil.copytree(ready, tmp_path / "project"))
+
+
+@pytest.fixture(scope="session")
+def table(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the log of an airplane as a table, two columns of which have names that nobody knows."""
+    from stoop.simulation.fly import simulate_flight
+    from stoop.simulation.maneuver import parse_maneuver
+    from stoop.vehicle.builtin import resolve_vehicle
+
+    shape = '[[input]]\ncontrol = "{}"\nshape = "3-2-1-1"\nstart = {}\nstep = 0.4\namplitude = 0.08\n'
+    text = f"duration = 24.0\nrate = 50.0\n{shape.format('elevator', 2.0)}{shape.format('aileron', 12.0)}"
+    flight = simulate_flight(resolve_vehicle("twin-boom"), parse_maneuver(text, "m"), 0, name="m")
+    data = {str(name): flight.column(str(name)) for name in flight.data.data_vars}
+    w, x, y, z = (data[f"q{i}"] for i in range(4))
+    data["phi"] = np.arctan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
+    data["theta"] = np.arcsin(2 * (w * y - z * x))
+    data["psi"] = np.unwrap(np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)))
+    kept = {"time_s": flight.time} | {c: data[v] / FACTORS[u] for c, (v, u) in RECORDED.items()}
+    log = tmp_path_factory.mktemp("table") / "mine.csv"
+    rows, head = np.column_stack([*kept.values()]), ",".join(kept)
+    np.savetxt(log, rows, delimiter=",", header=head, comments="", fmt="%.7g")
+    return log

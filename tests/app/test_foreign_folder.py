@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import contextlib
-import http.client
 import json
 import os
-import shlex
-import signal
 import subprocess
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -18,12 +15,11 @@ import tomlkit
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
-from app.conftest import App, start_app
 from stoop.app import places, steps
 from stoop.app.fit_view import FitView
 from stoop.app.folder import MAPPING, WINDOWS, Project
 from stoop.app.page import Page
-from stoop.app.steps import COMMAND, LOCK, PROCESS, Step
+from stoop.app.steps import COMMAND
 from stoop.errors import StoopError
 
 pytestmark = [
@@ -110,20 +106,19 @@ HOSTILE = {
 }
 
 
-@pytest.mark.parametrize("kind", HOSTILE)
-def test_a_hostile_app_toml_changes_nothing_outside_the_folder(kind: str, tmp_path: Path) -> None:
-    root = surroundings(tmp_path)
-    (root / "bait.txt").write_text("bait")
-    text = HOSTILE[kind]
-    if isinstance(text, str):
-        text = text.replace("{around}", str(root.parent)).replace("{long}", "x" * 5000).encode()
-    (root / "app.toml").write_bytes(text)
-    before = snapshot(root.parent, root)
-    said = use(root)
-    assert snapshot(root.parent, root) == before
-    assert "app.toml" in said or "no file can have this path" in said
-    assert "this is a bug" not in said
-    assert "Traceback" not in said
+def test_a_hostile_app_toml_changes_nothing_outside_the_folder(tmp_path: Path) -> None:
+    for i, (kind, text) in enumerate(HOSTILE.items()):
+        root = surroundings(tmp_path / str(i))
+        (root / "bait.txt").write_text("bait")
+        if isinstance(text, str):
+            text = text.replace("{around}", str(root.parent)).replace("{long}", "x" * 5000).encode()
+        (root / "app.toml").write_bytes(text)
+        before = snapshot(root.parent, root)
+        said = use(root)
+        assert snapshot(root.parent, root) == before, kind
+        assert "app.toml" in said or "no file can have this path" in said, kind
+        assert "this is a bug" not in said
+        assert "Traceback" not in said
 
 
 scalars = st.one_of(
@@ -232,23 +227,21 @@ FOLDERS: dict[str, Callable[[Path], object]] = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("kind", FOLDERS)
 def test_a_file_of_any_content_is_one_line_on_the_page(
-    kind: str, tmp_path: Path, caplog: pytest.LogCaptureFixture
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    root = surroundings(tmp_path)
-    (root / "app.toml").write_text('log = "log.csv"\n')
-    if "app.toml" in kind:
-        (root / "app.toml").unlink()
-    FOLDERS[kind](root)
-    before = snapshot(root.parent, root)
-    said = use(root)
-    assert snapshot(root.parent, root) == before
-    assert "this is a bug" not in said
-    assert not caplog.records
-    for name in ("commands.sh", "vehicle.toml", WINDOWS, MAPPING):
-        if kind == f"{name} is a link to a file outside":
-            assert name == "commands.sh" or "leads outside the folder" in said
+    for i, (kind, make) in enumerate(FOLDERS.items()):
+        root = surroundings(tmp_path / str(i))
+        if "app.toml" not in kind:
+            (root / "app.toml").write_text('log = "log.csv"\n')
+        make(root)
+        before = snapshot(root.parent, root)
+        said = use(root)
+        assert snapshot(root.parent, root) == before, kind
+        assert "this is a bug" not in said, kind
+        assert not caplog.records, kind
+        if kind in [f"{name} is a link to a file outside" for name in ("vehicle.toml", WINDOWS, MAPPING)]:
+            assert "leads outside the folder" in said, kind
 
 
 def test_a_progress_file_of_any_type_is_one_line(tmp_path: Path) -> None:
@@ -267,82 +260,3 @@ def test_a_progress_file_of_any_type_is_one_line(tmp_path: Path) -> None:
         os.utime(root / "runs/001/progress.json", ns=(i + 1, i + 1))
         with pytest.raises(StoopError, match="is not as stoop writes it"):
             view.tick()
-
-
-@pytest.mark.skipif(os.name != "posix", reason="locks and groups of processes as POSIX has them")
-def test_a_process_that_the_app_did_not_start_is_never_stopped(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    import fcntl
-
-    root = surroundings(tmp_path)
-    step(root, "runs/001", "stoop identify log.csv", {PROCESS: "4242\n"})
-    killed: list[tuple[int, int]] = []
-    monkeypatch.setattr(os, "killpg", lambda *words: killed.append(words))
-    found = Step(root / "runs" / "001")
-    with (root / "runs/001" / LOCK).open("wb") as handle:
-        fcntl.flock(handle, fcntl.LOCK_EX)
-        assert found.running
-        found.stop()
-        assert killed == []
-        places.remember("process", found.folder, "4343")  # as `start` does
-        places._session.clear()  # another server
-        found.stop()
-    assert killed == [(4343, signal.SIGINT)]
-
-
-def test_a_log_outside_the_folder_is_read_only_when_the_person_has_opened_it(tmp_path: Path) -> None:
-    root = surroundings(tmp_path)
-    (root / "app.toml").write_text('log = "../other.csv"\n')
-    for act in (lambda p: p.read_log(), lambda p: p.list_columns(), lambda p: p.propose_windows()):
-        with pytest.raises(StoopError, match="you have not opened it"):
-            act(Project(root))
-    Project(root).open_log(root.parent / "other.csv")
-    assert Project(root).source[0] == str(root.parent / "other.csv")
-    (root / "-o").write_text("time_s,p\n0,1\n")
-    Project(root).open_log("-o")
-    assert Project(root).source[0] == "./-o"
-    assert shlex.split(Project(root).readings[-1].command)[2] == "./-o"
-
-
-@pytest.fixture(scope="module")
-def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[App]:
-    """Return one app for these tests."""
-    one = start_app(tmp_path_factory.mktemp("odd") / "project")
-    yield one
-    one.kill()
-
-
-PATHS = {
-    "..": "files/../../x", "encoded ..": "files/%2e%2e/x", "encoded slash": "files/..%2fx", "//": "files//etc/passwd",
-    "absolute": "files/%2fetc/passwd", "dot": "files/./app.toml", "NUL": "files/a%00b", "newline": "files/a%0ab",
-    "bytes": "files/%ff%fe", "long": "files/" + "a" * 5000, "backslash": "files/..%5c..%5cx",
-    "upload //": "upload//?name=x", "upload ..": "../upload?name=x", "bytes of a name": "upload?name=%ff%fe",
-    "bytes of a folder": "upload?name=x&into=%ff",
-}  # fmt: skip
-
-
-@pytest.mark.parametrize("method", ["GET", "POST"])
-@pytest.mark.parametrize("kind", PATHS)
-def test_odd_paths_are_refused_and_leave_no_part(kind: str, method: str, running: App) -> None:
-    connection = http.client.HTTPConnection("127.0.0.1", running.port)
-    connection.request(method, f"/{running.token}/{PATHS[kind]}", body=b"abc" if method == "POST" else None)
-    assert connection.getresponse().status == 400
-    connection.close()
-    assert not list(running.folder.rglob(".part-*"))
-
-
-def test_a_name_of_many_characters_and_a_size_of_many_digits(running: App) -> None:
-    def ask(method: str, query: str) -> int:
-        connection = http.client.HTTPConnection("127.0.0.1", running.port)
-        connection.request(method, f"/{running.token}/upload?{query}", body=b"abc")
-        status = connection.getresponse().status
-        connection.close()
-        return status
-
-    assert ask("GET", f"size={'9' * 6000}") == 413
-    assert ask("POST", f"name={'n' * 6000}") == 200
-    (running.folder / "logs" / "tables").symlink_to(running.folder.parent)
-    assert ask("POST", "name=x.csv&into=tables") == 507
-    assert not (running.folder.parent / "x.csv").exists()
-    assert not list(running.folder.rglob(".part-*"))

@@ -16,18 +16,6 @@ from stoop.vehicle.builtin import builtin_text
 from stoop.vehicle.load import load_vehicle
 
 
-def cell(page, number: str, field: str):
-    row = page.page.locator(".tabulator-row", has=page.page.get_by_text(number, exact=True)).first
-    return row.locator(f'.tabulator-cell[tabulator-field="{field}"]')
-
-
-def edit(page, number: str, value: str, field: str = "value") -> None:
-    cell(page, number, field).click()
-    entry = cell(page, number, field).locator("input").first
-    entry.fill(value)
-    entry.press("Enter")
-
-
 def held(folder: Path, count: int) -> int:
     """Return the process of the latest of so many runs, halted: however slow the browser is, it has no result yet."""
     while len(runs := Project(folder).steps("runs")) < count or not runs[-1].file(PROCESS).exists():
@@ -52,8 +40,8 @@ def test_two_tabs_edit_one_vehicle(app, tab, quadrotor: Path) -> None:
     for page in (one, other):
         page.click("3 Vehicle")
         page.wait("mass.inertia.xx")
-    edit(one, "mass.mass", "1.75")
-    edit(other, "mass.inertia.zz", "0.0456")
+    one.edit("mass.mass", "1.75")
+    other.edit("mass.inertia.zz", "0.0456")
     for page in (one, other):
         page.wait("1 edit not saved")
     one.click("Save")
@@ -69,7 +57,7 @@ def test_two_tabs_edit_one_vehicle(app, tab, quadrotor: Path) -> None:
     one.page.locator(".tabulator-cell", has_text="0.0456").first.wait_for()
 
 
-def test_a_window_that_ends_before_it_begins(app, tab, quadrotor: Path) -> None:
+def test_wrong_windows_and_values_and_a_vehicle_that_cannot_be_trimmed(app, tab, quadrotor: Path) -> None:
     page = tab(app(folder=quadrotor))
     page.click("4 Windows")
     page.wait("Propose windows")
@@ -82,19 +70,15 @@ def test_a_window_that_ends_before_it_begins(app, tab, quadrotor: Path) -> None:
     page.wait("is not before stop = 0.5")
     expect(page.page.locator("input:visible").nth(1)).to_have_value(kept)
     assert (quadrotor / "windows.toml").read_text("utf-8") == before
-
-
-def test_a_value_out_of_bounds_and_a_vehicle_that_cannot_be_trimmed(app, tab, quadrotor: Path) -> None:
-    page = tab(app(folder=quadrotor))
     page.click("3 Vehicle")
     page.wait("mass.inertia.xx")
-    edit(page, "mass.mass", "9", field="low")
+    page.edit("mass.mass", "9", "low")
     page.click("Save")
     page.wait("are reversed or empty")
     page.click("Discard edits")
     page.wait("The form shows the file again")
-    expect(cell(page, "mass.mass", "low")).not_to_have_text("9")
-    edit(page, "mass.mass", "2.2")
+    expect(page.cell("mass.mass", "low")).not_to_have_text("9")
+    page.edit("mass.mass", "2.2")
     page.click("Save")
     page.wait("vehicle.toml is saved")
     page.click("Check by trim")

@@ -11,30 +11,21 @@ import pytest
 from stoop.base.units import DEGREE, STANDARD_GRAVITY
 from stoop.cli.main import main
 
-HEAD = 'format = "stoop-maneuver/1"\nrate = 100.0\n'
 INPUT = '[[input]]\ncontrol = "{}"\nshape = "{}"\nstart = {}\nstep = {}\namplitude = {}\n'
-HOVER = (
-    HEAD
-    + "duration = 8.0\naltitude = 200.0\n"
-    + "".join(
-        INPUT.format(*x)
-        for x in (
-            ("roll", "3-2-1-1", 1.0, 0.15, 15.0),
-            ("pitch", "3-2-1-1", 3.0, 0.15, 15.0),
-            ("yaw", "doublet", 5.0, 0.4, 1.0),
-        )
+HOVER = "rate = 100.0\nduration = 8.0\naltitude = 200.0\n" + "".join(
+    INPUT.format(*x)
+    for x in (
+        ("roll", "3-2-1-1", 1.0, 0.15, 15.0),
+        ("pitch", "3-2-1-1", 3.0, 0.15, 15.0),
+        ("yaw", "doublet", 5.0, 0.4, 1.0),
     )
 )
-CRUISE = (
-    HEAD
-    + "duration = 10.0\nairspeed = 35.0\n"
-    + "".join(
-        INPUT.format(*x)
-        for x in (
-            ("elevator", "3-2-1-1", 1.0, 0.3, 0.1),
-            ("aileron", "doublet", 5.0, 0.5, 0.1),
-            ("rudder", "doublet", 7.0, 0.6, 0.1),
-        )
+CRUISE = "rate = 100.0\nduration = 10.0\nairspeed = 35.0\n" + "".join(
+    INPUT.format(*x)
+    for x in (
+        ("elevator", "3-2-1-1", 1.0, 0.3, 0.1),
+        ("aileron", "doublet", 5.0, 0.5, 0.1),
+        ("rudder", "doublet", 7.0, 0.6, 0.1),
     )
 )
 FLOWN = {"quad": ("quad-x", HOVER), "twin": ("twin-boom", CRUISE)}
@@ -43,7 +34,9 @@ WHOLE = {
     names: "variables.{}, variables.{} and variables.{}".format(*names) for names in (RATES, ANGLES, FORCE)
 }
 MOTORS = tuple(f"motor_{n}" for n in range(1, 5))
+G = 1 / STANDARD_GRAVITY
 Columns = dict[str, np.ndarray]
+Cli = Callable[..., tuple[int, str, str]]
 
 
 @pytest.fixture(scope="module")
@@ -51,15 +44,8 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("bad")
     for name, (vehicle, maneuver) in FLOWN.items():
         (folder / f"{name}.toml").write_text(maneuver)
-        words = [
-            "simulate",
-            vehicle,
-            "--maneuver",
-            str(folder / f"{name}.toml"),
-            "-o",
-            str(folder / f"{name}.csv"),
-        ]
-        assert main(words) == 0
+        words = ["simulate", vehicle, "--maneuver", folder / f"{name}.toml", "-o", folder / f"{name}.csv"]
+        assert main([*map(str, words)]) == 0
     return folder
 
 
@@ -96,61 +82,34 @@ def scaled(names: tuple[str, ...], by: float) -> Callable[[Columns], Columns]:
     return lambda c: {key: by * x if key in names else x for key, x in c.items()}
 
 
-def said(capsys: pytest.CaptureFixture[str], *words: str) -> str:
+def said(cli: Cli, command: str) -> str:
     """Return all that a command prints, on one line; a refusal is one line already."""
-    code = main(list(words))
-    out, err = capsys.readouterr()
+    code, out, err = cli(command)
     assert code in (0, 2)
     assert code == 0 or err.count("\n") == 1
     return " ".join((out + err).split())
 
 
-UNITS = [
-    *(
-        (n, (key,), 1.0, "deg/s", f'write unit = "rad/s" for variables.{key} in x.csv.toml')
-        for n in FLOWN
-        for key in RATES
-    ),
-    *(
-        (n, (key,), 1 / DEGREE, "rad/s", f'write unit = "deg/s" for variables.{key} in x.csv.toml')
-        for n in FLOWN
-        for key in RATES
-    ),
-    ("quad", ("phi",), 1.0, "deg", 'write unit = "rad" for variables.phi in x.csv.toml'),
-    ("twin", ("phi",), 1 / DEGREE, "rad", 'write unit = "deg" for variables.phi in x.csv.toml'),
-    ("quad", RATES, 1.0, "deg/s", f'write unit = "rad/s" for {WHOLE[RATES]} in x.csv.toml'),
-    ("quad", RATES, 1 / DEGREE, "rad/s", f'write unit = "deg/s" for {WHOLE[RATES]} in x.csv.toml'),
-    ("quad", ANGLES, 1.0, "deg", f'write unit = "rad" for {WHOLE[ANGLES]} in x.csv.toml'),
-    (
-        "quad",
-        ("az",),
-        1 / STANDARD_GRAVITY,
-        "m/s2",
-        'write unit = "g" for variables.az in x.csv.toml',
-    ),
-    (
-        "twin",
-        FORCE,
-        1 / STANDARD_GRAVITY,
-        "m/s2",
-        f'write unit = "g" for {WHOLE[FORCE]} in x.csv.toml',
-    ),
-    ("quad", ("p",), -1.0, "rad/s", "write scale = -1 for variables.p in x.csv.toml"),
-]  #: flight, columns, their factor, the unit that the mapping says, what is said
-
-
-@pytest.mark.parametrize(("name", "keys", "by", "unit", "words"), UNITS)
+@pytest.mark.parametrize(
+    ("name", "keys", "by", "unit", "words"),
+    [
+        ("quad", ("q",), 1.0, "deg/s", 'write unit = "rad/s" for variables.q in x.csv.toml'),
+        ("twin", ("r",), 1 / DEGREE, "rad/s", 'write unit = "deg/s" for variables.r in x.csv.toml'),
+        ("quad", ("phi",), 1.0, "deg", 'write unit = "rad" for variables.phi in x.csv.toml'),
+        ("twin", ("phi",), 1 / DEGREE, "rad", 'write unit = "deg" for variables.phi in x.csv.toml'),
+        ("quad", RATES, 1.0, "deg/s", f'write unit = "rad/s" for {WHOLE[RATES]} in x.csv.toml'),
+        ("quad", RATES, 1 / DEGREE, "rad/s", f'write unit = "deg/s" for {WHOLE[RATES]} in x.csv.toml'),
+        ("quad", ANGLES, 1.0, "deg", f'write unit = "rad" for {WHOLE[ANGLES]} in x.csv.toml'),
+        ("quad", ("az",), G, "m/s2", 'write unit = "g" for variables.az in x.csv.toml'),
+        ("twin", FORCE, G, "m/s2", f'write unit = "g" for {WHOLE[FORCE]} in x.csv.toml'),
+        ("quad", ("p",), -1.0, "rad/s", "write scale = -1 for variables.p in x.csv.toml"),
+    ],
+)
 def test_a_wrong_unit_names_its_own_line(
-    here: Path,
-    capsys: pytest.CaptureFixture[str],
-    name: str,
-    keys: tuple[str, ...],
-    by: float,
-    unit: str,
-    words: str,
+    here: Path, cli: Cli, name: str, keys: tuple[str, ...], by: float, unit: str, words: str
 ) -> None:
     put(here, name, scaled(keys, by), dict.fromkeys(keys, unit))
-    assert words in said(capsys, "info", "x.csv")
+    assert words in said(cli, "info x.csv")
 
 
 def still(c: Columns) -> Columns:
@@ -173,91 +132,57 @@ def same(c: Columns) -> Columns:
     return c
 
 
-FITS = [
-    (
-        "quad",
-        scaled(FORCE, 1 / STANDARD_GRAVITY),
-        "quad-x",
-        f'write unit = "g" for {WHOLE[FORCE]} in x.csv.toml',
-    ),
-    ("quad", clipped, "quad-x", "motor_1 never goes above 0.63"),
-    ("quad", still, "quad-x", "There is hardly any roll motion"),
-    ("quad", scaled(MOTORS, 0.0), "quad-x", "the motors are off in 100%"),
-    ("quad", silent, "quad-x", "none of the rates p, q, r was recorded"),
-    ("twin", silent, "twin-boom", "rates, attitude and accelerations measured together"),
-    ("quad", hexa, "quad-x", "motor_5 and motor_6 move too, but belong to no rotor of quad-x"),
-    (
-        "quad",
-        same,
-        "hexa-x",
-        "hexa-x has 6 rotors: does the log belong to another vehicle, or channel in [rotor.m5], [rotor.m6]?",
-    ),
-    ("quad", hexa, "twin-boom", "the vehicle of this log is carried by rotors, but twin-boom has none"),
-    ("twin", same, "quad-x", "quad-x flies on rotors, but this log has no rotors"),
-]  #: flight, what happened to it, vehicle file, what is said
+SIX = "hexa-x has 6 rotors: does the log belong to another vehicle, or channel in [rotor.m5], [rotor.m6]?"
 
 
-@pytest.mark.parametrize(("name", "change", "vehicle", "words"), FITS)
+@pytest.mark.parametrize(
+    ("name", "change", "vehicle", "words"),
+    [
+        ("quad", scaled(FORCE, G), "quad-x", f'write unit = "g" for {WHOLE[FORCE]} in x.csv.toml'),
+        ("quad", clipped, "quad-x", "motor_1 never goes above 0.63"),
+        ("quad", still, "quad-x", "There is hardly any roll motion"),
+        ("quad", scaled(MOTORS, 0.0), "quad-x", "the motors are off in 100%"),
+        ("quad", silent, "quad-x", "none of the rates p, q, r was recorded"),
+        ("twin", silent, "twin-boom", "rates, attitude and accelerations measured together"),
+        ("quad", hexa, "quad-x", "motor_5 and motor_6 move too, but belong to no rotor of quad-x"),
+        ("quad", same, "hexa-x", SIX),
+        ("quad", hexa, "twin-boom", "the vehicle of this log is carried by rotors, but twin-boom has none"),
+        ("twin", same, "quad-x", "quad-x flies on rotors, but this log has no rotors"),
+    ],
+)
 def test_stoop_identify_tells_what_is_wrong(
-    here: Path,
-    capsys: pytest.CaptureFixture[str],
-    name: str,
-    change: Callable[[Columns], Columns],
-    vehicle: str,
-    words: str,
+    here: Path, cli: Cli, name: str, change: Callable[[Columns], Columns], vehicle: str, words: str
 ) -> None:
     put(here, name, change, {})
     window = "0:0.9" if change is still else "0.5:7.5"
-    fast = ["--method", "equation-error", "--budget", "50", "--generations", "1"]
-    assert words in said(
-        capsys,
-        "identify",
-        "x.csv",
-        "--vehicle",
-        vehicle,
-        "--maneuver",
-        window,
-        *fast,
-        "-o",
-        "out",
-        "--verbose",
-    )
+    fast = "--method equation-error --budget 50 --generations 1 -o out --verbose"
+    assert words in said(cli, f"identify x.csv --vehicle {vehicle} --maneuver {window} {fast}")
 
 
-def test_an_airplane_that_stands_still_without_rates(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_airplane_that_stands_still_without_rates(here: Path, cli: Cli) -> None:
     put(here, "twin", lambda c: silent(still(c)), {})
-    few = ["--maneuver", "0:0.9", "--budget", "20", "--generations", "1", "-o", "out", "--verbose"]
-    told = said(capsys, "identify", "x.csv", "--vehicle", "twin-boom", *few)
+    few = "--maneuver 0:0.9 --budget 20 --generations 1 -o out --verbose"
+    told = said(cli, f"identify x.csv --vehicle twin-boom {few}")
     assert "p, q and r not recorded in any fitted window" in told
     assert "elevator does not move in the fitted windows" in told
 
 
-@pytest.mark.parametrize(
-    ("vehicle", "words"),
-    [("quad-x", "twin: input 'motor_1'"), ("twin-boom", "quad: input 'elevator', 'aileron', 'rudder'")],
-)
-def test_two_logs_of_unlike_vehicles(
-    here: Path, capsys: pytest.CaptureFixture[str], vehicle: str, words: str
-) -> None:
-    logs = [str(here / f"{name}.csv") for name in FLOWN]
-    windows = [f"{name}@0.5:7.5" for name in FLOWN]
-    told = said(capsys, "identify", *logs, "--vehicle", vehicle, "--maneuver", *windows, "-o", "out")
-    assert words in told
-    assert "another? check --vehicle" in told or "another vehicle? check --vehicle" in told
+def test_two_logs_of_unlike_vehicles(here: Path, cli: Cli) -> None:
+    logs = " ".join(str(here / f"{name}.csv") for name in FLOWN)
+    windows = " ".join(f"{name}@0.5:7.5" for name in FLOWN)
+    for vehicle, words in (("quad-x", "twin: input 'motor_1'"),
+                           ("twin-boom", "quad: input 'elevator', 'aileron', 'rudder'")):  # fmt: skip
+        told = said(cli, f"identify {logs} --vehicle {vehicle} --maneuver {windows} -o out")
+        assert words in told
+        assert "another? check --vehicle" in told or "another vehicle? check --vehicle" in told
 
 
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [(scaled(MOTORS, 0.0), "the motors never ran"), (silent, "p, q and r not recorded: moments")],
-)
-def test_stoop_info_tells_a_log_that_shows_nothing(
-    here: Path, capsys: pytest.CaptureFixture[str], change: Callable[[Columns], Columns], words: str
-) -> None:
-    put(here, "quad", change, {})
-    assert words in said(capsys, "info", "x.csv")
-
-
-def test_flights_as_flown_are_not_accused(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    for name in FLOWN:
-        put(here, name, same, {})
-        assert "Suspected faults - none found" in said(capsys, "info", "x.csv")
+def test_stoop_info_tells_a_log_that_shows_nothing_and_accuses_none_as_flown(here: Path, cli: Cli) -> None:
+    for change, words in (
+        (scaled(MOTORS, 0.0), "the motors never ran"), (silent, "p, q and r not recorded: moments"),
+        (same, "Suspected faults - none found"),
+    ):  # fmt: skip
+        put(here, "quad", change, {})
+        assert words in said(cli, "info x.csv")
+    put(here, "twin", same, {})
+    assert "Suspected faults - none found" in said(cli, "info x.csv")

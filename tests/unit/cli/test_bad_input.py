@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import math
 import os
+import shutil
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from importlib.resources import files
 from pathlib import Path
 
 import pytest
-
-from stoop.cli.main import main
 
 TWIN_BOOM = (files("stoop.data") / "twin_boom.toml").read_text()
 MANEUVER = (Path(__file__).parents[3] / "examples" / "maneuver_3211.toml").read_text()
@@ -24,31 +23,7 @@ unit = "s"
 q = { column = "q", unit = "rad/s" }
 theta = { column = "theta", unit = "rad" }
 """
-
-
-@pytest.fixture
-def refused(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> Callable[..., str]:
-    """Return what runs a command in an empty folder and gives back its one line of complaint."""
-    monkeypatch.chdir(tmp_path)
-
-    def run(*words: str) -> str:
-        before = snapshot(tmp_path)
-        assert main(words) == 2
-        out, err = capsys.readouterr()
-        assert err.startswith("stoop: error: ")
-        assert err.endswith("\n")
-        assert err.count("\n") == 1
-        assert err[:-1].isprintable()
-        assert snapshot(tmp_path) == before
-        return err + out
-
-    return run
-
-
-def snapshot(folder: Path) -> dict[str, bytes]:
-    return {str(p.relative_to(folder)): p.read_bytes() if p.is_file() else b"" for p in folder.rglob("*")}
+Refused = Callable[..., str]
 
 
 def table(theta: Callable[[float], float], clock: Callable[[int], float] = lambda i: 0.01 * i) -> str:
@@ -57,7 +32,8 @@ def table(theta: Callable[[float], float], clock: Callable[[int], float] = lambd
     return "\n".join(["t,q,theta", *rows, ""])
 
 
-LOGS = {
+#: name -> content, what the complaint of `stoop info` says
+LOGS: Mapping[str, tuple[bytes | None, str]] = {
     "missing.ulg": (None, "no such file or folder; check the name"),
     "empty.ulg": (b"", "empty"),
     "garbage.ulg": (b"\x00\xff" * 500, "not a ULog file"),
@@ -70,105 +46,81 @@ LOGS = {
     "\x1b[31mred\x1b[0m.ulg": (b"", "empty"),
     "[bold red]x[1].ulg": (b"", "empty"),
     "two\nlines.ulg": (b"", "empty"),
-}  #: name -> content, what the complaint says
+}
 
 
-@pytest.mark.parametrize("name", LOGS)
-def test_log(name: str, refused: Callable[..., str]) -> None:
-    content, complaint = LOGS[name]
-    if content is not None:
-        Path(name).write_bytes(content)
-    said = refused("info", name)
-    assert complaint in said
-    if name.isprintable():
-        assert said.startswith(f"stoop: error: {name}: ")
-
-
-def test_truncated_flight(flight_file: Path, refused: Callable[..., str]) -> None:
-    content = flight_file.read_bytes()
-    for length in (4, 100, len(content) // 2, len(content) - 1):
-        Path("cut.nc").write_bytes(content[:length])
-        assert "cut.nc: " in refused("info", "cut.nc")
-
-
-def test_truncated_ulog(shared_data: Path, refused: Callable[..., str]) -> None:
-    content = (shared_data / "px4-ulog-reader-samples" / "sample_log_small.ulg").read_bytes()
-    Path("cut.ulg").write_bytes(content[:3000])
-    assert "cut.ulg: " in refused("info", "cut.ulg")
-
-
-def test_folder_without_topics(refused: Callable[..., str]) -> None:
+def test_logs(refused: Refused, flight_file: Path) -> None:
+    for name, (content, complaint) in LOGS.items():
+        if content is not None:
+            Path(name).write_bytes(content)
+        said = refused(["info", name])
+        assert complaint in said, name
+        assert said.startswith(f"stoop: error: {name}: ") or not name.isprintable()
+    whole = flight_file.read_bytes()
+    for length in (4, 100, len(whole) // 2, len(whole) - 1):
+        Path("cut.nc").write_bytes(whole[:length])
+        assert "cut.nc: " in refused("info cut.nc"), length
     Path("folder").mkdir()
-    assert "folder: no PX4 topic among its files" in refused("info", "folder")
+    assert "folder: no PX4 topic among its files" in refused("info folder")
 
 
+#: what is wrong -> log, mapping, what the complaint says
 TABLES = {
-    "degrees": (table(lambda x: 5.0 * math.sin(x)), MAPPING, "degrees"),
-    "no column": (table(math.sin).replace("theta", "pitch"), MAPPING, "'theta' is not in log.csv"),
-    "backward": (table(lambda x: 0.0, lambda i: -float(i)), MAPPING, "time"),
-    "no time": ("t,q,theta\n" + "x,1,1\n" * 50, MAPPING, "time"),
-    "unknown variable": (table(math.sin), MAPPING.replace("q =", "pitch_rate ="), "no variable of stoop"),
-    "unknown unit": (table(math.sin), MAPPING.replace('"rad"', '"grad"'), "did you mean rad"),
-    "broken mapping": (table(math.sin), "[time", "not valid TOML"),
-}  #: what is wrong -> log, mapping, what the complaint says
+    "degrees": (lambda: table(lambda x: 5.0 * math.sin(x)), MAPPING, "degrees"),
+    "no column": (lambda: table(math.sin).replace("theta", "pitch"), MAPPING, "'theta' is not in log.csv"),
+    "backward": (lambda: table(lambda x: 0.0, lambda i: -float(i)), MAPPING, "time"),
+    "no time": (lambda: "t,q,theta\n" + "x,1,1\n" * 50, MAPPING, "time"),
+    "variable": (lambda: table(math.sin), MAPPING.replace("q =", "pitch_rate ="), "no variable of stoop"),
+    "unit": (lambda: table(math.sin), MAPPING.replace('"rad"', '"grad"'), "did you mean rad"),
+    "mapping": (lambda: table(math.sin), "[time", "not valid TOML"),
+}
 
 
-@pytest.mark.parametrize("what", TABLES)
-def test_csv(what: str, refused: Callable[..., str]) -> None:
-    log, mapping, complaint = TABLES[what]
-    Path("log.csv").write_text(log)
-    Path("columns.toml").write_text(mapping)
-    said = refused("info", "log.csv", "--mapping", "columns.toml")
-    assert complaint in said
-    assert ".csv: " in said or ".toml: " in said
+def test_tables_and_mappings(refused: Refused) -> None:
+    for what, (log, mapping, complaint) in TABLES.items():
+        Path("log.csv").write_text(log())
+        Path("columns.toml").write_text(mapping)
+        said = refused("info log.csv --mapping columns.toml")
+        assert complaint in said, what
+        assert ".csv: " in said or ".toml: " in said, what
+    assert "none.toml: cannot read the mapping file" in refused("info log.csv --mapping none.toml")
 
 
-def test_missing_mapping(refused: Callable[..., str]) -> None:
-    Path("log.csv").write_text(table(math.sin))
-    assert "columns.toml: cannot read the mapping file" in refused(
-        "info", "log.csv", "--mapping", "columns.toml"
-    )
-
-
+#: what is wrong -> written, instead of, what the complaint says
 VEHICLES = {
     "zero mass": ("mass = 189.40", "mass = 0.0", "mass.mass"),
     "mass that is no number": ("mass = 189.40", "mass = nan", "mass.mass"),
     "text for a number": ("mass = 189.40", 'mass = "heavy"', "mass.mass"),
     "inertia": ("zz = 200.0", "zz = 300.0", "mass.inertia"),
-    "unknown variable": (
-        "CLalpha = 4.78",
-        'CLx = { term = "alpha*flap", value = 0.1 }',
-        "unknown variable 'flap'",
-    ),
+    "variable": ("CLalpha = 4.78", 'CLx = { term = "alpha*flap", value = 0.1 }', "unknown variable 'flap'"),
     "unknown term": ("CLalpha = 4.78", "CLx = 4.78", "CLx"),
     "code": ("CLalpha = 4.78", "CLx = { term = \"__import__('os').abort()\", value = 0.1 }", "not allowed"),
     "unknown key": ("chord =", "cord =", "chord"),
     "degrees": ("alpha = 0.0", "alpha = 5.88", "radians"),
     "no TOML": ("[mass]", "[mass", "TOML"),
     "no lift": ("CLalpha = 4.78", "CLalpha = 0.0", "no steady flight"),
-}  #: what is wrong -> written, instead of, what the complaint says
+}
 
 
-@pytest.mark.parametrize("verb", ["trim", "linearize", "simulate"])
-@pytest.mark.parametrize("what", VEHICLES)
-def test_vehicle(verb: str, what: str, refused: Callable[..., str]) -> None:
-    old, new, complaint = VEHICLES[what]
-    assert old in TWIN_BOOM
-    Path("v.toml").write_text(TWIN_BOOM.replace(old, new))
+def test_vehicles(refused: Refused) -> None:
+    """By the verb that only trims; one of them by the others."""
     Path("m.toml").write_text(MANEUVER)
-    more = ["--maneuver", "m.toml", "-o", "out.nc"] if verb == "simulate" else []
-    said = refused(verb, "v.toml", *more)
-    assert said.startswith("stoop: error: v.toml: ")
-    assert complaint in said
-
-
-@pytest.mark.parametrize("content", [None, b"", b"\xff\xfe\x00", b"\x00" * 100])
-def test_vehicle_file_that_is_none(content: bytes | None, refused: Callable[..., str]) -> None:
-    if content is not None:
+    for what, (old, new, complaint) in VEHICLES.items():
+        assert old in TWIN_BOOM
+        Path("v.toml").write_text(TWIN_BOOM.replace(old, new))
+        more = (
+            ["linearize v.toml", "simulate v.toml --maneuver m.toml -o out.nc"] if what == "inertia" else []
+        )
+        for command in ("trim v.toml", *more):
+            said = refused(command)
+            assert said.startswith("stoop: error: v.toml: "), what
+            assert complaint in said, what
+    for content in (b"", b"\xff\xfe\x00", b"\x00" * 100):
         Path("v.toml").write_bytes(content)
-    assert refused("trim", "v.toml").startswith("stoop: error: v.toml: ")
+        assert refused("trim v.toml").startswith("stoop: error: v.toml: ")
 
 
+#: what is wrong -> written, instead of, what the complaint says
 MANEUVERS = {
     "unknown shape": ('"3-2-1-1"', '"4-3-2"', "3-2-1-1"),
     "unknown control": ('"elevator"', '"elevtor"', "elevator"),
@@ -177,86 +129,255 @@ MANEUVERS = {
     "unknown key": ("step = 0.3", "stp = 0.3", "step"),
     "no TOML": ("[[input]]", "[[input", "TOML"),
     "too slow to fly": ("airspeed = 35.0", "airspeed = 3.0", "no steady flight"),
-}  #: what is wrong -> written, instead of, what the complaint says
+    "unknown noise": ("[[input]]", "[noise]\nspeed = 1.0\n[[input]]", "speed"),
+}
+#: name of an output -> complaint
+OUTPUTS = {
+    "flight.txt": "end its name in .nc",
+    "flight": "end its name in .nc",
+    "": "this is a folder",
+    "nowhere/flight.nc": "there is no folder nowhere; make it first",
+    "folder.nc": "this is a folder",
+}
 
 
-@pytest.mark.parametrize("what", MANEUVERS)
-def test_maneuver(what: str, refused: Callable[..., str]) -> None:
-    old, new, complaint = MANEUVERS[what]
-    assert old in MANEUVER
-    Path("m.toml").write_text(MANEUVER.replace(old, new))
-    said = refused("simulate", "twin-boom", "--maneuver", "m.toml", "-o", "out.nc")
-    assert complaint in said
-    assert "m.toml: " in said or "twin-boom: " in said
-
-
-def test_unknown_noise_names_the_file(refused: Callable[..., str]) -> None:
-    Path("m.toml").write_text(MANEUVER + "\n[noise]\nspeed = 1.0\n")
-    assert "m.toml: " in refused("simulate", "twin-boom", "--maneuver", "m.toml", "-o", "out.nc")
-
-
-@pytest.mark.parametrize(
-    ("target", "complaint"),
-    [
-        ("flight.txt", "end its name in .nc"),
-        ("flight", "end its name in .nc"),
-        ("", "this is a folder"),
-        ("nowhere/flight.nc", "there is no folder nowhere; make it first"),
-        ("folder.nc", "this is a folder"),
-    ],
-)
-def test_output(target: str, complaint: str, refused: Callable[..., str]) -> None:
+def test_maneuvers_and_the_names_of_their_flights(refused: Refused) -> None:
+    for what, (old, new, complaint) in MANEUVERS.items():
+        assert old in MANEUVER
+        Path("m.toml").write_text(MANEUVER.replace(old, new, 1))
+        said = refused("simulate twin-boom --maneuver m.toml -o out.nc")
+        assert complaint in said, what
+        assert "m.toml: " in said or "twin-boom: " in said, what
     Path("m.toml").write_text(MANEUVER)
     Path("folder.nc").mkdir()
-    assert complaint in refused("simulate", "twin-boom", "--maneuver", "m.toml", "-o", target)
+    for name, complaint in OUTPUTS.items():
+        assert complaint in refused(["simulate", "twin-boom", "--maneuver", "m.toml", "-o", name]), name
 
 
-OPTIONS = [
-    ["trim", "twin-boom", "--airspeed", "nan"],
-    ["trim", "twin-boom", "--airspeed", "-3"],
-    ["trim", "twin-boom", "--airspeed", "1e300"],
-    ["trim", "twin-boom", "--airspeed", "fast"],
-    ["trim", "twin-boom", "--altitude", "20000"],
-    ["trim", "twin-boom", "--climb-angle", "90"],
-    ["trim", "twin-boom", "--density", "0"],
-    ["trim", "twin-boom", "--reduce", "lateral"],
-    ["linearize", "twin-boom", "--reduce", "vertical"],
-    ["simulate", "twin-boom", "--maneuver", "m.toml", "-o", "a.nc", "--seed", "-1"],
-]
+#: first words of commands -> further words -> what the complaint says
+WORDS: Mapping[str, Mapping[str, str]] = {
+    "trim twin-boom": {
+        "--airspeed nan": "--airspeed",
+        "--airspeed -3": "--airspeed",
+        "--airspeed 1e300": "--airspeed",
+        "--airspeed fast": "--airspeed",
+        "--altitude 20000": "--altitude",
+        "--climb-angle 90": "--climb-angle",
+        "--density 0": "--density",
+        "--reduce lateral": "--reduce",
+        "--wind 5 0 0": "--wind: twin-boom flies on its wings here",
+        "--velocity 5 0 0": "--velocity: twin-boom flies on its wings here",
+    },
+    "trim quad-x": {
+        "--climb-angle 5": "--climb-angle: quad-x flies on its rotors here; write --velocity",
+        "--airspeed 9": "quad-x: it has no wings to fly 9 m/s on",
+        "--wind 30 0 0": "and its range ends at 1; make it lighter",
+    },
+    "linearize twin-boom": {"--reduce vertical": "--reduce"},
+    "simulate twin-boom": {
+        "--maneuver m.toml -o a.nc --seed -1": "--seed",
+        "-o a.nc": "--maneuver",
+    },
+    "design": {
+        "twin-boom -o out --amplitude flap=3": "there is no control 'flap'",
+        "twin-boom -o out --amplitude three": "'three' is not a number; write DEG or CONTROL=DEG",
+        "twin-boom -o out --amplitude 100": "not between 0 and 90 degrees",
+        "twin-boom -o out --amplitude 0": "give one an amplitude above zero",
+        "twin-boom -o out --within alpha=5": "write CHANNEL=LOW:HIGH",
+        "twin-boom -o out --within alpha=9:5": "LOW below HIGH",
+        "twin-boom -o out --within alpha=-9:-5": "widen that limit or choose another airspeed",
+        "twin-boom -o out --duration 1": "is too short",
+        "twin-boom -o out --optimizer best": "there is none of that name",
+        "twin-boom -o out --optimizer ps-gde-lm": "take an optimizer that needs none",
+        "twin-boom -o out --for crazyflie": "this flight is on wings; choose --for pilot",
+        "twin-boom -o out --throw elevator=x": "'x' is not a number; write DEG or CONTROL=DEG",
+        "twin-boom -o out --min-amplitude elevator=4":
+            "the amplitude of elevator, 3 deg, is below the smallest that can be flown, 4 deg",
+        "twin-boom -o out --for pilot --duration 9": "takes 20.5 s at least",
+        "twin-boom -o out --for ardupilot --throw flap=20":
+            "there is no such surface; choose from elevator, aileron, rudder",
+        "twin-boom -o out --for px4": "how far elevator, aileron, rudder move at full output is not known",
+        "nowhere.json -o out": "name the folder that stoop identify wrote",
+        ". -o out": "name the folder that stoop identify wrote",
+    },
+    "export": {
+        "nothing.toml --to jsbsim -o out": "there is no such vehicle file",
+        "empty --to jsbsim -o out": "holds no result.json",
+        "twin-boom --to jsbsim -o empty/file": "is a file; name a folder",
+        "twin-boom --to flightgear -o out": "invalid choice",
+        "twin-boom --to rotorpy -o out": "this one has 0",
+        "quad-x --to ardupilot-jsbsim -o out": "and no rotors; export to px4-jsbsim",
+        "hexa-x --to rotorpy -o out": "this one has 6",
+        "twin-boom --to pyflyt -o out": "PyFlyt flies quadrotors on their rotors",
+        "quad-x --to mujoco --draws 100 -o out": "--draws needs estimates with their errors",
+        "quad-x --to mujoco --draws 0 -o out": "--draws",
+        "twin-boom --to state-space --airspeed 3 -o out": "no steady flight found at 3 m/s",
+    },
+    "vehicle": {
+        "quad_x.toml": "did you mean the built-in vehicle quad-x?",
+        "submarine": "there is no such built-in vehicle",
+        "-o my.toml": "-o needs the name of a vehicle",
+        "new log.ulg --mass 8.5kg -o own.toml":
+            "'8.5kg' is not a positive number from 1e-30 to 1e30; write it in kg, without the unit",
+        "new --template v-tail --span 2.3 -o v.toml": "--mass",
+        "new --geometry g.toml --mass 9 -o v.toml": "--mass: is 9",
+        "new --geometry g.toml --aerodynamics wind-tunnel -o v.toml": "choose one of handbook, aerosandbox",
+        "new --template glider --mass 2 --span 2 --area 0.4 --aerodynamics aerosandbox -o v.toml":
+            "needs dimensions",
+    },
+    "example": {
+        "quadroter -o q": "did you mean quadrotor?",
+        "-o q": "needs the name",
+    },
+    "reproduce": {
+        "figure4": "invalid choice: 'figure4'",
+        "figure3 --runs 0": "'0' is not a whole number from 1 to 1000000",
+        "figure3 --seed -1": "is not a whole number",
+        "table1 --box X": "invalid choice: 'X'",
+        "": "required: EXPERIMENT",
+        "figure3 -o empty/file": "is a file; name a folder",
+    },
+    "compare -o out": {
+        "--optimizers ps-gde,cmaes": "optimizer cmaes",
+        "--optimizers ps-gde:speed=2": "no speed can be chosen",
+        "--problems paper-M": "did you mean paper-W",
+        "--problems bbob-99": "bbob-",
+        "--problems bbob-01 --first-seed 0": "instance 0",
+        "--problems bbob-01 --optimizers ps-gde-lm": "none of these optimizers",
+        "--problems flight": "--flight",
+        "--flight log.ulg": "--vehicle and --maneuver",
+        "--flight no.ulg --vehicle v.toml --maneuver 1:2": "no.ulg",
+        "--seeds 0": "--seeds",
+        "--budget -1": "--budget",
+        "--budget inf": "'inf' is not a positive number",
+        "--optimizers ,": "--optimizers",
+    },
+    "structure twin-boom x.nc --maneuver 0:1 -o o --band": dict.fromkeys(("2", "2:1", "a:b", "0:nan"), "LOW:HIGH"),
+    "demo -o demo": {"--seed -1": "--seed: '-1' is not a whole number"},
+    "completion": {"tcsh": "invalid choice: 'tcsh'"},
+    "map": {"no.csv": "no.csv"},
+    "": {
+        "trim": "(see stoop trim --help)",
+        "nosuch": "there is no verb",
+        "trim twin-boom --nosuch": "--help)",
+        "info a b": "--help)",
+        "identfy": "there is no verb 'identfy'; did you mean identify? (see stoop --help)",
+        "Trim": "there is no verb 'Trim'; did you mean trim? (see stoop --help)",
+        "reprodce": "there is no verb 'reprodce'; did you mean reproduce? (see stoop --help)",
+        "vehcle new": "there is no verb 'vehcle'; did you mean vehicle or vehicle new? (see stoop --help)",
+        "--debgu trim": "there is no option --debgu; did you mean --debug? (see stoop --help)",
+        "identify a.ulg --vehicel=v.toml --maneuver 1:2 -o out":
+            "there is no option --vehicel; did you mean --vehicle? (see stoop identify --help)",
+        "vehicle new --masss 3 -o v.toml":
+            "there is no option --masss; did you mean --mass? (see stoop vehicle new --help)",
+    },
+}  # fmt: skip
 
 
-@pytest.mark.parametrize("words", OPTIONS, ids=" ".join)
-def test_options(words: list[str], refused: Callable[..., str]) -> None:
-    assert words[-2] in refused(*words)
+@pytest.mark.parametrize("first", WORDS)
+def test_words(first: str, refused: Refused) -> None:
+    Path("empty").mkdir()
+    Path("empty/file").write_text("mine")
+    Path("g.toml").write_text('template = "conventional"\nmass = 3.0\n[wing]\nspan = 2.0\nchord = 0.25\n')
+    for further, complaint in WORDS[first].items():
+        assert complaint in refused(f"{first} {further}"), further
 
 
-def test_maneuver_is_required(refused: Callable[..., str]) -> None:
-    assert "--maneuver" in refused("simulate", "twin-boom", "-o", "a.nc")
+def test_words_about_a_fitted_model(refused: Refused, fitted: Path) -> None:
+    shutil.copytree(fitted, "fit")
+    for further, complaint in {
+        "--expression x=CLalpa": "no number 'CLalpa'; did you mean CLalpha",
+        "--expression CLalpha": "write NAME=EXPRESSION",
+        "--expression a=CD0 a=CL0": "given twice",
+        "--airspeed 40": "write A:B in m/s",
+        "--airspeed 40:30": "write A:B in m/s",
+        "--airspeed 2:3": "nothing trims at 3 m/s with the estimates; give --airspeed A:B",
+        "--source posterior": "its posterior was not sampled",
+        "--draws 5": "needs 100 or more",
+    }.items():
+        assert complaint in refused(f"propagate fit {further}"), further
 
 
-@pytest.mark.parametrize("name", ["[bold red]x[/] \x1b[31m", "two\\nlines", "\u202ereversed"])
-def test_hostile_name_in_a_vehicle_file(
-    name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    quoted = name.replace("\x1b", "\\u001b")
-    path = tmp_path / "v.toml"
-    path.write_text(TWIN_BOOM.replace('name = "Twin-boom', f'name = "{quoted}'), encoding="utf-8")
-    for verb in ("trim", "linearize"):
-        assert main([verb, str(path), "--reduce", "longitudinal"]) == 0
-        out, err = capsys.readouterr()
-        assert err == ""
+#: further words of `stoop identify` with a flight of 30 s -> complaint
+FITS = {
+    "--maneuver 100:200": "outside the record",
+    "--maneuver 5:2": "start must come before",
+    "--maneuver x": "START:STOP",
+    "--maneuver 0:20 10:25": "overlaps the fitted flight@0:20",
+    "--maneuver -5:-1": "outside the record, which runs from 0.00 to 30.00 s",
+    "--maneuver -5:20": "runs from 0.00 to 30.00 s on the log's own clock; write 0:20 for",
+    "--maneuver 20:60": "runs from 0.00 to 30.00 s on the log's own clock; write 20:30 for",
+    "--maneuver -9:90": "runs from 0.00 to 30.00 s on the log's own clock; write 0:30 for",
+    "--maneuver 0:20 --validate 19:28": "nothing may be fitted in a window that is predicted",
+    "--maneuver 0:20 --free CLalfa": "did you mean CLalpha",
+    "--maneuver 0:20 --free CLq --fix CLq": "keep one",
+    "--maneuver 0:20 --free Clp": "--free Clp: the equations of",
+    "--maneuver 0:20 --fix sensors.p.bias": "--fix sensors.p.bias: the equations of",
+    "--maneuver 0:20 --optimizer magic": "ps-gde-lm",
+    "--maneuver 0:20 --noise none.csv": "none.csv: no such file; check the name",
+    "--maneuver 0:20 --target-cost nan": "--target-cost: 'nan' is not a number",
+    "--maneuver 0:20 --target-cost inf": "--target-cost: 'inf' is not a number",
+    "--maneuver 0:20 --generations 0": "--generations: '0' is not a whole number from 1 to",
+    "--maneuver 0:20 --budget -1": "positive",
+    "--maneuver 0:20 --budget inf": "--budget: 'inf' is not a positive number",
+    "--maneuver 0:20 --seed x": "whole number",
+    "--maneuver 0:20 --resume": "no interrupted search",
+    "": "--maneuver",
+}
+
+
+def test_fits(refused: Refused, flight_file: Path) -> None:
+    shutil.copy(flight_file, "flight.nc")
+    text = TWIN_BOOM.replace("notes = [", 'model = { reduce = "longitudinal" }\nnotes = [')
+    Path("v.toml").write_text(text)
+    for further, complaint in FITS.items():
+        assert complaint in refused(f"identify flight.nc --vehicle v.toml -o bad {further}"), further
+    for missing in ("none.nc --vehicle v.toml", "flight.nc --vehicle none.toml"):
+        assert "none." in refused(f"identify {missing} --maneuver 0:20 -o bad")
+    for name, controls, more, complaints in (
+        ("pwm", "[controls.elevator]\nmix = { pwm_3 = 0.001 }\n[controls.aileron]\n", "", ("pwm_3", "elevator")),
+        ("tied", '[controls.aileron]\nlag = 0.05\n[controls.elevator]\nlag = "=controls.aileron.lag"\n',
+         "--fix controls.elevator.lag",
+         ("--fix controls.elevator.lag: tied to controls.aileron.lag; name that one",)),
+    ):  # fmt: skip
+        Path(f"{name}.toml").write_text(
+            f"{text if name == 'pwm' else TWIN_BOOM}\n{controls}[controls.rudder]\n"
+        )
+        said = refused(f"identify flight.nc --vehicle {name}.toml --maneuver 0:20 -o bad {more}")
+        assert all(complaint in said for complaint in complaints), said
+    for extra in ("", "--overwrite", "--resume"):
+        said = refused(f"identify flight.nc --vehicle v.toml --maneuver 0:20 -o . {extra}")
+        assert "flight.nc: is read by this run" in said
+    Path("flight.nc").rename("sim.nc")
+    Path("v.toml").rename("vehicle.toml")
+    for extra in ("", "--overwrite", "--resume"):
+        said = refused(f"identify sim.nc --vehicle vehicle.toml --maneuver 0:20 -o . {extra}")
+        assert "vehicle.toml: is read by this run" in said
+    Path("old").mkdir()
+    Path("old/result.json").write_text("mine")
+    assert "--overwrite" in refused("identify sim.nc --vehicle vehicle.toml --maneuver 0:20 -o old")
+
+
+def test_names_in_a_vehicle_file_are_text(refused: Refused, cli: Callable[..., tuple[int, str, str]]) -> None:
+    for name in ("[bold red]x[/] \x1b[31m", "two\\nlines", "\u202ereversed"):
+        quoted = name.replace("\x1b", "\\u001b")
+        Path("v.toml").write_text(TWIN_BOOM.replace('name = "Twin-boom', f'name = "{quoted}'), "utf-8")
+        code, out, err = cli("trim v.toml --reduce longitudinal")
+        assert (code, err) == (0, "")
         assert all(line.isprintable() for line in out.split("\n"))
         assert "[bold red]x[/]" in out or "bold" not in name
 
 
-def test_real_process_leaves_no_traceback(tmp_path: Path) -> None:
+def test_a_truncated_ulog(shared_data: Path, refused: Refused) -> None:
+    content = (shared_data / "px4-ulog-reader-samples" / "sample_log_small.ulg").read_bytes()
+    Path("cut.ulg").write_bytes(content[:3000])
+    assert "cut.ulg: " in refused("info cut.ulg")
+
+
+def test_a_process_whose_output_is_ascii_leaves_no_traceback(tmp_path: Path) -> None:
     done = subprocess.run(
-        [sys.executable, "-m", "stoop", "info", os.fsdecode(b"lost\xff.ulg")],
-        cwd=tmp_path,
-        capture_output=True,
-        check=False,
-        env={**os.environ, "PYTHONIOENCODING": "ascii"},
-    )
-    assert done.returncode == 2
-    assert done.stdout == b""
+        [sys.executable, "-m", "stoop", "info", os.fsdecode(b"lost\xff.ulg")], cwd=tmp_path, capture_output=True,
+        check=False, env={**os.environ, "PYTHONIOENCODING": "ascii"},
+    )  # fmt: skip
+    assert (done.returncode, done.stdout) == (2, b"")
     assert done.stderr == b"stoop: error: lost\\udcff.ulg: no such file or folder; check the name\n"

@@ -35,20 +35,11 @@ def test_describes_a_simulated_flight(flight_file: Path, capsys: pytest.CaptureF
     assert re.search(r"^elevator +rad +-0\.2294 +-0\.0294 +0\.1706 +elevator deflection$", out, re.MULTILINE)
     assert "none found" in out
     assert not any(line.endswith(" ") for line in out.splitlines())
-
-
-def test_the_next_command_is_one_that_identify_takes(
-    flight_file: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert main(["info", str(flight_file)]) == 0
-    line = next(line for line in capsys.readouterr().out.splitlines() if line.startswith("next: "))
+    line = next(line for line in out.splitlines() if line.startswith("next: "))
     words = shlex.split(line)[2:]
     parsed = parser_for(words).parse_args(words)
     start, stop = map(float, parsed.maneuver[0].split(":"))
     assert start < 1.0 < 3.1 < stop  # the 3-2-1-1
-
-
-def test_json_holds_the_same(flight_file: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["info", str(flight_file), "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
     assert found["format"] == "stoop-info/1"

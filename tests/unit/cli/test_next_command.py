@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import pytest
-
 from stoop.cli.main import parser_for
 from stoop.cli.options import identify_command
 
@@ -14,25 +12,21 @@ GIVEN = {
 }
 
 
-@pytest.mark.parametrize("verb", GIVEN)
-def test_flights_mapping_vehicle_windows_and_free_numbers_are_repeated(verb: str) -> None:
-    words = GIVEN[verb].split()
-    arguments = parser_for(words).parse_args(words)
-    changed = {} if verb == "structure" else {"maneuver": ["out/windows.toml"]}
-    command = identify_command(arguments, "result", **changed)
-    again = parser_for(command[1:]).parse_args(command[1:])
-    assert str(again.mapping) == "m.toml"
-    flights = arguments.flight if isinstance(arguments.flight, list) else [arguments.flight]
-    assert again.flight == flights
-    assert again.vehicle == {"info": "V.toml"}.get(verb, "v.toml")
-    assert again.maneuver == (arguments.maneuver if verb == "structure" else ["out/windows.toml"])
-    for option in ("free", "fix"):
-        assert getattr(again, option) == getattr(arguments, option, [])
-    assert str(again.output) == "result"
-
-
-def test_what_a_verb_has_written_replaces_what_was_given() -> None:
-    words = GIVEN["structure"].split()
-    command = identify_command(parser_for(words).parse_args(words), "out-result", vehicle="out/vehicle.toml")
-    assert command[command.index("--vehicle") + 1] == "out/vehicle.toml"
-    assert command[command.index("--mapping") + 1] == "m.toml"
+def test_flights_mapping_vehicle_windows_and_free_numbers_are_repeated() -> None:
+    for verb, text in GIVEN.items():
+        words = text.split()
+        arguments = parser_for(words).parse_args(words)
+        changed = {} if verb == "structure" else {"maneuver": ["out/windows.toml"]}
+        command = identify_command(arguments, "result", **changed)
+        again = parser_for(command[1:]).parse_args(command[1:])
+        assert str(again.mapping) == "m.toml"
+        assert again.flight == (
+            arguments.flight if isinstance(arguments.flight, list) else [arguments.flight]
+        )
+        assert again.vehicle == ("V.toml" if verb == "info" else "v.toml")
+        assert again.maneuver == changed.get("maneuver", getattr(arguments, "maneuver", None))
+        for option in ("free", "fix"):
+            assert getattr(again, option) == getattr(arguments, option, []), verb
+        assert str(again.output) == "result"
+        written = identify_command(arguments, "result", **changed, vehicle="out/vehicle.toml")
+        assert written[written.index("--vehicle") + 1] == "out/vehicle.toml", "replaces what was given"

@@ -1,4 +1,4 @@
-"""The same words on a terminal and in a pipe; nothing from a file is markup."""
+"""The same words on a terminal and in a pipe; nothing from a file is markup; numbers and columns of text."""
 
 from __future__ import annotations
 
@@ -6,73 +6,74 @@ import argparse
 import io
 import json
 import math
+import os
+from pathlib import Path
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from rich.console import Console
 
+from stoop.base.text import printable
 from stoop.cli.options import page_path
-from stoop.cli.page import UNLIMITED, Page, numbers, page, to_json, words
+from stoop.cli.page import (
+    UNLIMITED,
+    Column,
+    Page,
+    alike,
+    blocks,
+    fit,
+    fixed,
+    number,
+    numbers,
+    page,
+    plain,
+    points,
+    to_json,
+    words,
+)  # fmt: skip
 
 HOSTILE = "[bold red]x[/] \x1b[31m [link=file:///etc] :smile:"
 SHOWN = "[bold red]x[/] \\x1b[31m [link=file:///etc] :smile:"
+NUMBERS = st.floats(-1e300, 1e300)
+TEXTS = st.text(st.characters(codec="utf-8"), max_size=30)
 
 
 def terminal(width: int = 80) -> tuple[Page, io.StringIO]:
     written = io.StringIO()
-    console = Console(
-        file=written,
-        width=width,
-        markup=False,
-        highlight=False,
-        emoji=False,
-        color_system=None,
-        force_terminal=True,
-    )
-    return Page(console), written
-
-
-def fill(out: Page) -> None:
-    out.line(HOSTILE)
-    out.heading(HOSTILE)
-    out.bullets([HOSTILE])
-    out.table(words("", [HOSTILE]), numbers(HOSTILE, [1.0]))
-    out.command("next: ", ["stoop", "info", HOSTILE])
+    plainly = {"markup": False, "highlight": False, "emoji": False, "color_system": None}
+    return Page(Console(file=written, width=width, force_terminal=True, **plainly)), written  # type: ignore[arg-type]
 
 
 def test_hostile_text_is_shown_as_it_is(capsys: pytest.CaptureFixture[str]) -> None:
-    fill(Page())
     out, written = terminal(200)
-    fill(out)
+    for one in (Page(), out):
+        one.line(HOSTILE)
+        one.heading(HOSTILE)
+        one.bullets([HOSTILE])
+        one.table(words("", [HOSTILE]), numbers(HOSTILE, [1.0]))
+        one.command("next: ", ["stoop", "info", HOSTILE])
     for text in (capsys.readouterr().out, written.getvalue()):
         assert text.count(SHOWN) == 6
         assert "\x1b[31m" not in text
 
 
-def test_terminal_wraps_notes_below_themselves() -> None:
+def test_a_terminal_wraps_notes_and_tables_but_no_command() -> None:
     out, written = terminal(30)
     out.bullets(["a note that is much longer than thirty characters"])
     lines = [line.rstrip() for line in written.getvalue().splitlines()]
     assert lines[0].startswith("- a note")
     assert all(line.startswith("  ") for line in lines[1:])
     assert all(len(line) <= 30 for line in lines)
-
-
-def test_command_is_quoted_and_never_broken() -> None:
     out, written = terminal(30)
     out.command("next: ", ["stoop", "info", "a file with blanks and a long name.nc", "--json"])
     assert written.getvalue().strip() == "next: stoop info 'a file with blanks and a long name.nc' --json"
-
-
-def test_terminal_table_fits() -> None:
     out, written = terminal(60)
     out.table(words("name", ["x" * 20]), numbers("value", [1.25]), words("meaning", ["words " * 20]))
     lines = written.getvalue().splitlines()
     assert all(len(line) <= 60 for line in lines)
     assert lines[1].endswith("...")
-
-
-def test_pipe_is_plain() -> None:
-    assert page().width == UNLIMITED
+    assert page().width == UNLIMITED, "of a pipe"
 
 
 def test_json_is_strict() -> None:
@@ -81,19 +82,87 @@ def test_json_is_strict() -> None:
     assert text.isascii()
 
 
-def test_a_page_has_the_ending_of_a_page() -> None:
-    assert page_path("a.HTM").name == "a.HTM"
+def test_a_page_has_the_ending_of_a_page(tmp_path: Path) -> None:
+    for given_path, path in (("a.HTM", "a.HTM"), ("out", "out.html"), ("a/out.htm", "a/out.htm"),
+                             (str(tmp_path), str(tmp_path)), (os.devnull, os.devnull)):  # fmt: skip
+        assert page_path(given_path) == Path(path), (
+            "a device is refused as it is, and no file is made beside it"
+        )
     with pytest.raises(
         argparse.ArgumentTypeError, match=r"^a\.pdf: a page is written as \.html; name it so$"
     ):
         page_path("a.pdf")
 
 
-def test_a_number_is_written_without_its_unit(capsys: pytest.CaptureFixture[str]) -> None:
-    from stoop.cli.main import main
+def test_number() -> None:
+    for value, text in (
+        (0.0, "0"), (-0.0, "0"), (1.0, "1.000"), (1.0 - 1e-16, "1.000"), (0.99999, "1.000"), (-2.5, "-2.500"),
+        (0.00012344, "0.0001234"), (1.2e-5, "1.200e-05"), (100138.99, "100139"), (1e7, "1.000e+07"), (math.nan, "-"),
+        (math.inf, "inf"),
+    ):  # fmt: skip
+        assert number(value) == text
 
-    assert main(["vehicle", "new", "log.ulg", "--mass", "8.5kg", "-o", "own.toml"]) == 2
-    assert (
-        "'8.5kg' is not a positive number from 1e-30 to 1e30; write it in kg, without the unit"
-        in capsys.readouterr().err
-    )
+
+@given(st.lists(NUMBERS, min_size=1, max_size=8))
+def test_numbers_keep_four_digits_and_points_stand_below_each_other(values: list[float]) -> None:
+    for value in values:
+        assert float(number(value)) == pytest.approx(value, rel=5.001e-4, abs=1e-320)
+    texts = points("", [number(v) for v in values]).cells
+    assert len({len(text) - (text.index(".") if "." in text else len(text.rstrip())) for text in texts}) == 1
+
+
+@given(st.lists(st.floats(1e-3, 1e6) | st.floats(-1e6, -1e-3), min_size=1, max_size=5))
+def test_alike_gives_one_number_of_decimals(values: list[float]) -> None:
+    texts = alike(values)
+    assert len({len(text.partition(".")[2]) for text in texts}) == 1
+    worst = max(map(abs, values))
+    for text, value in zip(texts, values, strict=True):
+        assert abs(float(text) - value) <= 5.001e-4 * worst
+
+
+def test_tables_of_text() -> None:
+    assert fixed("x", [-1e-9], 3).cells == ("0.000",), "what rounds to zero has no sign"
+    assert alike([-1e-9, 1.0]) == ["0.000", "1.000"]
+    text = plain([words("name", ["a", "bcd"]), numbers("value", [1.5, -20.0]), words("unit", ["m", ""])])
+    assert text.splitlines() == ["name    value  unit", "a       1.500  m", "bcd   -20.00"]
+    label, text = words("", ["1", "2"]), words("text", ["one two three four five six", "seven"], wraps=True)
+    folded = fit([label, text], 20)
+    assert " ".join(folded[1].cells).split() == "one two three four five six seven".split()  # noqa: SIM905
+    assert [c for c in folded[0].cells if c] == ["1", "2"]
+    columns = [Column("", ("x" * 70,)), words("meaning", ["a long explanation of it all"])]
+    assert fit(columns, 80) == columns[:1], "the stump of a column is left out"
+    assert fit(columns, 100) == columns
+
+
+@given(
+    st.lists(TEXTS, min_size=1, max_size=5),
+    st.lists(st.integers(1, 20), min_size=1, max_size=12),
+    st.integers(25, 80),
+)
+def test_tables_are_no_wider_than_the_page_and_blocks_hold_every_column_once(
+    cells: list[str], widths: list[int], width: int
+) -> None:
+    label = words("", [str(i) for i in range(len(cells))])
+    for wraps in (False, True):
+        for line in plain(fit([label, words("text", cells, wraps=wraps)], width)).splitlines():
+            assert len(line) <= width
+    label, columns = words("A", ["row"]), [words(str(i), ["x" * w]) for i, w in enumerate(widths)]
+    parts = blocks(label, columns, width)
+    assert [c for part in parts for c in part[1:]] == columns
+    assert all(part[0] is label for part in parts)
+    assert all(len(line) <= width for part in parts for line in plain(part).splitlines())
+
+
+@given(st.text(max_size=40))
+def test_printable_is_one_harmless_line(text: str) -> None:
+    assert printable(text).isprintable()
+    assert printable(printable(text)) == printable(text)
+
+
+def test_printable() -> None:
+    for text, shown in (
+        ("plain [red]text[/red]", "plain [red]text[/red]"), ("two\nlines", "two lines"), ("å 飛", "å 飛"),
+        ("\x1b]0;title\x07", "\\x1b]0;title\\x07"), ("right\u202eleft", "right\\u202eleft"),
+        ("lost byte \udcff", "lost byte \\udcff"),
+    ):  # fmt: skip
+        assert printable(text) == shown

@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import io
-import os
 import sys
 import time
-from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 
 from stoop.base.text import duration, remaining
-from stoop.cli.options import page_path
 from stoop.cli.progress import LiveLine, Timed, Watch
 from stoop.report.propagation import shown
 
@@ -37,18 +34,34 @@ def test_the_time_of_a_live_line_goes_on_by_itself(monkeypatch: pytest.MonkeyPat
     assert line.__rich__().plain.endswith("[1:05]")
 
 
+def event(generation: int, trajectories: float) -> SimpleNamespace:
+    """Return what a search tells after a generation."""
+    kind = SimpleNamespace(kind="refinement")
+    return SimpleNamespace(
+        state=SimpleNamespace(generation=generation), trajectories=trajectories, cost=2.0, event=kind
+    )
+
+
 def test_a_terminal_shows_the_time_that_a_search_may_still_take(monkeypatch: pytest.MonkeyPatch) -> None:
     terminal = Terminal()
     monkeypatch.setattr(sys, "stderr", terminal)
     monkeypatch.setenv("TERM", "xterm")
-    event = SimpleNamespace(kind="refinement")
     with Watch() as watch:
         watch.count_from(0.0, budget=1000.0)
         watch._began = time.perf_counter() - 30.0
-        watch.see(
-            SimpleNamespace(state=SimpleNamespace(generation=3), trajectories=250.0, cost=2.0, event=event)
-        )  # type: ignore[arg-type]
+        watch.see(event(3, 250.0))  # type: ignore[arg-type]
     assert "at most 1:30 left" in terminal.getvalue()
+
+
+def test_speed_is_of_this_run_alone(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    now = iter([100.0, 110.0])
+    monkeypatch.setattr(time, "perf_counter", lambda: next(now))
+    watch = Watch()
+    watch.count_from(5000.0)
+    watch.see(event(7, 5200.0))  # type: ignore[arg-type]
+    assert "5200 trajectories  20/s" in capsys.readouterr().err
 
 
 def test_a_dumb_terminal_and_a_pipe_see_plain_lines(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -61,22 +74,10 @@ def test_a_dumb_terminal_and_a_pipe_see_plain_lines(monkeypatch: pytest.MonkeyPa
     assert terminal.getvalue() == "stoop: look\n"
 
 
-def test_a_page_gets_its_ending(tmp_path: Path) -> None:
-    assert page_path("out").name == "out.html"
-    assert page_path("a/out.htm") == Path("a/out.htm")
-    assert page_path(str(tmp_path)) == tmp_path
-    assert page_path(os.devnull) == Path(os.devnull), "it is refused as it is, and no file is made beside it"
-
-
-@pytest.mark.parametrize(
-    ("group", "unit", "factor", "text"),
-    [
+def test_speeds_of_rotors_are_shown_in_rpm() -> None:
+    for group, unit, factor, text in (
         ("Hover", "rad/s", 9.549297, "rpm"),
         ("Hover", "1", 1.0, ""),
         ("Control authority", "rad/s", 57.29578, "deg/s"),
-    ],
-)
-def test_speeds_of_rotors_are_shown_in_rpm(group: str, unit: str, factor: float, text: str) -> None:
-    figure = SimpleNamespace(group=group, unit=unit)
-    found: tuple[float, str] = shown(figure)  # type: ignore[arg-type]
-    assert found == (pytest.approx(factor), text)
+    ):
+        assert shown(SimpleNamespace(group=group, unit=unit)) == (pytest.approx(factor), text)  # type: ignore[arg-type]

@@ -38,11 +38,6 @@ def script() -> ModuleType:
     return module
 
 
-@pytest.fixture(scope="module")
-def completed() -> argparse.ArgumentParser:
-    return all_parsers()
-
-
 def inner(parser: argparse.ArgumentParser, name: str) -> argparse.ArgumentParser:
     for action in parser._actions:
         if isinstance(action, argparse._SubParsersAction):
@@ -60,22 +55,23 @@ def parameters(verb: Verb) -> dict[str, Any]:
     return found
 
 
-@pytest.mark.parametrize("name", all_verbs())
-def test_all_that_a_verb_shows_follows_from_its_row(
-    name: str, script: ModuleType, completed: argparse.ArgumentParser
-) -> None:
-    verb = all_verbs()[name]
+def test_all_that_a_verb_shows_follows_from_its_row(script: ModuleType) -> None:
+    completed, text = all_parsers(), PAGE.read_text("utf-8")
+    assert script.page(text) == text, "`python scripts/commands.py` writes it"
+    for name, verb in all_verbs().items():
+        check_verb(name, verb, completed, text)
+
+
+def check_verb(name: str, verb: Verb, completed: argparse.ArgumentParser, text: str) -> None:
     words = name.split()
     module, _, function = verb.run.partition(":")
     assert callable(getattr(importlib.import_module(module), function))
-
     parser = parser_for([name]).verbs[name]
     actions = {a.dest: a for a in parser._actions if a.dest not in ("help", "debug")}
     assert list(actions) == [option.key for option in verb.options]
     assert len({option.name for option in verb.options}) == len(verb.options)
     told = " ".join(parser.format_help().split())
     assert f"{verb.summary[0].upper()}{verb.summary[1:]}." in told
-    text = PAGE.read_text("utf-8")
     section = text.partition(f"## `stoop {name}`\n")[2].partition("\n## ")[0]
     of_shell = completed
     for word in words:
@@ -91,7 +87,6 @@ def test_all_that_a_verb_shows_follows_from_its_row(
             assert hasattr(shells[option.key], "complete") == (option.kind in COMPLETED)
     if verb.python:
         check_python(verb)
-    assert "\n".join(script.options_table(verb)) in text
 
 
 def check_python(verb: Verb) -> None:
@@ -107,12 +102,6 @@ def check_python(verb: Verb) -> None:
             assert known[name] in NOTHING, name
         else:
             assert known[name] == default, name
-
-
-def test_the_page_is_up_to_date(script: ModuleType) -> None:
-    """`python scripts/commands.py` writes it."""
-    text = PAGE.read_text("utf-8")
-    assert script.page(text) == text
 
 
 def test_named_parameters_are_those_of_the_function() -> None:

@@ -6,6 +6,7 @@ import base64
 import dataclasses
 import hashlib
 import re
+from collections.abc import Callable
 from html.parser import HTMLParser
 from types import ModuleType, SimpleNamespace
 from typing import Any
@@ -13,11 +14,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from stoop.report.estimates import method_figures
+from stoop.assessment.covariance import NORMAL_95
+from stoop.report.charts import autocorrelation_panels, correlation_map
+from stoop.report.estimates import estimates_section, method_figures
 from stoop.report.identification import render
-from stoop.results.result import ChannelTrace, ManeuverTrace
+from stoop.results.result import ChannelTrace, ManeuverTrace, ParameterEstimate
 from stoop.results.uncertainty import MethodIntervals
 
+Fewer = Callable[[Any], Any]
 VOID = {"meta", "line", "rect", "circle", "path", "br", "hr", "img", "link", "input", "mspace"}
 
 
@@ -33,10 +37,10 @@ class Page(HTMLParser):
         self.raw: list[tuple[str, str]] = []  # text of scripts and styles
         self.feed(html)
         self.close()
+        assert self.open == []
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.tags.append(tag)
-        self.attributes += [(tag, name, value or "") for name, value in attrs]
+        self.handle_startendtag(tag, attrs)
         if tag not in VOID:
             self.open.append(tag)
         if tag in ("script", "style"):
@@ -66,22 +70,16 @@ class Page(HTMLParser):
 
 
 @pytest.fixture(scope="module")
-def page(examples: ModuleType) -> Page:
-    return Page(render(examples.example()))
+def html(whole: Any) -> str:
+    return render(whole)
 
 
 @pytest.fixture(scope="module")
-def hostile(examples: ModuleType) -> Page:
-    names = ("CL0", "CLalpha", "Clp" + examples.HOSTILE)
-    return Page(render(examples.example(names, examples.HOSTILE)))
+def page(html: str) -> Page:
+    return Page(html)
 
 
-def test_everything_that_opens_is_closed(page: Page, hostile: Page) -> None:
-    assert page.open == []
-    assert hostile.open == []
-
-
-def test_it_needs_nothing_from_outside(page: Page) -> None:
+def test_it_needs_nothing_from_outside_and_links_lead_somewhere(page: Page) -> None:
     assert not {"link", "img", "iframe", "object", "embed"} & set(page.tags)
     for _, name, value in page.attributes:
         if name in ("href", "src", "xlink:href", "action", "data"):
@@ -89,14 +87,22 @@ def test_it_needs_nothing_from_outside(page: Page) -> None:
     css = " ".join(page.of("style"))
     assert "url(" not in css
     assert "@import" not in css
-
-
-def test_links_lead_somewhere(page: Page) -> None:
     places = {value for _, name, value in page.attributes if name == "id"}
     assert {value[1:] for tag, name, value in page.attributes if tag == "a" and name == "href"} <= places
 
 
-def test_hostile_text_stays_text(page: Page, hostile: Page) -> None:
+def test_nothing_runs_even_if_it_got_in(page: Page) -> None:
+    (policy,) = (v for tag, name, v in page.attributes if (tag, name) == ("meta", "content") and "-src" in v)
+    digests = (hashlib.sha256(text.encode()).digest() for text in page.of("script")[-3:])
+    allowed = policy.partition("script-src")[2].split()
+    assert allowed == [f"'sha256-{base64.b64encode(one).decode()}'" for one in digests]
+    assert "default-src 'none'" in policy
+    assert "unsafe-eval" not in policy
+
+
+def test_hostile_text_stays_text(page: Page, examples: ModuleType, fewer: Fewer) -> None:
+    names = ("CL0", "CLalpha", "Clp" + examples.HOSTILE)
+    hostile = Page(render(fewer(examples.example(names, examples.HOSTILE))))
     assert hostile.tags.count("script") == page.tags.count("script")
     assert hostile.of("script")[-2:] == page.of("script")[-2:]
     assert not any("<" in data for data in hostile.of("script")[:-3])
@@ -104,137 +110,75 @@ def test_hostile_text_stays_text(page: Page, hostile: Page) -> None:
     assert hostile.text.count("<script>") >= 8
 
 
-def test_nothing_runs_even_if_it_got_in(page: Page) -> None:
-    (policy,) = [
-        v for tag, name, v in page.attributes if tag == "meta" and name == "content" and "default-src" in v
-    ]
-    allowed = policy.partition("script-src")[2].split()
-    runs = page.of("script")[-3:]
-    digests = [base64.b64encode(hashlib.sha256(text.encode()).digest()).decode() for text in runs]
-    assert allowed == [f"'sha256-{digest}'" for digest in digests]
-    assert "default-src 'none'" in policy
-    assert "unsafe-eval" not in policy
-
-
-def test_without_histories_nothing_runs(examples: ModuleType) -> None:
-    page = Page(render(bare(examples)))
-    assert "script" not in page.tags
-    assert "contains no scripts" in page.text
-
-
-def test_what_a_reader_looks_for_is_there(page: Page, examples: ModuleType) -> None:
-    for name in examples.NAMES:
-        assert name in page.text or any(value == name for _, key, value in page.attributes if key == "title")
+def test_what_a_reader_looks_for_is_there(html: str, page: Page, whole: Any, examples: ModuleType) -> None:
+    titles = {value for _, key, value in page.attributes if key == "title"}
+    assert all(name in page.text or name in titles for name in examples.NAMES)
     for phrase in (
-        "Usable for what was fitted, with reservations",
-        "Residuals are colored",
-        "flight2, 140–145 s",
-        "Prediction: no parameter was fitted here",
-        "not identifiable",
-        "at its bound",
-        "V and alpha are reconstructed from inertial velocity",
-        "142.47:142.75",
-        "The pitot reads 5.4 m/s too little",
-        "wind_n",
-        "sha256 9f9f",
-        "numpy 2.4.6",
-        "stoop identify flight2",
-        "✓ better",
-    ):
+        "Usable for what was fitted, with reservations", "Residuals are colored", "flight2, 140–145 s",
+        "Prediction: no parameter was fitted here", "not identifiable", "at its bound", "142.47:142.75", "wind_n",
+        "V and alpha are reconstructed from inertial velocity", "The pitot reads 5.4 m/s too little",
+        "sha256 9f9f", "numpy 2.4.6", "stoop identify flight2", "Uncertainty, by method", "block bootstrap",
+        "greatest R-hat", "What would make it identifiable", "Fly more.", "The sensitivities to all unknowns have",
+    ):  # fmt: skip
         assert phrase in page.text, phrase
+    flat = re.sub(r"\s+", " ", re.sub(r"<[^>]+>", " ", html))
+    for row in (
+        "mass.mass 8.500 kg vehicle file", "mass.inertia.yy 1.18 ± 0.20 kg m² vehicle file",
+        "alpha′ −8.26 ± 0.97 0.934 0", "q′ −42 ± 20 −5.500 ± – −98 ± 31",
+    ):  # fmt: skip
+        assert row in flat
+    assert html.count('aria-label="CL0: corrected from') == 1
+    assert "interval method-profile open" in html or "interval method-other open" in html
     assert page.tags.count("math") >= 3
-
-
-def test_drawings_are_described_and_tables_have_heads(page: Page) -> None:
-    drawings = page.tags.count("svg")
-    described = sum(1 for tag, name, _ in page.attributes if tag == "svg" and name == "aria-label")
-    hidden = sum(1 for tag, name, _ in page.attributes if tag == "svg" and name == "aria-hidden")
-    assert described + hidden == drawings
-    assert described >= 4 * 12 + len("three for the rest")
     assert page.tags.count("th") > page.tags.count("table")
-
-
-def test_the_same_result_gives_the_same_bytes_and_not_too_many(examples: ModuleType) -> None:
-    html = render(examples.example())
-    assert html == render(examples.example())
-    assert len(html) < 4_000_000
-
-
-def bare(examples: ModuleType) -> Any:
-    whole = examples.example()
-    empty = dataclasses.replace(
-        whole.result,
-        parameters={},
-        covariance=type(whole.result.covariance)((), np.empty((0, 0))),
-        noise_covariance=type(whole.result.noise_covariance)((), np.empty((0, 0))),
-        initial_states=(),
-        biases=(),
-        wind=(),
-        maneuvers=(),
-        notices=(),
-        versions={},
-        inputs={},
+    described, hidden = (
+        sum(1 for tag, name, _ in page.attributes if (tag, name) == ("svg", f"aria-{kind}"))
+        for kind in ("label", "hidden")
     )
+    assert described + hidden == page.tags.count("svg")
+    assert described >= 2 * 4
+    assert html == render(whole), "the same bytes again"
+
+
+def bare(examples: ModuleType, whole: Any) -> Any:
+    result = whole.result
+    empty = dataclasses.replace(
+        result, parameters={}, covariance=type(result.covariance)((), np.empty((0, 0))), initial_states=(), biases=(),
+        noise_covariance=type(result.noise_covariance)((), np.empty((0, 0))), wind=(), maneuvers=(), notices=(),
+        versions={}, inputs={},
+    )  # fmt: skip
     return examples.Shown(result=empty, traces=(), vehicle=SimpleNamespace(name="nothing"))
 
 
-def test_nothing_to_show(examples: ModuleType) -> None:
-    page = Page(render(bare(examples)))
-    assert page.open == []
+def test_nothing_to_show_and_what_a_result_does_not_say(examples: ModuleType, whole: Any) -> None:
+    page = Page(render(bare(examples, whole)))
     assert "0 parameters" in page.text
+    assert "script" not in page.tags
+    assert "contains no scripts" in page.text
+    seen = dataclasses.replace(whole.result.identifiability, singular_values=())
+    less = dataclasses.replace(whole.result, identifiability=seen, uncertainty={})
+    html = render(dataclasses.replace(whole, result=less))
+    assert "Uncertainty, by method" not in html
+    assert "The sensitivities to all unknowns have" not in html
+    assert "With a multiple correlation of nearly 1" in html
 
 
 @pytest.mark.parametrize("fault", [np.nan, np.inf, 1e300, -1e17])
-def test_a_diverged_simulation_is_still_a_page(examples: ModuleType, fault: float) -> None:
-    whole = examples.example(("CL0", "CLalpha"))
-    trace = whole.traces[0]
+def test_a_diverged_simulation_is_still_a_page(examples: ModuleType, fewer: Fewer, fault: float) -> None:
+    """So is a maneuver of one sample."""
+    shown = fewer(examples.example(("CL0", "CLalpha")))
+    trace = shown.traces[0]
     channels = {
         name: ChannelTrace(one.measured, np.where(np.arange(one.measured.size) > 50, fault, one.simulated))
         for name, one in trace.channels.items()
     }
     channels["q"] = ChannelTrace(np.full(trace.time.size, np.nan), np.full(trace.time.size, np.nan))
-    worse = dataclasses.replace(
-        whole, traces=(ManeuverTrace(trace.time, channels, trace.inputs), *whole.traces[1:])
-    )
-    html = render(worse)
-    assert Page(html).open == []
-    page = Page(html)
+    one = ChannelTrace(np.array([0.1]), np.array([0.1]))
+    short = ManeuverTrace(np.array([140.0]), {"p": one}, {"elevator": np.array([0.0])})
+    worse = dataclasses.replace(shown, traces=(ManeuverTrace(trace.time, channels, trace.inputs), short))
+    page = Page(render(worse))
     assert not re.search(r"\b(nan|inf)\b", " ".join(page.words))
     assert not re.search(r"\b(NaN|Infinity)\b", " ".join(page.of("script")[:-3]))
-
-
-def test_one_sample_maneuver(examples: ModuleType) -> None:
-    whole = examples.example(("CL0",))
-    one = ManeuverTrace(
-        np.array([140.0]),
-        {"p": ChannelTrace(np.array([0.1]), np.array([0.1]))},
-        {"elevator": np.array([0.0])},
-    )
-    page = Page(render(dataclasses.replace(whole, traces=(one, *whole.traces[1:]))))
-    assert page.open == []
-
-
-def test_mass_and_the_linear_model_stand_there_with_their_errors(examples: ModuleType) -> None:
-    text = re.sub(r"<[^>]+>", " ", render(examples.example()))
-    text = re.sub(r"\s+", " ", text)
-    assert "mass.mass 8.500 kg vehicle file" in text
-    assert "mass.inertia.yy 1.18 ± 0.20 kg m² vehicle file" in text
-    assert "alpha′ −8.26 ± 0.97 0.934 0" in text
-    assert "q′ −42 ± 20 −5.500 ± – −98 ± 31" in text
-
-
-def test_uncertainty_stands_side_by_side(examples: ModuleType) -> None:
-    page = render(examples.example())
-    for words in (
-        "Uncertainty, by method",
-        "block bootstrap",
-        "greatest R-hat",
-        "What would make it identifiable",
-        "Fly more.",
-    ):
-        assert words in page
-    assert page.count('aria-label="CL0: corrected from') == 1
-    assert "interval method-profile open" in page or "interval method-other open" in page
 
 
 def test_counts_are_whole_numbers() -> None:
@@ -242,18 +186,30 @@ def test_counts_are_whole_numbers() -> None:
     assert method_figures(one) == "replicates 26; of them without an optimum 0; greatest R-hat 1.00"
 
 
-def test_a_result_that_does_not_say_has_no_section_on_uncertainty(examples: ModuleType) -> None:
-    one = examples.example()
-    bare = dataclasses.replace(one.result, uncertainty={})
-    page = render(dataclasses.replace(one, result=bare))
-    assert "Uncertainty, by method" not in page
+def test_correlations_are_colored_by_their_sign() -> None:
+    matrix = np.array([[1.0, 0.9, np.nan], [0.9, 1.0, -0.5], [np.nan, -0.5, 1.0]])
+    cells = re.findall(
+        r'class="(above|below|hole)"[^>]*fill-opacity="([\d.]+)"', correlation_map("abc", matrix)
+    )
+    assert cells == [("above", "0.81"), ("hole", "1.0"), ("below", "0.25")]
 
 
-def test_what_is_not_known_of_the_sensitivities_leaves_no_hole_in_a_sentence(examples: ModuleType) -> None:
-    full = examples.example()
-    seen = dataclasses.replace(full.result.identifiability, singular_values=())
-    without = dataclasses.replace(full, result=dataclasses.replace(full.result, identifiability=seen))
-    words = "The sensitivities to all unknowns have"
-    assert f"{words} " in render(full)
-    assert words not in render(without)
-    assert "With a multiple correlation of nearly 1" in render(without)
+def test_the_band_of_an_autocorrelation_holds_95_percent_of_white_residuals() -> None:
+    """On an axis from -0.6 to 1.05 of 90 px."""
+    for samples in (100, 400):
+        drawn = autocorrelation_panels({"q": (np.ones(5), 0.1, samples)})["q"]
+        (band,) = re.findall(r'd="([^"]*)"[^>]*var\(--band-fit\)', drawn)
+        heights = [float(y) for y in re.findall(r"[ML] ?-?[\d.]+ (-?[\d.]+)", band)]
+        expected = 2.0 * NORMAL_95 / np.sqrt(samples) / 1.65 * 90.0
+        assert max(heights) - min(heights) == pytest.approx(expected, abs=0.3)
+
+
+def test_an_interval_that_is_not_given_is_drawn_as_wide_as_it_would_be(whole: Any) -> None:
+    ends = {"ci95_lower": 2.0 - 0.5 * NORMAL_95, "ci95_upper": 2.0 + 0.5 * NORMAL_95}
+    sure = ParameterEstimate(2.0, 0.5, **ends)
+    drawn = []
+    for one in (sure, dataclasses.replace(sure, identifiable=False)):
+        result = dataclasses.replace(whole.result, parameters={"CL0": one})
+        table = estimates_section(dataclasses.replace(whole, result=result)).parts[-1]
+        drawn.append(str(table.rows[0][4]).replace("unsure", "sure"))
+    assert drawn[0] == drawn[1]

@@ -1,6 +1,8 @@
-"""One finished job, shared by these tests."""
+"""One finished job and its folder, shared by these tests."""
 
 from __future__ import annotations
+
+from pathlib import Path
 
 import pytest
 
@@ -13,3 +15,9 @@ from stoop.workflow.identification import finish, search
 @pytest.fixture(scope="session")
 def job(wrong: Vehicle, flight: Flight) -> FittedModel:
     return finish(search(wrong, flight, ["0:20"], ["20:28"], command="stoop identify <here>"))
+
+
+@pytest.fixture(scope="session")
+def folder(job: FittedModel, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the folder of the job; a test that changes a file copies it."""
+    return job.save(tmp_path_factory.mktemp("job") / "result")

@@ -78,12 +78,9 @@ def test_a_profile_of_what_the_data_tell_is_the_corrected_interval(job: FittedMo
     assert found.uncertainty["profile"].notes[0].code == "profile-of-some-parameters"
 
 
-def test_a_name_that_is_not_free_is_refused(job: FittedModel) -> None:
+def test_other_names_and_methods_are_refused(job: FittedModel) -> None:
     with pytest.raises(IdentificationError, match="did you mean Cmq"):
         job.assess(Profile(("Cmqq",), here()))
-
-
-def test_a_fit_of_another_method_is_refused(job: FittedModel) -> None:
     told = replace(job, result=replace(job.result, method="equation-error"))
     with pytest.raises(IdentificationError, match="output-error"):
         told.assess(Bootstrap(40, pool=here()), Profile(("Cmq",), here()))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,30 +17,22 @@ from stoop.workflow import checkpoint as module
 from stoop.workflow import identify
 from stoop.workflow.checkpoint import Checkpoint, identity
 
-State = optimize.State
-
 
 @pytest.fixture(scope="module")
 def outcome(wrong: Vehicle, flight: Flight) -> optimize.Outcome:
     """Return how a search ended that ran out of generations."""
-    found = identify(wrong, flight, ["0:20"], options=Options("de-rand-1-bin", generations=2))
+    found = identify(wrong, flight, ["0:8"], options=Options("de-rand-1-bin", generations=2))
     return found.estimate.outcome
 
 
 @pytest.fixture
-def state(outcome: optimize.Outcome) -> State:
+def state(outcome: optimize.Outcome) -> optimize.State:
     assert outcome.state is not None
     return outcome.state
 
 
-@pytest.fixture
-def told() -> list[str]:
-    return []
-
-
-def test_one_file_holds_the_state_and_what_it_belongs_to(
-    tmp_path: Path, state: State, told: list[str]
-) -> None:
+def test_one_file_holds_the_state_and_what_it_belongs_to(tmp_path: Path, state: optimize.State) -> None:
+    told: list[str] = []
     checkpoint = Checkpoint(tmp_path, "this", told.append)
     checkpoint.keep(state)
     assert [p.name for p in tmp_path.iterdir()] == ["search.npz"]
@@ -58,9 +49,9 @@ def test_one_file_holds_the_state_and_what_it_belongs_to(
 
 
 def test_a_search_that_ran_out_keeps_its_last_state(
-    tmp_path: Path, outcome: optimize.Outcome, state: State, told: list[str]
+    tmp_path: Path, outcome: optimize.Outcome, state: optimize.State
 ) -> None:
-    checkpoint = Checkpoint(tmp_path, "this", told.append)
+    checkpoint = Checkpoint(tmp_path, "this", pytest.fail)
     checkpoint.keep(replace(state, generation=0))
     checkpoint.keep(replace(state, generation=1))  # too soon after the first
     assert checkpoint.load().generation == 0
@@ -73,46 +64,41 @@ def test_a_search_that_ran_out_keeps_its_last_state(
 
 
 def test_a_state_that_cannot_be_saved_is_told_once(
-    tmp_path: Path,
-    outcome: optimize.Outcome,
-    state: State,
-    told: list[str],
-    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path, outcome: optimize.Outcome, state: optimize.State, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(module, "INTERVAL", 0.0)
-    folder = tmp_path / "out"
-    checkpoint = Checkpoint(folder, "this", told.append)
+    told: list[str] = []
+    checkpoint = Checkpoint(tmp_path / "out", "this", told.append)
     for _ in range(3):
         checkpoint.keep(state)
-    assert len(told) == 1
-    assert "the search goes on" in told[0]
-    assert "\n" not in told[0]
+    (line,) = told
+    assert "the search goes on" in line
+    assert "\n" not in line
     checkpoint.keep_last(outcome)
     assert checkpoint.load().generation == state.generation
-    shutil.rmtree(folder)
 
 
 def test_identity_is_of_everything_that_decides_the_search(wrong: Vehicle) -> None:
+    """Not of when to give up, nor of how the file is written."""
     noise = np.diag(np.arange(1.0, 7.0))
-    basis = identity(wrong, {"a.ulg": "1"}, ["0:20"], ["20:28"], Options(covariance=noise))
-    heavier = wrong.with_numbers({"mass.mass": {"value": 200.0}})
+    basis = {
+        "vehicle": wrong, "files": {"a.ulg": "1"}, "maneuvers": ["0:20"], "validate": ["20:28"],
+        "options": Options(covariance=noise),
+    }  # fmt: skip
     loaded = replace(wrong, file=wrong.file.model_copy(update={"loadings": {"full": {"mass.mass": 210.0}}}))
     others = [
-        identity(heavier, {"a.ulg": "1"}, ["0:20"], ["20:28"], Options(covariance=noise)),
-        identity(loaded, {"a.ulg": "1"}, ["0:20"], ["20:28"], Options(covariance=noise)),
-        identity(wrong, {"a.ulg": "2"}, ["0:20"], ["20:28"], Options(covariance=noise)),
-        identity(wrong, {"a.ulg": "1", "m.toml": "1"}, ["0:20"], ["20:28"], Options(covariance=noise)),
-        identity(wrong, {"a.ulg": "1"}, ["0:20", "20:28"], [], Options(covariance=noise)),
-        identity(wrong, {"a.ulg": "1"}, ["0:20"], ["20:28"], Options(covariance=2.0 * noise)),
-        identity(wrong, {"a.ulg": "1"}, ["0:20"], ["20:28"], Options()),
-        identity(wrong, {"a.ulg": "1"}, ["0:20"], ["20:28"], Options(seed=1, covariance=noise)),
-        identity(wrong, {"a.ulg": "1"}, ["0:20"], ["20:28"], Options("ps-gde", covariance=noise)),
+        {"vehicle": wrong.with_numbers({"mass.mass": {"value": 200.0}})},
+        {"vehicle": loaded},
+        {"files": {"a.ulg": "2"}},
+        {"files": {"a.ulg": "1", "m.toml": "1"}},
+        {"maneuvers": ["0:20", "20:28"], "validate": []},
+        {"options": Options(covariance=2.0 * noise)},
+        {"options": Options()},
+        {"options": Options(seed=1, covariance=noise)},
+        {"options": Options("ps-gde", covariance=noise)},
     ]
-    assert len({basis, *others}) == 1 + len(others)
-
-
-def test_identity_leaves_out_when_to_give_up_and_how_the_file_is_written(wrong: Vehicle) -> None:
-    files, windows = {"a.ulg": "1"}, ["0:20"]
-    basis = identity(wrong, files, windows, [], Options())
-    assert basis == identity(wrong, files, windows, [], Options(generations=9, budget=5.0, target_cost=1.0))
-    assert basis == identity(replace(wrong, text="# a remark\n" + wrong.text), files, windows, [], Options())
+    whole = identity(**basis)  # type: ignore[arg-type]
+    assert len({whole, *(identity(**basis | one) for one in others)}) == 1 + len(others)  # type: ignore[arg-type]
+    limits = Options(covariance=noise, generations=9, budget=5.0, target_cost=1.0)
+    remark = replace(wrong, text="# a remark\n" + wrong.text)
+    assert {identity(**basis | one) for one in ({"options": limits}, {"vehicle": remark})} == {whole}  # type: ignore[arg-type]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import shutil
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -19,11 +18,6 @@ from stoop.flight import Flight
 from stoop.parallel import Given
 from stoop.results.verdict import Verdict
 from stoop.workflow.outputs import ARCHIVES
-
-
-@pytest.fixture(scope="module")
-def folder(job: stoop.FittedModel, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return job.save(tmp_path_factory.mktemp("model") / "result")
 
 
 @pytest.fixture(scope="module")
@@ -102,23 +96,6 @@ def test_an_older_folder_loads_and_says_what_is_missing(folder: Path, tmp_path: 
     assert stoop.load(old.save(tmp_path / "new")).parameters.keys() == old.parameters.keys()
 
 
-@pytest.mark.parametrize("name", ARCHIVES)
-@pytest.mark.parametrize("content", [b"", b"PK\x03\x04 damaged"])
-def test_a_damaged_archive_is_one_line(folder: Path, tmp_path: Path, name: str, content: bytes) -> None:
-    shutil.copytree(folder, tmp_path / "r")
-    (tmp_path / "r" / name).write_bytes(content)
-    with pytest.raises(StoopError, match=rf"{name}") as said:
-        _ = stoop.load(tmp_path / "r").estimate
-    assert "\n" not in str(said.value)
-
-
-def test_the_estimate_of_another_fit_is_refused(job: stoop.FittedModel, folder: Path) -> None:
-    parameters = {n: replace(p, estimate=1.01 * p.estimate) for n, p in job.parameters.items()}
-    mixed = replace(stoop.load(folder), result=replace(job.result, parameters=parameters))
-    with pytest.raises(StoopError, match=r"holds another fit than result\.json beside it"):
-        _ = mixed.estimate
-
-
 def test_nothing_is_written_unasked(job: stoop.FittedModel, monkeypatch: pytest.MonkeyPatch) -> None:
     def refused(*_: object, **__: object) -> None:
         raise AssertionError("a file was written")
@@ -158,24 +135,23 @@ def test_the_measured_state_is_the_default_of_what_is_not_given(job: stoop.Fitte
     assert some[0] == pytest.approx(40.0, abs=0.5)
 
 
-@pytest.mark.parametrize(
-    ("state", "says"), [({"alfa": 0.1}, "did you mean alpha"), ({"V": np.nan}, "V is nan")]
-)
-def test_a_wrong_state_is_one_line(job: stoop.FittedModel, state: dict[str, float], says: str) -> None:
-    flight = other(job.flights[0])
-    with pytest.raises(SimulationError, match=says):
-        job.predict(flight, "70:74", initial_state=state)
-    with pytest.raises(SimulationError, match=says):
-        job.simulate({"elevator": np.zeros(9)}, 0.02 * np.arange(9.0), initial_state=state)
+def test_a_wrong_state_is_one_line(job: stoop.FittedModel) -> None:
+    flight, time = other(job.flights[0]), 0.02 * np.arange(9.0)
+    for state, says in (({"alfa": 0.1}, "did you mean alpha"), ({"V": np.nan}, "V is nan")):
+        with pytest.raises(SimulationError, match=says):
+            job.predict(flight, "70:74", initial_state=state)
+        with pytest.raises(SimulationError, match=says):
+            job.simulate({"elevator": np.zeros(9)}, time, initial_state=state)
+    for start in ("measurd", {"alpha": "x"}, 3):
+        with pytest.raises(StoopError, match=r"initial.state"):
+            job.validate(flight, ["70:74"], initial_state=start)  # type: ignore[arg-type]
 
 
 ROUGHLY: dict[str, Callable[[stoop.FittedModel], Any]] = {
     "model": lambda m: m,
     "result": lambda m: m.result,
     "plots": lambda m: m.plot,
-    "page": lambda m: m.plot(),
     "flight": lambda m: m.flights[0],
-    "page of a flight": lambda m: m.flights[0].plot(),
     "vehicle": lambda m: m.vehicle,
     "parameters of the vehicle": lambda m: m.vehicle.parameters,
     "validated": lambda m: m.predict(other(m.flights[0]), "70:78"),
@@ -189,11 +165,11 @@ ROUGHLY: dict[str, Callable[[stoop.FittedModel], Any]] = {
 }
 
 
-@pytest.mark.parametrize("name", ROUGHLY)
-def test_no_text_of_an_object_is_long(name: str, job: stoop.FittedModel) -> None:
-    text = repr(ROUGHLY[name](job))
-    assert len(text.splitlines()) <= 10
-    assert len(text) < 1000
+def test_no_text_of_an_object_is_long(job: stoop.FittedModel) -> None:
+    for name, of in ROUGHLY.items():
+        text = repr(of(job))
+        assert len(text.splitlines()) <= 10, name
+        assert len(text) < 1000, name
 
 
 def test_a_model_is_printed_with_its_verdict_and_reasons_first(job: stoop.FittedModel) -> None:
@@ -247,82 +223,67 @@ def test_a_table_or_dataset_is_a_flight_everywhere(job: stoop.FittedModel) -> No
         stoop.check(table.drop(columns="time"))
 
 
-def test_names_and_channels_are_looked_up_or_advised(job: stoop.FittedModel, flight: Flight) -> None:
+def test_names_are_looked_up_or_advised_and_exchanged_arguments_named(
+    job: stoop.FittedModel, wrong: stoop.Vehicle, flight: Flight
+) -> None:
     first, parameters = next(iter(job.parameters)), job.vehicle.parameters
     assert np.array_equal(flight["q"].to_numpy(), flight.column("q"))
     assert "q" in flight
     assert parameters[first] is next(p for p in parameters if p.name == first)
     assert parameters[0] is next(iter(parameters))
-    lookups: tuple[Callable[[], Any], ...] = (
-        lambda: flight["qq"],
-        lambda: parameters[first + "x"],
-        lambda: job.parameters[first + "x"],
-    )
-    for lookup in lookups:
-        with pytest.raises(KeyError, match="did you mean"):
-            lookup()
-
-
-def test_a_keyword_is_an_option_or_advised(
-    job: stoop.FittedModel, wrong: stoop.Vehicle, flight: Flight
-) -> None:
     regression = stoop.fit(wrong, flight, "0:20", method="equation-error", seed=1)
     assert (regression.result.method, regression.result.seed) == ("equation-error", 1)
-    calls: tuple[Callable[[], Any], ...] = (
-        lambda: stoop.fit(wrong, flight, "0:20", metod="equation-error"),
-        lambda: stoop.propagate(job, expresions={}),
-        lambda: job.design(durations=3.0),
-    )
-    for call in calls:
-        with pytest.raises(TypeError, match="did you mean"):
+    expected = r"not a Flight; give what stoop\.fit returns"
+    calls: tuple[tuple[Callable[[], Any], type[Exception], str], ...] = (
+        (lambda: flight["qq"], KeyError, "did you mean"),
+        (lambda: parameters[first + "x"], KeyError, "did you mean"),
+        (lambda: job.parameters[first + "x"], KeyError, "did you mean"),
+        (lambda: stoop.fit(wrong, flight, "0:20", metod="equation-error"), TypeError, "did you mean"),
+        (lambda: stoop.propagate(job, expresions={}), TypeError, "did you mean"),
+        (lambda: job.design(durations=3.0), TypeError, "did you mean"),
+        (lambda: stoop.fitt, AttributeError, "did you mean fit"),
+        (lambda: stoop.fit(flight, wrong, "0:20"), StoopError, "vehicle is expected first, not a Flight"),
+        (lambda: stoop.predict(flight, job), StoopError, expected),
+        (lambda: stoop.check(wrong), StoopError, "a flight is expected, not the vehicle"),
+        (lambda: job.plot.maneuvers("validatio"), StoopError, r"no role 'validatio'; did you mean validation\?"),
+        (job.to_arviz, StoopError, "Posterior"),
+    )  # fmt: skip
+    for call, error, match in calls:
+        with pytest.raises(error, match=match):
             call()
-    with pytest.raises(AttributeError, match="did you mean fit"):
-        _ = stoop.fitt
 
 
-def test_exchanged_arguments_are_named(job: stoop.FittedModel, wrong: stoop.Vehicle, flight: Flight) -> None:
-    with pytest.raises(StoopError, match="vehicle is expected first, not a Flight"):
-        stoop.fit(flight, wrong, "0:20")
-    with pytest.raises(StoopError, match=r"not a Flight; give what stoop\.fit returns"):
-        stoop.predict(flight, job)
-    with pytest.raises(StoopError, match="a flight is expected, not the vehicle"):
-        stoop.check(wrong)
+def test_labelled_tables_and_arrays(job: stoop.FittedModel) -> None:
+    table, data = job.to_dataframe(), job.to_xarray()
+    assert list(table.index) == list(data["parameter"].to_numpy()) == list(job.parameters)
+    for name, one in job.parameters.items():
+        assert (table.loc[name, "estimate"], table.loc[name, "std_error"]) == (one.estimate, one.std_error)
+    errors = np.sqrt(np.diag(data["covariance"]))
+    np.testing.assert_allclose(errors, data["std_error"], rtol=1e-6, equal_nan=True)
+    fitted, trace = data.where(data["role"] == "fit", drop=True), job.traces[0]
+    np.testing.assert_array_equal(fitted["measured"] - fitted["simulated"], fitted["residual"])
+    measured = data["measured"].sel(channel="q").to_numpy()
+    np.testing.assert_array_equal(measured[: trace.time.size], trace.channels["q"].measured)
+    assert data.sel(parameter="CLalpha", parameter_2="CLalpha")["covariance"] > 0.0
 
 
-@pytest.mark.parametrize(
-    ("damage", "match"),
-    [
-        (lambda a: a | {"0.time": a["0.time"][:, None]}, "is no curve"),
-        (
-            lambda a: {k: x.astype(np.int8) if k.startswith("0.input") else x for k, x in a.items()},
-            "is no curve",
-        ),
-    ],
-)
-def test_curves_are_columns_of_double_precision(
-    folder: Path, tmp_path: Path, damage: Callable[[Any], Any], match: str
-) -> None:
-    copy = Path(shutil.copytree(folder, tmp_path / "copy"))
-    with np.load(copy / "traces.npz") as file:
-        arrays = dict(file)
-    np.savez(copy / "traces.npz", **damage(arrays))
-    with pytest.raises(StoopError, match=match):
-        stoop.load(copy)
+def test_draws_are_read_as_inference_data(job: stoop.FittedModel, tmp_path: Path) -> None:
+    arviz = pytest.importorskip("arviz")
+    draws = np.random.default_rng(0).normal(4.8, 0.1, (4, 50))
+    data = arviz.from_dict(posterior={"CLalpha": draws}, sample_stats={"lp": -(draws**2)})
+    data.to_netcdf(str(tmp_path / "posterior.nc"), engine="h5netcdf")
+    content = (tmp_path / "posterior.nc").read_bytes()
+    data = replace(job, attachments={"posterior.nc": content}).to_arviz()
+    np.testing.assert_array_equal(data.posterior["CLalpha"], draws)
+    assert data.posterior["CLalpha"].dims == ("chain", "draw")
+    np.testing.assert_array_equal(data.sample_stats["lp"], -(draws**2))
 
 
-@pytest.mark.parametrize(
-    "process",
-    [
-        {"states": ["u"], "intensities": [], "share": 0.0},
-        {"states": ["u"], "intensities": [-1.0], "share": 0.0},
-        {"states": ["u"], "intensities": [None], "share": 0.0},
-        {"states": ["u"], "intensities": [1.0], "share": 2.0},
-    ],
-)
-def test_process_noise_has_positive_intensities(folder: Path, tmp_path: Path, process: Any) -> None:
-    copy = Path(shutil.copytree(folder, tmp_path / "copy"))
-    document = json.loads((copy / "result.json").read_text())
-    document["process_noise"] = {"gain": "steady", **process}
-    (copy / "result.json").write_text(json.dumps(document))
-    with pytest.raises(StoopError, match="process noise without positive intensities"):
-        stoop.load(copy)
+def test_notebooks_show_tables_and_pages(job: stoop.FittedModel, tmp_path: Path) -> None:
+    assert repr(job).startswith("<FittedModel of ")
+    assert job._repr_html_().count("<tr>") == len(job.parameters) + 1
+    page = job.plot.maneuvers()
+    assert page._repr_html_().startswith("<iframe srcdoc=")
+    assert page.save(tmp_path / "maneuvers.html").read_text("utf-8").count("<svg") > 3
+    for plot in (job.plot.estimates, job.plot.residuals, job.plot.uncertainty, job.plot.correlation):
+        assert "<section" in plot()._repr_html_().replace("&lt;", "<")

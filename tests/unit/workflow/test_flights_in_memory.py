@@ -1,7 +1,8 @@
-"""Tables and datasets in memory become flights, or give one line of advice."""
+"""Tables, datasets and windows in memory become flights and windows, or give one line of advice."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -10,58 +11,49 @@ import pytest
 
 import stoop
 from stoop.errors import FlightError, StoopError
+from stoop.flight import Flight
 from stoop.problem.windows import Window, as_windows
 from stoop.workflow.flights import as_flight
 
 TIME = np.arange(100) * 0.02
+G = 9.80665
+Columns = dict[str, Any]
 
 
 def table(**more: Any) -> pd.DataFrame:
     return pd.DataFrame({"time": TIME, "q": 0.1 * np.sin(TIME), **more})
 
 
-@pytest.mark.parametrize("first", ["2026-01-01", "1970-01-01T00:00:05"])
-def test_dates_are_seconds_from_the_first_sample(first: str) -> None:
-    dates = pd.Timestamp(first) + pd.to_timedelta(np.arange(100) * 20, unit="ms")
-    found = as_flight(table().assign(time=dates))
-    np.testing.assert_allclose(found.time, TIME, atol=1e-9)
-    assert found.rate == 50.0
-    assert as_flight(table().assign(time=dates - dates[0])).rate == 50.0
-
-
-def test_an_index_of_times_is_the_time() -> None:
+def test_dates_are_seconds_from_the_first_sample() -> None:
+    for first in ("2026-01-01", "1970-01-01T00:00:05"):
+        dates = pd.Timestamp(first) + pd.to_timedelta(np.arange(100) * 20, unit="ms")
+        found = as_flight(table().assign(time=dates))
+        np.testing.assert_allclose(found.time, TIME, atol=1e-9)
+        assert found.rate == as_flight(table().assign(time=dates - dates[0])).rate == 50.0
     np.testing.assert_array_equal(as_flight(table().set_index("time")).time, TIME)
 
 
-@pytest.mark.parametrize(
-    ("given", "match"),
-    [
+def test_a_dict_of_columns_is_a_table() -> None:
+    same = as_flight(table())
+    kinds: tuple[Callable[..., Any], ...] = (dict, lambda t: {n: list(x) for n, x in t.items()}, pd.DataFrame)
+    for kind in kinds:
+        found = as_flight(kind(table()))
+        assert found.data.identical(same.data)
+        assert found.rate == 50.0
+
+
+def test_what_is_no_flight_is_refused_in_one_line() -> None:
+    unnamed = table().drop(columns="time")
+    refused: list[tuple[Any, str]] = [
         (
             table(mode=["hover"] * 100),
             "^column 'mode' holds text, not numbers; leave it out or give SI numbers$",
         ),
         (table(p=pd.Timestamp("2026-01-01")), "^column 'p' holds dates, not numbers"),
-        (table().drop(columns="time"), "no column 'time'"),
-        (table().drop(columns="time").to_xarray(), "no column 'time'"),
-        (table().rename_axis("time").drop(columns="time").to_xarray().drop_vars("time"), "no column 'time'"),
+        (unnamed, "no column 'time'"),
+        (unnamed.to_xarray(), "no column 'time'"),
+        (unnamed.rename_axis("time").to_xarray().drop_vars("time"), "no column 'time'"),
         (table().rename(columns={"q": 0}), "there is no variable '0'"),
-    ],
-)
-def test_what_is_no_flight_is_refused_in_one_line(given: Any, match: str) -> None:
-    with pytest.raises(FlightError, match=match):
-        as_flight(given)
-
-
-@pytest.mark.parametrize("kind", [dict, lambda table: {n: list(x) for n, x in table.items()}, pd.DataFrame])
-def test_a_dict_of_columns_is_a_table(kind: Any) -> None:
-    found, same = as_flight(kind(table())), as_flight(table())
-    assert found.data.identical(same.data)
-    assert found.rate == 50.0
-
-
-@pytest.mark.parametrize(
-    ("given", "match"),
-    [
         ({}, "a flight is expected"),
         ({"time": 1.0, "q": 2.0}, "holds no equally long columns"),
         ({"time": TIME, "q": TIME[1:]}, "holds no equally long columns"),
@@ -69,53 +61,34 @@ def test_a_dict_of_columns_is_a_table(kind: Any) -> None:
         ({"one": table(), "other": table()}, r"column 'time'|several flights as a list"),
         ({"q": TIME}, "no column 'time'"),
         (np.zeros((3, 3)), "not a ndarray; give a Flight, a path, a dict of columns"),
-    ],
-)
-def test_a_dict_that_is_no_flight_is_refused_in_one_line(given: Any, match: str) -> None:
-    with pytest.raises(FlightError, match=match):
-        as_flight(given)
-
-
-@pytest.mark.parametrize(
-    "given",
-    [
-        [0.5, 1.5],
-        (np.float32(0.5), np.float64(1.5)),
-        np.array([0.5, 1.5]),
-        np.array([[0.5, 1.5]]),
-        [[0.5, 1.5]],
-        [np.array([0.5, 1.5])],
-    ],
-)
-def test_windows_may_be_arrays_and_lists_of_numbers(given: Any) -> None:
-    flight = as_flight(table())
-    assert as_windows(given, {flight.name: flight}) == (Window(flight.name, 0.5, 1.5),)
-
-
-@pytest.mark.parametrize(
-    "given", [np.zeros((2, 3)), np.zeros((2, 2, 2)), np.ones(3), 3.0, np.float64(3.0), [None]]
-)
-def test_what_is_no_window_is_refused_in_one_line(given: Any) -> None:
-    flight = as_flight(table())
-    with pytest.raises(FlightError, match="140:145"):
-        as_windows(given, {flight.name: flight})
-
-
-@pytest.mark.parametrize("given", [(), [], np.empty((0, 2))])
-def test_a_fit_without_windows_says_so(given: Any) -> None:
-    with pytest.raises(FlightError, match="no maneuver is given"):
-        stoop.fit("twin-boom", table(), given)
-
-
-@pytest.mark.parametrize("target", [None, 3, ["jsbsim"]])
-def test_an_export_without_a_target_says_which_there_are(target: Any) -> None:
-    with pytest.raises(StoopError, match=r"there is no target .* of an export; .*jsbsim"):
-        stoop.export("twin-boom", to=target)
-
-
-def test_a_table_is_no_path() -> None:
+    ]
+    for given, match in refused:
+        with pytest.raises(FlightError, match=match):
+            as_flight(given)
     with pytest.raises(FlightError, match=r"not a DataFrame; give a table straight to stoop\.fit"):
         stoop.load_flight(table())  # type: ignore[arg-type]
+    for target in (None, 3, ["jsbsim"]):
+        with pytest.raises(StoopError, match=r"there is no target .* of an export; .*jsbsim"):
+            stoop.export("twin-boom", to=target)  # type: ignore[arg-type]
+
+
+def test_a_window_in_every_form(flight: Flight) -> None:
+    flights, one = {"sim": flight}, Window("sim", 0.5, 20.0)
+    pair = (0.5, 20)
+    forms = (
+        "0.5:20", pair, slice(0.5, 20), ["0.5:20"], [pair], [slice(0.5, 20.0)], one, [*pair], [[*pair]],
+        np.array(pair), np.array([pair]), [np.array(pair)], (np.float32(0.5), np.float64(20.0)),
+    )  # fmt: skip
+    for form in forms:
+        assert as_windows(form, flights) == (one,), form  # type: ignore[arg-type]
+    assert [w.stop for w in as_windows(["0:2", (3, 4), slice(5, 6)], flights)] == [2.0, 4.0, 6.0]
+    assert as_windows((), flights) == ()
+    for wrong in (np.zeros((2, 3)), np.zeros((2, 2, 2)), np.ones(3), 3.0, np.float64(3.0), [None], (1, "x")):
+        with pytest.raises(FlightError, match=r"140:145|START:STOP"):
+            as_windows(wrong, flights)  # type: ignore[arg-type]
+    for none in ((), [], np.empty((0, 2))):
+        with pytest.raises(FlightError, match="no maneuver is given"):
+            stoop.fit("twin-boom", table(), none)
 
 
 def test_a_name_stays_within_its_folder() -> None:
@@ -123,7 +96,7 @@ def test_a_name_stays_within_its_folder() -> None:
     assert as_flight(given).name == "a-..-..-..-evil-x-0-b-c-d"
 
 
-def turning() -> dict[str, Any]:
+def turning() -> Columns:
     """An airplane that turns about all axes in level flight: 30 s at 100 Hz, SI."""
     t = 0.01 * np.arange(3000)
     phi, theta, psi = 0.4 * np.sin(1.7 * t), 0.3 * np.sin(2.3 * t), 0.5 * np.sin(1.1 * t)
@@ -138,70 +111,55 @@ def turning() -> dict[str, Any]:
     }  # fmt: skip
 
 
-G = 9.80665
-FORCES = ("ax", "ay", "az")
+def scaled(names: tuple[str, ...], factor: float) -> pd.DataFrame:
+    return pd.DataFrame({n: x * (factor if n in names else 1.0) for n, x in turning().items()})
 
 
-@pytest.mark.parametrize("form", ["table", "dataset"])
-def test_a_right_table_is_not_accused(form: str) -> None:
-    given = pd.DataFrame(turning())
-    found = as_flight(given if form == "table" else given.set_index("time").to_xarray())
-    assert (found.notices, found.faults) == ((), ())
+def test_degrees_in_a_table_are_an_error_and_a_right_table_is_not_accused() -> None:
+    right = scaled((), 1.0)
+    for given in (right, right.set_index("time").to_xarray()):
+        assert (as_flight(given).notices, as_flight(given).faults) == ((), ())
+    for names, advice in (
+        (("theta",), "convert 'theta' in the table from deg"),
+        (("p", "q", "r"), "convert 'p', 'q' and 'r' in the table from deg/s"),
+    ):
+        wrong = scaled(names, 180 / np.pi)
+        for given in (wrong, wrong.set_index("time").to_xarray()):
+            with pytest.raises(FlightError, match=rf"^flight: [^\n]*{advice}$"):
+                as_flight(given)
 
 
-@pytest.mark.parametrize(
-    ("names", "factor", "advice"),
-    [
-        (("theta",), 180 / np.pi, "convert 'theta' in the table from deg"),
-        (("p", "q", "r"), 180 / np.pi, "convert 'p', 'q' and 'r' in the table from deg/s"),
-    ],
-)
-@pytest.mark.parametrize("form", ["table", "dataset"])
-def test_degrees_in_a_table_are_an_error(
-    form: str, names: tuple[str, ...], factor: float, advice: str
-) -> None:
-    given = pd.DataFrame({n: x * (factor if n in names else 1.0) for n, x in turning().items()})
-    with pytest.raises(FlightError, match=rf"^flight: [^\n]*{advice}$"):
-        as_flight(given if form == "table" else given.set_index("time").to_xarray())
-
-
-@pytest.mark.parametrize(
-    ("names", "factor", "kind", "advice"),
-    [
-        (FORCES, 1 / G, "wrong unit", "convert 'ax', 'ay' and 'az' in the table from g"),
+def test_what_contradicts_a_table_is_a_fault_with_its_column() -> None:
+    for names, factor, kind, advice in (
+        (("ax", "ay", "az"), 1 / G, "wrong unit", "convert 'ax', 'ay' and 'az' in the table from g"),
         (("voltage",), 1e3, "wrong unit", "convert 'voltage' in the table from mV"),
         (("q",), -1.0, "inconsistent", "multiply 'q' in the table by -1"),
-    ],
-)
-def test_what_contradicts_a_table_is_a_fault_with_its_column(
-    names: tuple[str, ...], factor: float, kind: str, advice: str
-) -> None:
-    found = as_flight(pd.DataFrame({n: x * (factor if n in names else 1.0) for n, x in turning().items()}))
-    (fault,) = found.faults
-    assert fault.kind == kind
-    assert fault.variable in names
-    assert fault.message.endswith(advice)
-    assert fault.notice in found.notices
+    ):
+        found = as_flight(scaled(names, factor))
+        (fault,) = found.faults
+        assert fault.kind == kind
+        assert fault.variable in names
+        assert fault.message.endswith(advice)
+        assert fault.notice in found.notices
 
 
-def test_knots_and_feet_contradict_the_motion(dynamic: pd.DataFrame) -> None:
-    assert as_flight(dynamic).faults == ()
-    for names, factor, unit in ((("V",), 1.94384, "kt"), (("vn", "ve", "vd"), 3.28084, "ft/s")):
-        wrong = dynamic.assign(**{name: factor * dynamic[name] for name in names})
-        (fault,) = as_flight(wrong).faults
-        assert unit in fault.message, fault.message
+def test_units_that_a_dataset_states_are_not_ignored() -> None:
+    given = pd.DataFrame(turning()).set_index("time").to_xarray()
+    given["theta"].attrs["units"] = "rad"
+    assert as_flight(given).faults == ()
+    given["voltage"].attrs["units"] = "mV"
+    line = r"^column 'voltage' is in mV by its attribute 'units'; give it in V$"
+    with pytest.raises(FlightError, match=line):
+        as_flight(given)
 
 
-@pytest.fixture(scope="module")
 def dynamic() -> pd.DataFrame:
     """An airplane that pitches, banks and changes its speed, with its velocity over ground, in calm air."""
-    t = 0.01 * np.arange(6000)
-    speed, theta, phi = 20.0 + 4.0 * np.sin(0.5 * t), 0.2 * np.sin(0.8 * t), 0.5 * np.sin(0.6 * t)
-    psi = 0.9 * np.sin(0.3 * t)
+    t, c, s = 0.01 * np.arange(6000), np.cos, np.sin
+    speed, theta, phi, psi = 20.0 + 4.0 * s(0.5 * t), 0.2 * s(0.8 * t), 0.5 * s(0.6 * t), 0.9 * s(0.3 * t)
     dphi, dtheta, dpsi = (np.gradient(x, t) for x in (phi, theta, psi))
-    velocity = speed * np.array([np.cos(theta) * np.cos(psi), np.cos(theta) * np.sin(psi), -np.sin(theta)])
+    velocity = speed * np.array([c(theta) * c(psi), c(theta) * s(psi), -s(theta)])
     force = np.gradient(velocity, t, axis=1) - np.array([[0.0], [0.0], [G]])
-    c, s = np.cos, np.sin
     rows = [
         [c(theta) * c(psi), c(theta) * s(psi), -s(theta)],
         [s(phi) * s(theta) * c(psi) - c(phi) * s(psi), s(phi) * s(theta) * s(psi) + c(phi) * c(psi), s(phi) * c(theta)],
@@ -218,12 +176,9 @@ def dynamic() -> pd.DataFrame:
     return pd.DataFrame({"time": t, **{n: x + 1e-3 * rng.normal(size=t.size) for n, x in columns.items()}})
 
 
-def test_units_that_a_dataset_states_are_not_ignored() -> None:
-    given = pd.DataFrame(turning()).set_index("time").to_xarray()
-    given["theta"].attrs["units"] = "rad"
-    assert as_flight(given).faults == ()
-    given["voltage"].attrs["units"] = "mV"
-    with pytest.raises(
-        FlightError, match=r"^column 'voltage' is in mV by its attribute 'units'; give it in V$"
-    ):
-        as_flight(given)
+def test_knots_and_feet_contradict_the_motion() -> None:
+    right = dynamic()
+    assert as_flight(right).faults == ()
+    for names, factor, unit in ((("V",), 1.94384, "kt"), (("vn", "ve", "vd"), 3.28084, "ft/s")):
+        (fault,) = as_flight(right.assign(**{name: factor * right[name] for name in names})).faults
+        assert unit in fault.message, fault.message

@@ -4,90 +4,94 @@ from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from stoop.errors import StoopError
 from stoop.workflow import FittedModel
 from stoop.workflow.design import known_before
 from stoop.workflow.load import load, model_or_vehicle
+from stoop.workflow.outputs import ARCHIVES
+
+#: place in result.json -> what is written there, what the complaint says
+EDITS: list[tuple[tuple[str | int, ...], Any, str]] = [
+    (("noise_covariance", "matrix", 0, 0), -1.0, "noise covariance that is not positive definite"),
+    (("parameters", "CLalpha", "estimate"), 1e200, "numbers out of range"),
+    (("parameters", "CLalpha", "std_error"), 1e-300, "numbers out of range"),
+    (("covariance", "matrix", 0, 1), None, "not symmetric, has holes or negative variances"),
+    (("parameters", "CLalpha", "estimate"), None, "has no estimate of CLalpha"),
+    (("covariance", "names", 0), "Nonsense", "covariance of other parameters"),
+    (("covariance", "names"), ["CLalpha"], "rows for"),
+    (("noise_covariance", "matrix"), [[1.0]], "has a covariance of 1 rows"),
+    (("maneuvers",), [], "no maneuver that was fitted"),
+    (("biases",), [{"maneuver": 9, "values": {}}], "maneuver that it does not name"),
+    *(
+        (("process_noise",), {"gain": "steady", "states": ["u"], "intensities": values, "share": share},
+         "process noise without positive intensities")
+        for values, share in (([], 0.0), ([-1.0], 0.0), ([None], 0.0), ([1.0], 2.0))
+    ),
+]  # fmt: skip
 
 
-@pytest.fixture(scope="module")
-def folder(job: FittedModel, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return job.save(tmp_path_factory.mktemp("identified") / "result")
+def test_an_edited_result_is_one_line(folder: Path, tmp_path: Path) -> None:
+    copy = Path(shutil.copytree(folder, tmp_path / "r"))
+    whole = (folder / "result.json").read_text()
+    for (*place, last), value, says in EDITS:
+        result: Any = json.loads(whole)
+        inner = result
+        for key in place:
+            inner = inner[key]
+        inner[last] = value
+        (copy / "result.json").write_text(json.dumps(result))
+        for read in (load, model_or_vehicle):
+            with pytest.raises(StoopError, match=says) as caught:
+                read(copy)
+            assert "\n" not in str(caught.value)
 
 
-def _no_estimate(result: dict[str, Any]) -> None:
-    result["parameters"]["CLalpha"]["estimate"] = None
+def _flat(a: Any) -> Any:
+    return a | {"0.time": a["0.time"][:, None]}
 
 
-def _other_name(result: dict[str, Any]) -> None:
-    result["covariance"]["names"][0] = "Nonsense"
+def _single(a: Any) -> Any:
+    return {k: x.astype(np.int8) if k.startswith("0.input") else x for k, x in a.items()}
 
 
-def _name_missing(result: dict[str, Any]) -> None:
-    del result["covariance"]["names"][0]
-
-
-def _small_noise(result: dict[str, Any]) -> None:
-    result["noise_covariance"]["matrix"] = [[1.0]]
-
-
-def _no_maneuvers(result: dict[str, Any]) -> None:
-    result["maneuvers"] = []
-
-
-def _far_bias(result: dict[str, Any]) -> None:
-    result["biases"] = [{"maneuver": 9, "values": {}}]
-
-
-def _no_covariance(result: dict[str, Any]) -> None:
-    result["noise_covariance"]["matrix"][0][0] = -1.0
-
-
-def _large(result: dict[str, Any]) -> None:
-    result["parameters"]["CLalpha"]["estimate"] = 1e200
-
-
-def _precise(result: dict[str, Any]) -> None:
-    result["parameters"]["CLalpha"]["std_error"] = 1e-300
-
-
-def _hole(result: dict[str, Any]) -> None:
-    result["covariance"]["matrix"][0][1] = None
-
-
-@pytest.mark.parametrize(
-    ("edit", "says"),
-    [
-        (_no_covariance, "noise covariance that is not positive definite"),
-        (_large, "numbers out of range"),
-        (_precise, "numbers out of range"),
-        (_hole, "not symmetric, has holes or negative variances"),
-        (_no_estimate, "has no estimate of CLalpha"),
-        (_other_name, "covariance of other parameters"),
-        (_name_missing, "rows for"),
-        (_small_noise, "has a covariance of 1 rows"),
-        (_no_maneuvers, "no maneuver that was fitted"),
-        (_far_bias, "maneuver that it does not name"),
-    ],
-)
-def test_an_edited_result_is_one_line(
-    edit: Callable[[dict[str, Any]], None], says: str, folder: Path, tmp_path: Path
-) -> None:
-    shutil.copytree(folder, tmp_path / "r")
-    path = tmp_path / "r" / "result.json"
-    result = json.loads(path.read_text())
-    edit(result)
-    path.write_text(json.dumps(result))
-    for read in (load, model_or_vehicle):
-        with pytest.raises(StoopError, match=says) as caught:
-            read(tmp_path / "r")
+def test_damaged_and_missing_files_are_one_line(job: FittedModel, folder: Path, tmp_path: Path) -> None:
+    """Curves are columns of double precision; an estimate is that of the result beside it."""
+    copy = tmp_path / "r"
+    for name in ARCHIVES:
+        for content in (b"", b"PK\x03\x04 damaged"):
+            shutil.copytree(folder, copy, dirs_exist_ok=True)
+            (copy / name).write_bytes(content)
+            with pytest.raises(StoopError, match=name) as said:
+                _ = load(copy).estimate
+            assert "\n" not in str(said.value)
+    for damage in (_flat, _single):
+        shutil.copytree(folder, copy, dirs_exist_ok=True)
+        with np.load(folder / "traces.npz") as file:
+            np.savez(copy / "traces.npz", **damage(dict(file)))
+        with pytest.raises(StoopError, match="is no curve"):
+            load(copy)
+    for missing in ("result.json", "vehicle.toml"):
+        shutil.copytree(folder, copy, dirs_exist_ok=True)
+        (copy / missing).unlink()
+        with pytest.raises(StoopError, match=f"holds no {missing}") as caught:
+            load(copy)
         assert "\n" not in str(caught.value)
+    shutil.copytree(folder, copy, dirs_exist_ok=True)
+    text = (folder / "result.json").read_text()
+    (copy / "result.json").write_text(text.replace('"CLalpha"', '"CLnonsense"'))
+    with pytest.raises(StoopError, match="no number is called 'CLnonsense'"):
+        load(copy)
+    parameters = {n: replace(p, estimate=1.01 * p.estimate) for n, p in job.parameters.items()}
+    mixed = replace(load(folder), result=replace(job.result, parameters=parameters))
+    with pytest.raises(StoopError, match=r"holds another fit than result\.json beside it"):
+        _ = mixed.estimate
 
 
 def test_a_design_asks_for_what_was_estimated(job: FittedModel, folder: Path) -> None:

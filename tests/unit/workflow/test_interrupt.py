@@ -10,7 +10,12 @@ import pytest
 from stoop.base.interrupts import Deferred, deferred_interrupt
 
 
-def test_the_first_waits_and_what_was_before_comes_back(capfd: pytest.CaptureFixture[str]) -> None:
+def press_twice() -> None:
+    signal.raise_signal(signal.SIGINT)
+    signal.raise_signal(signal.SIGINT)
+
+
+def test_the_first_waits_and_the_second_stops(capfd: pytest.CaptureFixture[str]) -> None:
     before = signal.getsignal(signal.SIGINT)
     with deferred_interrupt() as ctrl_c:
         assert not ctrl_c.came
@@ -18,24 +23,12 @@ def test_the_first_waits_and_what_was_before_comes_back(capfd: pytest.CaptureFix
         assert ctrl_c.came
     assert signal.getsignal(signal.SIGINT) is before
     assert "writing its result" in capfd.readouterr().err
-    with pytest.raises(KeyboardInterrupt):
-        signal.raise_signal(signal.SIGINT)
-
-
-def press_twice() -> None:
-    with deferred_interrupt():
-        signal.raise_signal(signal.SIGINT)
-        signal.raise_signal(signal.SIGINT)
-
-
-def test_the_second_stops(capfd: pytest.CaptureFixture[str]) -> None:
-    before = signal.getsignal(signal.SIGINT)
-    with pytest.raises(KeyboardInterrupt):
+    with pytest.raises(KeyboardInterrupt), deferred_interrupt():
         press_twice()
     assert signal.getsignal(signal.SIGINT) is before
 
 
-def test_a_process_that_ignores_it_goes_on_doing_so() -> None:
+def test_a_process_that_ignores_it_and_another_thread_go_on_doing_so() -> None:
     before = signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
         with deferred_interrupt() as ctrl_c:
@@ -43,9 +36,6 @@ def test_a_process_that_ignores_it_goes_on_doing_so() -> None:
         assert not ctrl_c.came
     finally:
         signal.signal(signal.SIGINT, before)
-
-
-def test_another_thread_leaves_it_alone() -> None:
     seen: list[Deferred] = []
 
     def work() -> None:
