@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
+from stoop.app import places
 from stoop.app.folder import Project
 from stoop.app.steps import PRODUCTS, Step, steps
 from stoop.base.units import FACTORS
@@ -100,6 +101,16 @@ def app(tmp_path: Path) -> Iterator[Callable[..., App]]:
     for one in started:
         one.kill()
         end_steps(one.folder)
+
+
+@pytest.fixture
+def nothing_starts(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Let no command run, and keep what the person did apart from other tests."""
+    monkeypatch.setattr(places, "cache_folder", lambda: tmp_path / "memory")
+    monkeypatch.setattr(places, "_session", {})
+    idle = subprocess.Popen(["true"], start_new_session=True)
+    idle.wait()
+    monkeypatch.setattr("stoop.app.steps._process", lambda *_: idle)
 
 
 @dataclass

@@ -11,7 +11,7 @@ import pytest
 from tornado import httputil
 
 from app.conftest import RECORDED
-from stoop.app import columns, numbers, places, server, steps
+from stoop.app import columns, numbers, places, server
 from stoop.app.columns import edited, rows_of, units_of
 from stoop.app.folder import ChangedError, Project, version
 from stoop.app.steps import COMMAND, LOCK, PROCESS, Step
@@ -97,19 +97,6 @@ def test_a_vehicle_is_not_replaced_unseen(tmp_path: Path) -> None:
     assert [w.start for w in project.windows] == [1.0, 5.0]
 
 
-@pytest.fixture
-def nothing_starts(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    """Let no command run, and keep what the person did apart from other tests."""
-
-    class Ended:
-        pid, returncode = 1, 0
-        poll = wait = lambda *_: 0
-
-    monkeypatch.setattr(places, "cache_folder", lambda: tmp_path / "memory")
-    monkeypatch.setattr(places, "_session", {})
-    monkeypatch.setattr(steps, "_process", lambda *_: Ended())
-
-
 @pytest.mark.usefixtures("nothing_starts")
 def test_a_log_outside_the_folder_is_read_only_when_the_person_has_opened_it(tmp_path: Path) -> None:
     (root := tmp_path / "p").mkdir()
@@ -181,14 +168,15 @@ def test_every_column_has_a_row_and_edits_are_written_into_their_lines(table: Pa
         with pytest.raises(error, match=match):
             edited(text, changes)
     elevator = {"variable": "elevator", "unit": "deg", "scale": -2.0}
-    changed = edited(text, [(stick, elevator), (p, {"scale": -1.0}), (h, {"variable": ""})])
+    changed = edited(text, [(stick, elevator), (p, {"scale": -1.0, "offset": 0.5}), (h, {"variable": ""})])
     after = rows_of(changed, listed)
     found = row_of(after, "stick")
     assert (found.variable, found.unit, found.scale) == ("elevator", "deg", -2.0)
-    assert (row_of(after, "gyro_x").scale, row_of(after, "h_ft").variable) == (-1.0, "")
+    rate = row_of(after, "gyro_x")
+    assert (rate.scale, rate.offset, row_of(after, "h_ft").variable) == (-1.0, 0.5, "")
     kept = [line for line in text.splitlines() if not line.startswith(("p =", "altitude ="))]
     assert [line for line in changed.splitlines() if line in kept] == kept
-    back = edited(changed, [(row_of(after, "gyro_x"), {"scale": 1.0}), (found, {"unit": "rad"})])
+    back = edited(changed, [(rate, {"scale": 1.0}), (found, {"unit": "rad"})])
     assert row_of(rows_of(back, listed), "gyro_x").scale == 1.0
     assert (row_of(rows_of(back, listed), "stick").unit, row_of(rows_of(back, listed), "stick").scale) == (
         "rad",

@@ -3,19 +3,12 @@
 from __future__ import annotations
 
 import contextlib
-import json
 import os
-import subprocess
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pytest
-import tomlkit
-from hypothesis import HealthCheck, example, given, settings
-from hypothesis import strategies as st
 
-from stoop.app import places, steps
 from stoop.app.fit_view import FitView
 from stoop.app.folder import MAPPING, WINDOWS, Project
 from stoop.app.page import Page
@@ -23,23 +16,10 @@ from stoop.app.steps import COMMAND
 from stoop.errors import StoopError
 
 pytestmark = [
+    pytest.mark.usefixtures("nothing_starts"),
     pytest.mark.filterwarnings("ignore::PendingDeprecationWarning"),  # of Panel
     pytest.mark.filterwarnings("ignore::DeprecationWarning"),
 ]
-
-
-@pytest.fixture(autouse=True)
-def nothing_is_started(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    """Let no command run, and keep what the person did apart from other tests."""
-    monkeypatch.setattr(places, "cache_folder", lambda: tmp_path / "memory")
-    monkeypatch.setattr(places, "_session", {})
-    monkeypatch.setattr(steps, "_process", lambda *_: _ended())
-
-
-def _ended() -> subprocess.Popen[bytes]:
-    child = subprocess.Popen(["true"], start_new_session=True)
-    child.wait()
-    return child
 
 
 def snapshot(folder: Path, without: Path) -> dict[str, bytes | str | None]:
@@ -121,54 +101,6 @@ def test_a_hostile_app_toml_changes_nothing_outside_the_folder(tmp_path: Path) -
         assert "Traceback" not in said
 
 
-scalars = st.one_of(
-    st.booleans(), st.integers(), st.floats(), st.dates(), st.times(), st.datetimes(),
-    st.text(st.characters(exclude_categories=["Cs", "Cc"]), max_size=12),
-    st.sampled_from(["..", "../victim.txt", "/", "", ".", "log.csv", "../other.csv", "windows-1.toml", "~", "~nobody/x", "-o"]),
-)  # fmt: skip
-keys = st.one_of(
-    st.sampled_from(
-        ["log.csv", "../victim.txt", "windows.toml", "mapping.toml", "..", "/", "", "../other.csv"]
-    ),
-    st.text(st.characters(exclude_categories=["Cs", "Cc"]), max_size=8),
-)
-values = st.recursive(
-    scalars,
-    lambda inner: st.one_of(st.lists(inner, max_size=3), st.dictionaries(keys, inner, max_size=3)),
-    max_leaves=8,
-)
-
-
-@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(
-    log=values,
-    former=st.one_of(values, st.dictionaries(keys, st.dictionaries(keys, values, max_size=3), max_size=3)),
-)
-@example(log="../other.csv", former={"log.csv": {"../victim.txt": "log.csv"}})
-def test_no_app_toml_reaches_outside_the_folder(
-    tmp_path_factory: pytest.TempPathFactory, log: Any, former: Any
-) -> None:
-    root = surroundings(tmp_path_factory.mktemp("any"))
-    try:
-        text = tomlkit.dumps({"log": log, "former": former})
-    except (ValueError, TypeError):  # of lists of several types
-        text = f"former = {json.dumps(former, default=str)}"
-    (root / "app.toml").write_text(text, "utf-8")
-    before = snapshot(root.parent, root)
-    project = Project(root)
-    for act in (
-        project.tend,
-        lambda: project.open_log("log.csv"),
-        lambda: project.open_log("../other.csv"),
-        lambda: project.open_log("log.csv"),
-        lambda: project.take_vehicle("x"),
-        lambda: project.source,
-    ):
-        with contextlib.suppress(StoopError):
-            act()
-    assert snapshot(root.parent, root) == before
-
-
 def link(root: Path, name: str) -> None:
     (root / name).parent.mkdir(parents=True, exist_ok=True)
     (root / name).symlink_to(root.parent / "victim.txt")
@@ -182,6 +114,7 @@ def step(root: Path, name: str, command: str, files: dict[str, bytes | str]) -> 
 
 FLIGHT = {"flight.nc": b"CDF\x01junk", "output.txt": "{}"}
 READ = "stoop info log.csv --json\n"
+OTHER_INFO = '{"rate": "x", "channels": 3, "faults": 1}'
 FOLDERS: dict[str, Callable[[Path], object]] = {
     **{
         f"{name} is a link to a file outside": lambda root, name=name: link(root, name)
@@ -190,6 +123,21 @@ FOLDERS: dict[str, Callable[[Path], object]] = {
     **{
         f"{name} is a link to a folder outside": lambda root, name=name: (root / name).symlink_to(root.parent)
         for name in ("info", "map", "runs", "maneuvers", "logs", "comparisons")
+    },
+    **{
+        f"{kind}, in {at}": lambda root, at=at, command=command, files=files: step(root, at, command, files)
+        for kind, at, command, files in (
+            ("an open quote", "info/001", "stoop info 'log.csv\n", FLIGHT),
+            ("a command of bytes", "info/001", "", {COMMAND: b"\xff\x00\xfe", **FLIGHT}),
+            ("a name of digits", f"info/{'9' * 250}", READ, FLIGHT),
+            ("digits of another script", "info/٣٣٣", READ, FLIGHT),
+            ("output of bytes", "info/001", READ, {**FLIGHT, "output.txt": b"\xff"}),
+            ("output nested", "info/001", READ, {**FLIGHT, "output.txt": "[" * 99_999}),
+            ("output of another type", "info/001", READ, {**FLIGHT, "output.txt": "[1]"}),
+            ("info of other types", "info/001", READ, {**FLIGHT, "output.txt": OTHER_INFO}),
+            ("a proposal of bytes", "maneuvers/001", "stoop", {WINDOWS: b"\xff"}),
+            ("a result of another type", "runs/001", "stoop", {"result.json": "[]"}),
+        )
     },
     "a link to a device": lambda root: (root / "vehicle.toml").symlink_to("/dev/zero"),
     "a link to itself": lambda root: (root / "vehicle.toml").symlink_to("vehicle.toml"),
@@ -201,19 +149,7 @@ FOLDERS: dict[str, Callable[[Path], object]] = {
     "a vehicle of bytes": lambda root: (root / "vehicle.toml").write_bytes(b"\xff\xfe\x00"),
     "windows of bytes": lambda root: (root / WINDOWS).write_bytes(b"\xff\xfe\x00"),
     "windows nested": lambda root: (root / WINDOWS).write_text("a = " + "[" * 5000),
-    "an open quote": lambda root: step(root, "info/001", "stoop info 'log.csv\n", FLIGHT),
-    "a command of bytes": lambda root: step(root, "info/001", "", {COMMAND: b"\xff\x00\xfe", **FLIGHT}),
-    "a name of digits": lambda root: step(root, f"info/{'9' * 250}", READ, FLIGHT),
-    "digits of another script": lambda root: step(root, "info/٣٣٣", READ, FLIGHT),
-    "output of bytes": lambda root: step(root, "info/001", READ, {**FLIGHT, "output.txt": b"\xff"}),
-    "output nested": lambda root: step(root, "info/001", READ, {**FLIGHT, "output.txt": "[" * 99_999}),
-    "output of another type": lambda root: step(root, "info/001", READ, {**FLIGHT, "output.txt": "[1]"}),
-    "info of other types": lambda root: step(
-        root, "info/001", READ, {**FLIGHT, "output.txt": '{"rate": "x", "channels": 3, "faults": 1}'}
-    ),
-    "a proposal of bytes": lambda root: step(root, "maneuvers/001", "stoop", {WINDOWS: b"\xff"}),
     "a product that is a folder": lambda root: (root / "maneuvers/001/windows.toml").mkdir(parents=True),
-    "a result of another type": lambda root: step(root, "runs/001", "stoop", {"result.json": "[]"}),
     "a design of another type": lambda root: (
         step(root, "designs/001", "stoop", {"design.html": "", "design.json": '{"notices": [3]}'}),
         (root / "vehicle.toml").write_text("x = 1"),

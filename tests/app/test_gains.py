@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -16,7 +14,6 @@ from stoop.app.folder import Project
 from stoop.app.gains_view import GainsView
 from stoop.app.steps import Step
 from stoop.cli.main import main
-from stoop.control_laws.parameters import read_parameters
 from stoop.errors import StoopError
 from stoop.exporters.flight_logs import save_flight_as
 from stoop.results.verdict import Verdict
@@ -70,40 +67,6 @@ def text_of(view: GainsView) -> str:
 
 def files_of(project: Project) -> list[Path]:
     return [p for step in project.steps("gains") for p in step.files]
-
-
-def test_from_a_log_to_files(app: Callable[..., Any], tab: Any, project: Project, flown: Path) -> None:
-    project.open_log(flown / "flight.ulg")
-    ended(project, "info")
-    write(project, "own.params", FLOWN)
-    page = tab(app(folder=project.root))
-    page.page.frame_locator("iframe").get_by_text("identification report").first.wait_for()
-    page.page.get_by_text("What to do next").first.click()
-    page.click("Judge the autopilot's gains")
-    page.page.locator("option", has_text="flight.ulg, PX4 fixed wing").wait_for(state="attached")
-    page.page.get_by_label("gains that flew").select_option("own.params")
-    page.click("Judge their margins")
-    shown = page.page.frame_locator("iframe")
-    shown.get_by_text("Gains that flew.").first.wait_for()
-    page.picture("gains_flown")
-    assert not [p for p in files_of(project) if p.suffix == ".params"]
-    page.page.locator(".noUi-handle").first.press("ArrowRight")
-    page.wait("ArduCopter, 7 dB, 50 deg, 4.7 dB")
-    page.click("Propose gains")
-    page.wait("searching gains")
-    link = page.page.get_by_role("link").get_by_text("gains/002/gains-100.params")
-    link.wait_for()
-    shown.get_by_text("Gains that flew, and better ones.").first.wait_for()
-    page.picture("gains_proposed")
-    with page.page.expect_download() as download:
-        link.click()
-    proposed = read_parameters(Path(shutil.copy(download.value.path(), flown / "proposed.params")))
-    assert proposed["FW_PR_P"] > FLOWN["FW_PR_P"]
-    assert [p.name for p in files_of(project) if p.suffix == ".params"] == [
-        f"gains-{step}.params" for step in ("100", "25", "50", "75", "flown")
-    ]
-    command = (project.root / "commands.sh").read_text("utf-8").splitlines()[-1]
-    assert command.endswith("--gain-margin 7 --phase-margin 50 --disk-margin 4.7 --noise 5 -o gains/002")
 
 
 def test_a_log_without_parameters_takes_those_of_a_file(project: Project, flown: Path) -> None:

@@ -8,15 +8,12 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
 from app.conftest import App, Tab, start_app
 from stoop.app.folder import MAPPING, Project
-
-OVERFLOW = "document.documentElement.scrollHeight - innerHeight"
 
 
 @pytest.fixture(scope="module")
@@ -189,41 +186,3 @@ def test_logs_that_cannot_be_read(running: App, tab: Callable[[App], Tab], tmp_p
     page.picture("refused")
     assert Project(running.folder).log == str(log)
     assert 'unit = "kt"' in (running.folder / MAPPING).read_text("utf-8")
-
-
-def choose(tab: Tab, column: str, variable: str, unit: str) -> None:
-    tab.cell(column, "variable").click()
-    tab.cell(column, "variable").locator("input").fill(variable)
-    tab.page.locator(".tabulator-edit-list-item").get_by_text(f"{variable}: ").first.click()
-    tab.cell(column, "variable").get_by_text(variable, exact=True).wait_for()
-    tab.cell(column, "unit").click()
-    tab.page.locator(".tabulator-edit-list-item").get_by_text(unit, exact=True).first.click()
-
-
-def test_unknown_columns_are_named_in_the_table_and_corrections_undone(
-    app: Any, tab: Any, table: Path
-) -> None:
-    running = app(str(table))
-    page, mapping = tab(running), running.folder / MAPPING
-    page.click("Next: the columns")
-    page.wait("2 without a variable")
-    choose(page, "stick", "elevator", "deg")
-    choose(page, "wheel", "aileron", "deg")
-    page.edit("gyro_y", "-1", "scale")
-    page.wait("5 edits not saved")
-    page.picture("columns")
-    page.click("Use these columns")
-    page.wait("the sign of q contradicts")
-    page.page.locator("iframe").wait_for()
-    assert page.page.evaluate(OVERFLOW) == 0, "the frame scrolls alone"
-    assert 'elevator = {column = "stick", unit = "deg"}' in mapping.read_text("utf-8")
-    page.click("7 Use")
-    page.click("2 Columns")  # from any step
-    page.click("Apply corrections")
-    page.wait("corrections applied: 1, each confirmed by the log")
-    page.click("Undo the corrections")
-    page.page.get_by_text("corrections applied").first.wait_for(state="hidden")
-    edited = mapping.read_text("utf-8").replace('"wheel", unit = "deg"', '"wheel", unit = "rad"')
-    mapping.write_text(edited, "utf-8")  # by an editor
-    page.cell("wheel", "unit").get_by_text("rad", exact=True).wait_for()
-    page.picture("columns_again")

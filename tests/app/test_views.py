@@ -7,11 +7,9 @@ import json
 import math
 import os
 import time
-from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 import pytest
@@ -33,16 +31,11 @@ from stoop.estimate.iterates import watched
 from stoop.fleet.store import PAGE
 from stoop.flight.log_columns import columns_of, read_unmapped
 from stoop.input_design.windows_file import Entry
-from stoop.optimize import Outcome
 from stoop.report.comparison import Compared, comparison_sheet
 from stoop.report.series import Series
 from stoop.simulation.fly import simulate_flight
 from stoop.simulation.maneuver import parse_maneuver
-from stoop.strategy import Strategy, bounds
-from stoop.strategy.decision import Fitted, Setup
-from stoop.strategy.run import setup_of
 from stoop.vehicle.builtin import builtin_text, resolve_vehicle
-from stoop.vehicle.load import parse_vehicle
 from stoop.workflow.demo import MANEUVER, NAME, misled
 from stoop.workflow.identification import finish, search
 from stoop.workflow.progress import ProgressFile, read_curves
@@ -351,30 +344,3 @@ def test_progress_and_comparison_of_fits(tmp_path: Path) -> None:
     better = comparison_sheet(predicting(a, 0.2), predicting(b, 0.1)).sections[1].parts[0].text
     assert better == "Of 1 channel that both predict, B is nearer to the flight in 1, A in 0."
     ProgressFile(tmp_path / "none" / "progress.json").turn_to("a folder that went away ends no fit")
-
-
-def test_a_fit_stopped_while_bounds_are_widened_keeps_what_it_has() -> None:
-    vehicle = parse_vehicle(builtin_text("quad-x"), "quad-x")
-    drag = next(p for p in vehicle.parameters if p.free and p.name.startswith("body_drag"))
-    at_bound = SimpleNamespace(name=drag.name, estimate=drag.upper, fixed="bound")
-    converged = Outcome(np.zeros(1), 1.0, 1.0, 1, "converged", "", np.empty((0, 2)), None, "x")
-
-    @dataclass(frozen=True)
-    class Found:
-        outcome: Outcome = converged
-        trajectories: float = 1.0
-        notices: tuple[Any, ...] = ()
-        unknowns: tuple[Any, ...] = (at_bound,)
-        start: dict[str, float] = field(default_factory=lambda: {drag.name: drag.upper})
-
-    fits: list[Callable[[Setup], Fitted]] = [lambda setup: Fitted(setup, cast("Any", Found()))]
-
-    def fitter(setup: Setup) -> Fitted:
-        if not fits:
-            raise KeyboardInterrupt
-        return fits.pop()(setup)
-
-    found = bounds.widen(setup_of(Strategy.default(), vehicle, {}, []), fitter).estimate
-    assert not fits
-    assert found.outcome.status == "interrupted"
-    assert found.outcome.advice == f"stopped by the user while {bounds.DOING}"

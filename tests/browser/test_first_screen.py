@@ -54,33 +54,26 @@ def test_the_first_screen_has_verdict_and_prediction_and_the_second_the_estimate
     sides = page.locator(".verdict .sides > div")
     assert [one.locator("h2").text_content() for one in sides.all()] == ["Against", "For"]
     assert all(1 <= one.locator("li").count() <= 3 for one in sides.all())
-
-
-@pytest.mark.parametrize("page", [{}, {"java_script_enabled": False}], indirect=True)
-def test_a_link_opens_what_is_folded(page: Page) -> None:
-    links = page.locator("nav a")
-    places = [str(link.get_attribute("href")) for link in links.all()]
-    assert len(places) > 10
-    for place in places:
-        page.locator(f'nav a[href="{place}"]').click()
-        page.locator(place).locator("> *").first.wait_for(state="visible")
-
-
-@pytest.mark.parametrize("page", [{}, {"java_script_enabled": False}], indirect=True)
-def test_print_opens_all(page: Page) -> None:
-    folded = page.locator("details.fold > section")
-    assert folded.count() > 8
-    assert not folded.last.is_visible()
-    page.emulate_media(media="print")
-    assert all(one.is_visible() for one in folded.all())
-
-
-def test_the_dialog_of_print_opens_and_closes_what_was_closed(page: Page) -> None:
     closed = page.evaluate(CLOSED)
     page.evaluate("dispatchEvent(new Event('beforeprint'))")
     assert page.evaluate(CLOSED) == 0
     page.evaluate("dispatchEvent(new Event('afterprint'))")
     assert page.evaluate(CLOSED) == closed > 8
+
+
+@pytest.mark.parametrize("page", [{}, {"java_script_enabled": False}], indirect=True)
+def test_print_opens_all_and_a_link_what_is_folded(page: Page) -> None:
+    folded = page.locator("details.fold > section")
+    assert folded.count() > 8
+    assert not folded.last.is_visible()
+    page.emulate_media(media="print")
+    assert all(one.is_visible() for one in folded.all())
+    page.emulate_media(media="screen")
+    places = [str(link.get_attribute("href")) for link in page.locator("nav a").all()]
+    assert len(places) > 10
+    for place in places:
+        page.locator(f'nav a[href="{place}"]').click()
+        page.locator(place).locator("> *").first.wait_for(state="visible")
 
 
 @pytest.mark.parametrize("page", [{"color_scheme": "dark"}], indirect=True)

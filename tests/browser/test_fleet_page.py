@@ -50,15 +50,9 @@ def test_an_alarm_opens_its_flights(page: Page) -> None:
 def test_words_filter_alarms_and_panels(page: Page) -> None:
     words = page.locator(".filter input[type=search]")
     for text, rows, panels in (
-        ("", 1, 16),
-        ("v3", 1, 2),
-        ("v3b", 1, 1),
-        ("V3-18", 1, 0),
-        ("drag", 0, 8),
-        ("1.1", 0, 16),
-        ("thrust rotor_1 1.1", 0, 8),
-        ("v9", 0, 0),
-    ):
+        ("", 1, 16), ("v3", 1, 2), ("v3b", 1, 1), ("V3-18", 1, 0), ("drag", 0, 8), ("1.1", 0, 16),
+        ("thrust rotor_1 1.1", 0, 8), ("v9", 0, 0),
+    ):  # fmt: skip
         words.fill(text)
         assert (page.locator(ROWS).count(), page.locator(PANELS).count()) == (rows, panels), text
 

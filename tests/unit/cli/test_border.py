@@ -145,14 +145,6 @@ def folder(tmp_path_factory: pytest.TempPathFactory, examples: Path) -> Path:
     return place
 
 
-def shown(cli: Callable[..., tuple[int, str, str]], folder: Path, command: str, expected: int) -> None:
-    words = [str(folder / word[1:]) if word.startswith("@") else word for word in command.split()]
-    code, out, err = cli(words)
-    assert out + err
-    assert all(line.isprintable() for line in (out + err).split("\n")), command
-    assert code == expected, (command, out, err)
-
-
 @pytest.mark.parametrize(
     ("command", "expected"),
     [
@@ -171,20 +163,11 @@ def shown(cli: Callable[..., tuple[int, str, str]], folder: Path, command: str, 
 def test_a_verb_prints_nasty_texts(
     command: str, expected: int, folder: Path, cli: Callable[..., tuple[int, str, str]]
 ) -> None:
-    shown(cli, folder, command, expected)
-
-
-def test_the_verbs_of_a_fit_print_nasty_texts(folder: Path, cli: Callable[..., tuple[int, str, str]]) -> None:
-    for command, expected in (
-        ("look @f.nc -o @look.html", 0),
-        ("design @v.toml --duration 8 --evaluations 20 -o @design", 0),
-        ("identify @f.nc --vehicle @v.toml --maneuver 0:20 --validate 20:28 --budget 300 -o @fit", 0),
-        ("agreement @fit @fit", 2),
-        ("export @fit --to jsbsim -o @fdm", 0),
-        ("propagate @fit --draws 100", 0),
-        ("tune @fit @none", 2),
-    ):
-        shown(cli, folder, command, expected)
+    words = [str(folder / word[1:]) if word.startswith("@") else word for word in command.split()]
+    code, out, err = cli(words)
+    assert out + err
+    assert all(line.isprintable() for line in (out + err).split("\n"))
+    assert code == expected, (out, err)
 
 
 def test_objects_say_of_themselves_what_is_printable(folder: Path) -> None:

@@ -176,7 +176,7 @@ def pressing(times: int) -> Callable[..., FittedModel]:
 def test_ctrl_c_after_the_search_waits_for_the_result_and_twice_stops(
     place: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    words = "--maneuver 0:20 --method equation-error"
+    words = "--maneuver 0:20"
     with monkeypatch.context() as patched:
         patched.setattr("stoop.workflow.identification.finish", pressing(1))
         assert main(identify(place, words, "late")) == 130

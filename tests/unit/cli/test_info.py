@@ -76,29 +76,6 @@ def test_csv_with_a_mapping(tmp_path: Path, capsys: pytest.CaptureFixture[str]) 
     assert re.search(r"^log\.csv +100\.0 +0 +0\.010 +p q$", out, re.MULTILINE)
 
 
-def test_real_flight(shared_data: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """The V-tail flight: pitot fault, wind, gaps and the pilot's doublets are all told."""
-    path = shared_data / "altlnt-vtail-8kg-px4" / "flight2"
-    assert main(["info", str(path), "--verbose"]) == 0
-    out, err = capsys.readouterr()
-    assert err == ""
-    assert "airspeed_pitot reads -2." in out
-    assert "steady wind" in out
-    assert "wind_estimate 4 (up to 3.00 s)" in " ".join(out.split())
-    axes = re.findall(r"^[\d.]+:[\d.]+ +(?:fit|predict) +(roll|pitch|yaw) ", out, re.MULTILINE)
-    assert set(axes) == {"roll", "pitch", "yaw"}
-    assert "--validate" in out
-    order = [out.index(head) for head in ("Suspected", "Candidate", "next: ", "Sources", "Channels", "Notes")]
-    assert order == sorted(order)
-    assert main(["info", str(path)]) == 0
-    short = capsys.readouterr().out
-    assert len(short.splitlines()) <= 45
-    assert out.startswith(short[: short.index("\nWarnings")])
-    assert "vehicle_attitude 30" not in short
-    assert main(["info", str(path), "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["air"]["wind_e"] < -2.0
-
-
 def test_elements_of_an_array_are_one_name() -> None:
     """A topic of PX4 such as debug_array has 58 columns; those that were mapped break the run."""
     names = ["id", *(f"data[{i}]" for i in (*range(2, 8), 9, *range(11, 58))), "name[0]", "a[b]", "[1]"]

@@ -153,9 +153,3 @@ def test_every_output_of_the_table_asks_for_overwrite() -> None:
         if any(o.kind in ("output", "output-or-print", "page") for o in verb.options):
             assert any(option.key == "overwrite" for option in verb.options), verb.name
         assert not any(o.key == "output" and o.kind == "file" for o in verb.options), verb.name
-
-
-def test_structure_runs_without_candidates(place: Path) -> None:
-    """Several values that are not given are an empty tuple in the table."""
-    assert main(["structure", "V.toml", "LOG.nc", "--maneuver", "0.4:4.1", "-o", "out"]) == 0
-    assert Path("out/vehicle.toml").is_file()

@@ -10,8 +10,6 @@ from typing import Any
 import pytest
 from naive import identification
 
-from stoop.results.result import ManeuverTrace
-
 FEW = ("V", "p", "q", "az")
 
 
@@ -24,7 +22,7 @@ def examples() -> ModuleType:
 def _fewer(shown: Any) -> Any:
     """Return an identification with its first and last maneuvers and a few channels of them: a page that is drawn sooner."""
     traces = tuple(
-        ManeuverTrace(t.time, {n: t.channels[n] for n in FEW}, t.inputs, t.baselines)
+        dataclasses.replace(t, channels={n: t.channels[n] for n in FEW})
         for t in (shown.traces[0], shown.traces[-1])
     )
     maneuvers = tuple(

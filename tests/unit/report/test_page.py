@@ -191,7 +191,7 @@ def test_correlations_are_colored_by_their_sign() -> None:
     cells = re.findall(
         r'class="(above|below|hole)"[^>]*fill-opacity="([\d.]+)"', correlation_map("abc", matrix)
     )
-    assert cells == [("above", "0.81"), ("hole", "1.0"), ("below", "0.25")]
+    assert cells == [("above", "0.81"), ("hole", "1"), ("below", "0.25")]
 
 
 def test_the_band_of_an_autocorrelation_holds_95_percent_of_white_residuals() -> None:

@@ -57,9 +57,14 @@ VERBS: dict[str, Callable[[stoop.FittedModel], Any]] = {
 
 
 @pytest.mark.parametrize("verb", VERBS)
-def test_a_loaded_model_does_what_the_model_did(
-    verb: str, job: stoop.FittedModel, again: stoop.FittedModel
+def test_a_loaded_model_does_what_the_model_did_and_nothing_is_written_unasked(
+    verb: str, job: stoop.FittedModel, again: stoop.FittedModel, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    def refused(*_: object, **__: object) -> None:
+        raise AssertionError("a file was written")
+
+    for name in ("write_text", "write_bytes", "mkdir"):
+        monkeypatch.setattr(Path, name, refused)
     np.testing.assert_equal(_plain(VERBS[verb](again)), _plain(VERBS[verb](job)))
 
 
@@ -96,20 +101,16 @@ def test_an_older_folder_loads_and_says_what_is_missing(folder: Path, tmp_path: 
     assert stoop.load(old.save(tmp_path / "new")).parameters.keys() == old.parameters.keys()
 
 
-def test_nothing_is_written_unasked(job: stoop.FittedModel, monkeypatch: pytest.MonkeyPatch) -> None:
-    def refused(*_: object, **__: object) -> None:
-        raise AssertionError("a file was written")
-
-    for name in ("write_text", "write_bytes", "mkdir"):
-        monkeypatch.setattr(Path, name, refused)
-    for verb in ("validate", "propagate", "linearize", "frequency", "export"):
-        VERBS[verb](job)
-
-
 def test_a_prediction_from_a_given_state_is_the_simulation_from_it(job: stoop.FittedModel) -> None:
     """Against a simulation of the same inputs by the function that makes flights, which shares no code with predictions."""
     start, flight = {"V": 34.0, "alpha": 0.03, "q": 0.01, "theta": 0.02}, other(job.flights[0])
     found = job.predict(flight, "70:74", initial_state=start).model.traces[0]
+    measured, none = (
+        job.predict(flight, "70:74", initial_state=state).model.traces[0].channels["V"].simulated
+        for state in ("measured", {})
+    )
+    assert np.array_equal(measured, none), "of what is not given"
+    assert abs(measured[0] - flight.column("V")[flight.between(70.0, 74.0)][0]) < 1.0
     biases = {name: {"value": prior.mean} for name, prior in job.biases("other").items()}
     vehicle = job.vehicle.with_numbers(biases)
     inside = flight.between(70.0, 74.0)
@@ -122,17 +123,6 @@ def test_a_prediction_from_a_given_state_is_the_simulation_from_it(job: stoop.Fi
     assert found.channels["V"].simulated[0] == pytest.approx(
         34.0 + job.vehicle.value("sensors.V.bias", 0.0), abs=0.5
     )
-
-
-def test_the_measured_state_is_the_default_of_what_is_not_given(job: stoop.FittedModel) -> None:
-    flight = other(job.flights[0])
-    measured, none, some = (
-        job.predict(flight, "70:74", initial_state=state).model.traces[0].channels["V"].simulated
-        for state in ("measured", {}, {"V": 40.0})
-    )
-    assert np.array_equal(measured, none)
-    assert abs(measured[0] - flight.column("V")[flight.between(70.0, 74.0)][0]) < 1.0
-    assert some[0] == pytest.approx(40.0, abs=0.5)
 
 
 def test_a_wrong_state_is_one_line(job: stoop.FittedModel) -> None:
@@ -198,13 +188,6 @@ def test_derivatives_and_exports_are_shown_as_what_they_are(job: stoop.FittedMod
     exported = job.export("state-space")
     assert all(name in repr(exported) for name in exported.files)
     assert f"{len(exported.files[exported.main])} bytes" in repr(exported)
-
-
-def test_one_count_of_free_numbers(job: stoop.FittedModel) -> None:
-    count = f"{len(job.vehicle.free_parameters)} free parameters"
-    assert len(job.vehicle.free_parameters) == len(job.parameters)
-    for text in (repr(job), repr(job.vehicle), repr(job.result), job.plot.report()._repr_html_()):
-        assert count in text
 
 
 def test_a_table_or_dataset_is_a_flight_everywhere(job: stoop.FittedModel) -> None:
