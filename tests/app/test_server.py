@@ -97,7 +97,7 @@ def test_uploads_stay_in_the_folder_and_replace_none(running: App) -> None:
 
     for name in ("../../x.ulg", "/etc/x.ulg", "..", ".hidden", "a%00b", "con\\x.ulg", "n" * 3000):
         status, said = sent(f"name={name}&into=../..", b"abc")
-        assert status == (400 if "%00" in name else 200), (name, said)
+        assert status == 200, (name, said)
     kept = set(running.folder.parent.rglob("*")) - before
     assert all(p.is_relative_to(running.folder / "logs") for p in kept)
     assert not any(p.name.startswith(".") for p in kept)

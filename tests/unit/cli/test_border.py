@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from rich.console import Console
 from rich.text import Text
@@ -71,6 +71,7 @@ def test_only_the_border_prints_and_rich_is_given_texts() -> None:
 # The border: any text.
 
 
+@settings(max_examples=40)
 @given(ANY)
 def test_plain_text_and_the_live_line(text: str) -> None:
     out, before = io.StringIO(), sys.stderr

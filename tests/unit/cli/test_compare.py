@@ -5,11 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-import pytest
-
-from stoop import optimize
 from stoop.cli.main import parser_for
-from stoop.errors import IdentificationError
 from stoop_studies.cli import compare
 
 SMALL = "--optimizers ps-gde-lm,ps-gde --problems paper-N --seeds 1 --budget"
@@ -44,19 +40,3 @@ def test_a_flight_is_part_of_the_command() -> None:
         "stoop compare --flight 'my logs' --vehicle v.toml --maneuver 1:2 3:4"
         " --seeds 20 --first-seed 1 --budget 2.5"
     )
-
-
-def test_a_missing_package_is_said_for_those_asked_for_and_listed_for_all_others(
-    refused: Refused, done: Callable[..., str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    create = optimize.create
-
-    def lacking(name: str = "ps-gde-lm", budget: float | None = None) -> object:
-        if name != "ps-gde-lm":
-            raise IdentificationError(f"optimizer {name}: needs it; pip install '.[compare]'")
-        return create(name, budget)
-
-    monkeypatch.setattr(optimize, "create", lacking)
-    assert "pip install '.[compare]'" in refused(f"compare -o out {SMALL} 300")
-    done("compare -o out --problems paper-N --seeds 1 --budget 50 --workers 1")
-    assert "ps-gde: optimizer ps-gde: needs it" in Path("out/compare.html").read_text(encoding="utf-8")

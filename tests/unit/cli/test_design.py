@@ -121,32 +121,6 @@ def test_files_for_an_autopilot(tmp_path: Path, done: Callable[..., str]) -> Non
     assert names(out) == {*DESIGN_FILES, "maneuver.lua", "ardupilot.param"}, "files of the first target go"
 
 
-def test_a_card_for_a_pilot_is_on_the_page(tmp_path: Path, done: Callable[..., str]) -> None:
-    out = tmp_path / "card"
-    command = f"design twin-boom -o {out} --shape doublet"
-    card = "--for pilot --duration 30 --evaluations 4 --min-amplitude elevator=1"
-    assert "the files fly the textbook's" not in done(f"{command} {card}")
-    text, found = (out / "card.txt").read_text(), json.loads((out / "design.json").read_text())
-    shown = (out / "design.html").read_text()
-    assert "Flight card" in shown
-    # the procedure of the card is that of the prediction
-    assert (found["beat"], found["retrim"]) == (0.5, 1.0)
-    assert "then trim again" in text
-    assert "each flown once, from trim" in text
-    assert "each once, with the whole stop and from trim" in shown
-    # the ellipsoid of the doublets is smaller, which decides, though their standard errors are larger in the mean
-    assert found["shape"] == "doublet"
-    assert 0.9 < found["designs"]["doublet"]["ratio"] < 1.0
-    assert np.mean([e["doublet"] / e["reference"] for e in found["standard_errors"].values()]) > 1.0
-    # the files are the lines of the card, each from trim
-    lines = sorted(path.name for path in out.glob("maneuver*.toml"))
-    assert lines == [f"maneuver_{i}.toml" for i in (1, 2, 3)]
-    assert [load_maneuver(out / name).input[0].start for name in lines][1:] == [1.0, 1.0]
-    assert {path.name for path in out.glob("reference*.toml")} == {f"reference_{i}.toml" for i in (1, 2, 3)}
-    done(f"{command} --duration 8 --evaluations 1 --overwrite")
-    assert names(out) == set(DESIGN_FILES), "lines of the earlier design are gone"
-
-
 def test_files_of_the_textbook_where_no_design_is_better(tmp_path: Path, done: Callable[..., str]) -> None:
     out = tmp_path / "next"
     said = done(f"design twin-boom --duration 12 --evaluations 1 --shape doublet -o {out}")
@@ -157,10 +131,3 @@ def test_files_of_the_textbook_where_no_design_is_better(tmp_path: Path, done: C
     assert load_maneuver(out / "maneuver.toml").input == load_maneuver(out / "reference.toml").input
     assert "the files fly the textbook's" in said
     assert "the files fly the textbook&#39;s" in shown
-
-
-def test_a_search_tells_how_far_it_is(tmp_path: Path, cli: Cli) -> None:
-    shapes = "--shape 3-2-1-1 doublet"
-    code, _, err = cli(f"design quad-x --duration 4 --evaluations 2 {shapes} -o {tmp_path / 'next'}")
-    assert code == 0
-    assert err.splitlines() == [f"designing: {s}" for s in ("textbook", "3-2-1-1", "doublet", "robustness")]

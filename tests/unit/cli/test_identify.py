@@ -107,9 +107,16 @@ def test_numbers_that_are_freed(aircraft: Vehicle, capsys: pytest.CaptureFixture
             with_free(plane, [name], [])
 
 
-SHORT = "--maneuver 0:20 --optimizer de-rand-1-bin"
+SHORT = "--maneuver 0:6 --optimizer de-rand-1-bin"
 
 
+@pytest.fixture
+def blank_page(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Write a short report."""
+    monkeypatch.setattr("stoop.report.identification.render", lambda model: "<html></html>")
+
+
+@pytest.mark.usefixtures("blank_page")
 def test_a_search_that_ran_out_can_go_on_and_only_the_same(place: Path, cli: Cli) -> None:
     first = f"{SHORT} --noise {place / 'one.csv'} --generations"
     assert main(identify(place, f"{first} 2", "ran-out")) == 0
@@ -123,6 +130,7 @@ def test_a_search_that_ran_out_can_go_on_and_only_the_same(place: Path, cli: Cli
     assert result(place, "ran-out")["trajectories"] > before["trajectories"]
 
 
+@pytest.mark.usefixtures("blank_page")
 def test_a_folder_that_goes_away_ends_no_search(
     place: Path, cli: Cli, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -141,6 +149,7 @@ def test_a_folder_that_goes_away_ends_no_search(
     assert (place / "gone" / "search.npz").exists()
 
 
+@pytest.mark.usefixtures("blank_page")
 def test_ctrl_c_keeps_the_best_and_resume_goes_on(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Pressed when the second state has been kept."""
     keep, kept = Checkpoint.keep, []
@@ -173,6 +182,7 @@ def pressing(times: int) -> Callable[..., FittedModel]:
     return assembled
 
 
+@pytest.mark.usefixtures("blank_page")
 def test_ctrl_c_after_the_search_waits_for_the_result_and_twice_stops(
     place: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

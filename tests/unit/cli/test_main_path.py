@@ -65,7 +65,7 @@ def test_from_a_log_to_a_model_that_predicts_another(
     done("map log.ulg -o mapping.toml")
     said = done("info log.ulg --mapping mapping.toml").splitlines()
     (line,) = (line for line in said if line.startswith("next: "))
-    wrong = QUAD.replace("T1 = 2.5", "T1 = 2.0").replace("torque_ratio = 0.016", "torque_ratio = 0.022")
+    wrong = QUAD.replace("T1 = 2.5", "T1 = 1.5").replace("torque_ratio = 0.016", "torque_ratio = 0.022")
     Path("V.toml").write_text(wrong)
     assert hover_thrust(Path("V.toml")) < 0.9 * hover_thrust(Path("truth.toml"))
     command = [*shlex.split(line)[2:], "--method", "equation-error"]

@@ -38,7 +38,7 @@ def test_files_of_others_stay(refused: Refused, done: Callable[..., str]) -> Non
         path = Path(file)
         path.write_text("mine")
         said = refused(f"reproduce {experiment} -o .")
-        assert "is of something else than stoop reproduce" in said, file
+        assert "is of something else" in said, file
         path.unlink()
     path.write_text("mine")
     Path("figure3.csv").write_text("mine")
@@ -65,15 +65,3 @@ def test_a_store_of_another_box_or_version_is_refused(refused: Refused) -> None:
     with sqlite3.connect("noise.sqlite") as user:
         user.execute("BEGIN EXCLUSIVE")
         assert "cannot be removed" in refused("reproduce noise -o . --overwrite"), "it waits for nobody"
-
-
-def test_overwrite_removes_nothing_but_stores_of_its_own(refused: Refused) -> None:
-    path = Path("noise.sqlite")
-    for content in (b"mine", b"SQLite format 3\x00 but not really", None):
-        path.unlink(missing_ok=True)
-        if content is None:
-            with sqlite3.connect(path) as other:
-                other.execute("CREATE TABLE mine (a)")
-        else:
-            path.write_bytes(content)
-        assert "noise.sqlite: " in refused("reproduce noise -o . --overwrite")

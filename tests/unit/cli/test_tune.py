@@ -34,10 +34,8 @@ PHYSICS = {
     "FW_PSP_OFF": 0.0, "TRIM_PITCH": 0.02, "FW_T_SINK_MIN": 2.0, "FW_THR_TRIM": 0.6, "TRIM_ROLL": 0.0,
 }  # fmt: skip
 LOOP = 100.0  #: Hz
-TABLES = 23  #: lines of the gains and trial flights of the page
 THROW = {"elevator": ("pitch", -0.35), "aileron": ("roll", 0.35), "rudder": ("yaw", -0.35)}
 SERVO = "lag = 0.05\ndelay = 0.03\n"
-PAGE = Path(__file__).parents[3] / "docs" / "tune.md"
 Done = Callable[..., str]
 Refused = Callable[..., str]
 
@@ -207,44 +205,32 @@ def test_the_closed_loops_of_a_log(with_servos: FittedModel, tmp_path: Path, don
     assert not (tmp_path / "tuned").exists()
 
 
-def alike(shown: list[str], printed: list[str], rel: float) -> None:
-    """Check that two tables hold the same words, and numbers that are alike."""
-    assert len(shown) == len(printed)
-    for line, found in zip(shown, printed, strict=True):
-        for word, other in zip(line.split(), found.split(), strict=True):
-            assert word == other or float(word) == pytest.approx(float(other), rel=rel), (line, found)
-
-
 def test_a_proposal_and_the_physics_beside_it(with_servos: FittedModel, tmp_path: Path, done: Done) -> None:
-    """Printed as on the page of the documentation, with the reason where the model does not tell; the flown values lead back."""
-    gains, page = write(FLOWN | PHYSICS, tmp_path / "gains.parm"), PAGE.read_text(encoding="utf-8")
+    """Files at shares of the way from the gains that flew, whose last step leads back to the flown values."""
+    gains = write(FLOWN | PHYSICS, tmp_path / "gains.parm")
     with_servos.save(tmp_path / "result")
-    command = f"tune {tmp_path / 'result'} {gains} --airspeed 33:38"
-    printed = done(f"{command} -o {tmp_path / 'tuned'}")
-    shown, said = (text.partition("Proposed gains\n")[2].splitlines()[:TABLES] for text in (page, printed))
-    alike(shown, said, 0.02)
-    title = "Parameters that are physics\nparameter"
-    alike(*(text.partition(title)[2].splitlines()[1:6] for text in (page, printed)), 0.1)
-    assert "FW_YR_P and FW_YR_I: at 10 times the value that flew" in printed
+    command = f"tune {tmp_path / 'result'} {gains} --airspeed 33:38 -o {tmp_path / 'tuned'}"
+    printed = done(command)
+    for words in (
+        "Proposed gains",
+        "Parameters that are physics",
+        "FW_YR_P and FW_YR_I: at 10 times the value that flew",
+    ):
+        assert words in printed
     full, quarter, before = (
         read_parameters(tmp_path / "tuned" / f"gains-{step}.params") for step in ("100", "25", "flown")
     )
     rates = {n for n in FLOWN if n.startswith(("FW_RR", "FW_PR", "FW_YR"))} - {"FW_YR_FF"}
     assert rates <= set(full)
+    assert full["FW_PR_P"] > FLOWN["FW_PR_P"]
     assert quarter["TRIM_PITCH"] == pytest.approx(0.055, abs=1e-3)
-    known_physics = ("FW_PSP_OFF", "TRIM_PITCH", "FW_T_SINK_MIN")
+    known_physics = {"FW_PSP_OFF", "TRIM_PITCH", "FW_T_SINK_MIN"}
     assert {n: before[n] for n in quarter.keys() & PHYSICS.keys()} == {n: PHYSICS[n] for n in known_physics}
     html = (tmp_path / "tuned" / "tuning.html").read_text(encoding="utf-8")
-    for words in (
-        "Nichols plot of the pitch loop", "Over the airspeed, proposed", "Trial flights", "FW_PR_P",
-        "Parameters that are physics", "FW_THR_TRIM: not from this model; the thrust is not modeled over a throttle",
-    ):  # fmt: skip
+    missing = "FW_THR_TRIM: not from this model; the thrust is not modeled over a throttle"
+    for words in ("Nichols plot of the pitch loop", "Over the airspeed, proposed", "Trial flights", missing):
         assert words in html
-    assert main([*command.split(), "-o", str(tmp_path / "tuned")]) == 2
-    rows = json.loads(done(f"{command} --json --draws 100"))["physics"]
-    assert tuple(row["parameter"] for row in rows) == known_physics
-    units = with_servos.tune(FLOWN | PHYSICS, draws=100).physics.to_dataframe()["unit"]
-    assert list(units) == ["deg", "1", "m/s"]
+    assert main(command.split()) == 2, "files are not written over"
 
 
 def test_what_speaks_against_a_proposal_leaves_no_file(

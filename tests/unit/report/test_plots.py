@@ -79,15 +79,6 @@ def test_twenty_series_all_look_different_and_are_named() -> None:
     assert len({re.sub("-0", "", dash) for dash in dashes}) == 20
 
 
-def test_points_of_different_rounds_differ_in_shape() -> None:
-    some = [Series(f"s{i}", np.ones(1), np.ones(1), "points") for i in range(17)]
-    html = plot(some, "x", "y", "d")
-    spots = {
-        (e.tag, e.get("style")) for e in tree(html).iter() if e.get("r") == "3.5" or e.get("width") == "7"
-    }
-    assert len(spots) == 17
-
-
 def test_hardly_any_data_and_a_range_that_is_no_interval_still_make_a_drawing() -> None:
     for values in ([], [np.nan], [np.inf, 1.0], [3.0], [0.0, 0.0], [-1.0, 0.0], [1e300, 0.0]):
         array = np.array(values)

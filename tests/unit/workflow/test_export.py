@@ -121,16 +121,3 @@ def test_gusts_that_were_estimated_stay_behind_with_what_is_known_of_them(gusty:
     assert any("is not exported: the simulator" in note for note in made.notes)
     assert [m.loaded for m in model.maneuvers] == [False, True]
     assert model.maneuvers[1].vehicle.value("mass.mass") == 190.0
-
-
-def test_what_is_to_be_set_is_there_to_be_set() -> None:
-    """Every property that the note names is declared in the aircraft, whatever drives it."""
-    example = Path(__file__).parents[3] / "examples" / "vtail.toml"
-    made = export(model_data(model_or_vehicle(example)), "jsbsim")
-    (note,) = [note for note in made.notes if note.startswith("To be set in flight: ")]
-    named = [one.split()[0].rstrip(".") for one in note.partition(": ")[2].split(", ")]
-    channels = ("control_roll", "control_pitch", "control_yaw", "control_throttle", "density")
-    assert set(named) == {f"stoop/channel/{c}" for c in channels}
-    aircraft = next(text for text in made.files.values() if b"fdm_config" in text).decode()
-    for place in named:
-        assert f">{place}</property>" in aircraft
