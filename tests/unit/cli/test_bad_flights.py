@@ -29,10 +29,8 @@ CRUISE = "rate = 100.0\nduration = 10.0\nairspeed = 35.0\n" + "".join(
     )
 )
 FLOWN = {"quad": ("quad-x", HOVER), "twin": ("twin-boom", CRUISE)}
-RATES, ANGLES, FORCE = ("p", "q", "r"), ("phi", "theta", "psi"), ("ax", "ay", "az")
-WHOLE = {
-    names: "variables.{}, variables.{} and variables.{}".format(*names) for names in (RATES, ANGLES, FORCE)
-}
+RATES, FORCE = ("p", "q", "r"), ("ax", "ay", "az")
+WHOLE = {names: "variables.{}, variables.{} and variables.{}".format(*names) for names in (RATES, FORCE)}
 MOTORS = tuple(f"motor_{n}" for n in range(1, 5))
 G = 1 / STANDARD_GRAVITY
 Columns = dict[str, np.ndarray]
@@ -96,11 +94,7 @@ def said(cli: Cli, command: str) -> str:
         ("quad", ("q",), 1.0, "deg/s", 'write unit = "rad/s" for variables.q in x.csv.toml'),
         ("twin", ("r",), 1 / DEGREE, "rad/s", 'write unit = "deg/s" for variables.r in x.csv.toml'),
         ("quad", ("phi",), 1.0, "deg", 'write unit = "rad" for variables.phi in x.csv.toml'),
-        ("twin", ("phi",), 1 / DEGREE, "rad", 'write unit = "deg" for variables.phi in x.csv.toml'),
-        ("quad", RATES, 1.0, "deg/s", f'write unit = "rad/s" for {WHOLE[RATES]} in x.csv.toml'),
         ("quad", RATES, 1 / DEGREE, "rad/s", f'write unit = "deg/s" for {WHOLE[RATES]} in x.csv.toml'),
-        ("quad", ANGLES, 1.0, "deg", f'write unit = "rad" for {WHOLE[ANGLES]} in x.csv.toml'),
-        ("quad", ("az",), G, "m/s2", 'write unit = "g" for variables.az in x.csv.toml'),
         ("twin", FORCE, G, "m/s2", f'write unit = "g" for {WHOLE[FORCE]} in x.csv.toml'),
         ("quad", ("p",), -1.0, "rad/s", "write scale = -1 for variables.p in x.csv.toml"),
     ],
