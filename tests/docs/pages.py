@@ -32,11 +32,15 @@ class Table:
         return [row[self.head.index(name)] for row in self.rows]
 
 
+def fences(page: Path) -> list[tuple[str, str]]:
+    """Return language and content of all fenced blocks, in order."""
+    text = page.read_text(encoding="utf-8")
+    return re.findall(r"^```(\w+)\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
+
+
 def blocks(page: Path, language: str) -> list[str]:
     """Return the fenced blocks of a language."""
-    return re.findall(
-        rf"^```{language}\n(.*?)^```", page.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL
-    )
+    return [content for kind, content in fences(page) if kind == language]
 
 
 def commands(page: Path) -> list[str]:
@@ -66,7 +70,8 @@ def table(page: Path, heading: str, *head: str) -> Table:
 
 def _parts(text: str) -> Iterator[str | list[tuple[str, ...]]]:
     rows: list[tuple[str, ...]] = []
-    for line in [*re.sub(r"^```.*?^```", "", text, flags=re.MULTILINE | re.DOTALL).splitlines(), ""]:
+    shown = re.sub(r"^```.*?^```|^<!--.*?-->", "", text, flags=re.MULTILINE | re.DOTALL)
+    for line in [*shown.splitlines(), ""]:
         if line.startswith("|"):
             rows.append(tuple(_bare(cell) for cell in line.strip().strip("|").split("|")))
         elif rows:
@@ -81,18 +86,11 @@ def _bare(cell: str) -> str:
     return text[1:-1] if re.fullmatch(r"`[^`]*`", text) else text
 
 
-def links(page: Path) -> list[str]:
-    """Return the targets of links and pictures that lie in the repository, without their anchors."""
-    targets = re.findall(r"\]\(([^)\s]+)\)", page.read_text(encoding="utf-8"))
-    local = [t.partition("#")[0] for t in targets if "://" not in t]
-    return [t for t in local if t]
-
-
-def run_python(page: Path, folder: Path) -> str:
-    """Run the first Python block of a page in a folder, as its reader would; return what it prints."""
-    block = blocks(page, "python")[0]
+def run_python(page: Path, folder: Path, block: int = 0) -> str:
+    """Run a Python block of a page in a folder, as its reader would; return what it prints."""
+    code = blocks(page, "python")[block]
     done = subprocess.run(
-        [sys.executable, "-c", block], cwd=folder, capture_output=True, text=True, check=False
+        [sys.executable, "-c", code], cwd=folder, capture_output=True, text=True, check=False
     )
-    assert done.returncode == 0, done.stderr
+    assert done.returncode == 0, f"{page.name}: {done.stderr}"
     return done.stdout

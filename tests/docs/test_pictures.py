@@ -20,62 +20,40 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from pictures import flights, registry, rotors, turbulence
 from pictures.sketch import PALETTES, STYLE, plots
 
+from stoop.vehicle.builtin import resolve_vehicle
+
 SHOWN = re.compile(r"^```\{picture\} (\S+)\n((?::[^\n]*\n)*)(.*?)^```", re.MULTILINE | re.DOTALL)
 
 
-def shown() -> list[tuple[str, str, str, str]]:
-    """Return page, name, options and caption of each picture on a page."""
-    return [
-        (page.name, *found)
-        for page in sorted(DOCS.glob("*.md"))
-        for found in SHOWN.findall(page.read_text("utf-8"))
-    ]
+def test_every_picture_is_on_a_page_with_a_caption_and_a_text() -> None:
+    shown = [found for page in sorted(DOCS.glob("*.md")) for found in SHOWN.findall(page.read_text("utf-8"))]
+    known = registry.pictures()
+    explained = {n for n, options, _ in shown if ":bare:" not in options or n.startswith("door-")}
+    assert {name for name, _, _ in shown} == set(known) == explained
+    assert all(len(p.alternative) > 20 and p.alternative.endswith(".") for p in known.values())
+    assert all(c.strip().endswith((".", ":")) for name, _, c in shown if not name.startswith("door-"))
 
 
-def test_every_picture_is_explained_on_a_page() -> None:
-    found = registry.pictures()
-    explained = {
-        name for _, name, options, _ in shown() if ":bare:" not in options or name.startswith("door-")
-    }
-    assert {name for _, name, _, _ in shown()} == set(found) == explained
-    assert len(found) >= 50
-
-
-def test_every_picture_has_a_caption_and_a_text_for_those_who_do_not_see_it() -> None:
-    assert all(len(p.alternative) > 20 and p.alternative.endswith(".") for p in registry.pictures().values())
-    assert all(c.strip().endswith((".", ":")) for _, name, _, c in shown() if not name.startswith("door-"))
-
-
-def test_a_picture_is_drawn_for_light_and_for_dark_pages(tmp_path: Path) -> None:
+def test_a_picture_is_drawn_for_light_and_for_dark_pages_when_it_is_old(tmp_path: Path) -> None:
     one = registry.pictures()["deflection-elevator"]
+    assert one in registry.outdated(tmp_path)
     assert registry.draw(one, tmp_path) == []
+    assert one not in registry.outdated(tmp_path)
     light, dark = ((tmp_path / name).read_text("utf-8") for name in one.files())
     back = dict(zip(PALETTES["dark"].values(), PALETTES["light"].values(), strict=True))
     assert light != dark
+    assert len(back) == len(PALETTES["light"]), "a color has one purpose"
     assert re.sub(r"#[0-9a-f]{6}", lambda m: back.get(m[0], m[0]), dark) == light
     again = tmp_path / "again"
     again.mkdir()
     registry.draw(one, again)
     assert (again / one.files()[0]).read_text("utf-8") == light  # no dates, no random identifiers
-
-
-@pytest.mark.parametrize("theme", ["light", "dark"])
-def test_a_color_has_one_purpose(theme: str) -> None:
-    assert len(set(PALETTES[theme].values())) == len(PALETTES[theme])
-    assert PALETTES["light"].keys() == PALETTES["dark"].keys()
-
-
-def test_pictures_are_drawn_again_when_their_source_changes(tmp_path: Path) -> None:
-    one = registry.pictures()["deflection-elevator"]
-    assert one in registry.outdated(tmp_path)
-    registry.draw(one, tmp_path)
-    assert one not in registry.outdated(tmp_path)
     for name in one.files():
         os.utime(tmp_path / name, (0.0, 0.0))  # older than everything
     assert one in registry.outdated(tmp_path)
 
 
-def test_texts_on_each_other_or_beyond_the_edge_are_said() -> None:
+def test_texts_on_each_other_or_beyond_the_edge_are_named() -> None:
     with rc_context(STYLE):
         figure, axes = plots(1, 1, 2.0)
         axes.text(0.5, 0.5, "one")
@@ -88,24 +66,20 @@ def test_texts_on_each_other_or_beyond_the_edge_are_said() -> None:
 
 
 def test_sketched_signs_are_those_of_the_simulation() -> None:
-    """Elevator down turns the nose down, aileron right wing down, rudder nose left."""
+    """Elevator down turns the nose down, aileron right wing down, rudder nose left; rotors stand as their file says."""
     for control, rate, sign in (("elevator", "q", -1.0), ("aileron", "p", 1.0), ("rudder", "r", -1.0)):
         flown = flights.flight(0.8, (control, "pulse", 0.2, 2.0, 0.03), noise=False)
         assert sign * flown.column(rate)[-1] > 0.01
-
-
-def test_rotors_stand_where_their_file_says() -> None:
-    from stoop.vehicle.builtin import resolve_vehicle
-
     assert rotors.hubs(resolve_vehicle("quad-x"))["m1"] == (0.177, 0.177)  # front right
     change = rotors.shares(resolve_vehicle("quad-x"))
     assert (np.sign(change).T == [[-1, 1, 1, -1], [1, -1, 1, -1], [1, 1, -1, -1], [1, 1, 1, 1]]).all()
 
 
-@pytest.mark.parametrize("axis", ["u", "w"])
-def test_gusts_of_the_equations_have_the_spectra_of_the_standard(axis: str) -> None:
+def test_gusts_of_the_equations_have_the_spectra_of_the_standard() -> None:
     speed, found = turbulence.filters()
-    A, b = found[axis]
-    for omega in np.logspace(-4.0, 0.0, 9):
-        H = turbulence.SUM[axis] @ np.linalg.solve(1j * speed * omega * np.eye(len(b)) - A, b)
-        assert abs(H) ** 2 * speed / np.pi == pytest.approx(turbulence.dryden(axis, omega), rel=1e-6)
+    for axis in "uw":
+        A, b = found[axis]
+        for omega in np.logspace(-4.0, 0.0, 9):
+            H = turbulence.SUM[axis] @ np.linalg.solve(1j * speed * omega * np.eye(len(b)) - A, b)
+            expected = turbulence.dryden(axis, omega)
+            assert abs(H) ** 2 * speed / np.pi == pytest.approx(expected, rel=1e-6)

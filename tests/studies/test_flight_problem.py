@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from stoop import optimize
-from stoop.errors import FlightError, IdentificationError, VehicleError
 from stoop.flight.load import save
 from stoop.optimize.problem import forward_jacobian
 from stoop.simulation.fly import simulate_flight
@@ -17,7 +15,7 @@ from stoop.simulation.maneuver import parse_maneuver
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop.workflow.demo import MANEUVER
 from stoop_studies.problems import Posed, pose
-from stoop_studies.problems.flight import REACH, Joined
+from stoop_studies.problems.flight import Joined
 
 FREE = ("CLalpha", "Cmalpha", "Cmelevator")
 
@@ -77,16 +75,6 @@ def test_cost_is_that_of_the_problem_apart(posed: Posed) -> None:
     assert costs == pytest.approx(np.sum(apart.residuals(problem.split(X), full) ** 2, axis=1))
 
 
-def test_the_box_reaches_five_prior_deviations_to_either_side(posed: Posed) -> None:
-    problem = joined(posed)
-    ends = problem.split(np.array([np.zeros(problem.dimension), np.ones(problem.dimension)]))
-    assert ends[:, problem.problem.dimension :] == pytest.approx(
-        np.outer([-REACH, REACH], np.ones(problem.problem.extra))
-    )
-    z = np.random.default_rng(1).uniform(0.0, 1.0, problem.dimension)
-    assert problem.join(problem.split(z[None])[0]) == pytest.approx(z)
-
-
 def test_jacobian_is_the_difference_quotient(posed: Posed) -> None:
     problem = joined(posed)
     z = np.full(problem.dimension, 0.52)
@@ -98,17 +86,6 @@ def test_jacobian_is_the_difference_quotient(posed: Posed) -> None:
     assert spent < most  # an initial state is flown on its own window only
 
 
-def test_values_are_physical(posed: Posed) -> None:
-    problem = joined(posed)
-    center = posed.values(np.full(problem.dimension, 0.5))
-    lower, width = problem.problem.layout.lower, problem.problem.layout.width
-    assert center[: problem.problem.dimension] == pytest.approx(lower + 0.5 * width)
-    assert center[problem.problem.dimension :] == pytest.approx(
-        [n.center for n in problem.problem.layout.nuisances]
-    )
-    assert "V of maneuver 2" in posed.parameters
-
-
 def test_the_default_gets_there_blind_and_near_the_truth(posed: Posed) -> None:
     stop = optimize.Stop(budget=20_000.0, target_cost=posed.target)
     outcome = optimize.minimize(optimize.create(), posed.problem, seed=7, stop=stop)
@@ -117,29 +94,3 @@ def test_the_default_gets_there_blind_and_near_the_truth(posed: Posed) -> None:
     truth = resolve_vehicle("twin-boom")
     for name in FREE:
         assert found[name] == pytest.approx(truth.value(name), rel=0.05)
-
-
-def test_the_seed_is_the_searchs_alone(files: dict[str, object], posed: Posed) -> None:
-    assert pose("flight", 99, **files) is posed
-
-
-@pytest.mark.parametrize(
-    ("change", "error", "words"),
-    [
-        ({"maneuvers": None}, IdentificationError, "needs maneuvers"),
-        ({"loudness": "3"}, IdentificationError, "knows no loudness"),
-        ({"vehicle": "nowhere.toml"}, VehicleError, "nowhere.toml"),
-        ({"maneuvers": ["9:0"]}, FlightError, "before"),
-    ],
-)
-def test_bad_input(files: dict[str, object], change: dict[str, object], error: type, words: str) -> None:
-    arguments = {k: v for k, v in {**files, **change}.items() if v is not None}
-    with pytest.raises(error, match=words) as refusal:
-        pose("flight", 1, **arguments)
-    assert "\n" not in str(refusal.value)
-
-
-def test_two_flights_of_one_name(files: dict[str, object], tmp_path: Path) -> None:
-    log = str(files["flight"])
-    with pytest.raises(FlightError, match="same name"):
-        pose("flight", 1, **{**files, "flight": [log, log]})

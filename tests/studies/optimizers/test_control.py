@@ -5,14 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from stoop_studies.optimizers.mutation import ByCost, Fixed, Signed
-
-
-def test_fixed_is_fixed_and_draws_nothing() -> None:
-    generator = np.random.default_rng(0)
-    before = generator.bit_generator.state
-    assert Fixed(0.6, 0.9).sample(None, np.ones(4), generator) == (0.6, 0.9)
-    assert generator.bit_generator.state == before
+from stoop_studies.optimizers.mutation import ByCost, Signed
 
 
 def test_signed_scales_are_uniform_in_size_and_of_either_sign() -> None:
@@ -34,15 +27,3 @@ def test_rates_by_cost_equal_their_naive_twin() -> None:
         expected.append(0.1 + 0.5 * place if f > sum(finite) / 4 else 0.1)
     assert scale == 0.9
     assert rates[:, 0].tolist() == pytest.approx(expected)
-
-
-@pytest.mark.parametrize("F", [np.full(5, np.inf), np.full(5, 3.0), np.zeros(5)])
-def test_rates_by_cost_of_costs_that_say_nothing(F: np.ndarray) -> None:
-    _, rates = ByCost(0.9, 0.1, 0.6).sample(None, F, np.random.default_rng(0))
-    assert ((rates >= 0.1) & (rates <= 0.6)).all()
-
-
-@pytest.mark.parametrize("control", [Fixed(), Signed(), ByCost()])
-def test_these_controls_remember_nothing(control: Fixed | Signed | ByCost) -> None:
-    assert control.begin() is None
-    assert control.learn(None, 0.5, 0.9, np.ones(7), np.zeros(7)) is None

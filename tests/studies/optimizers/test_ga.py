@@ -12,7 +12,7 @@ from pymoo.core.problem import Problem
 
 from stoop import optimize
 from stoop.optimize.state import RandomStream
-from stoop_studies.optimizers.ga import GeneticAlgorithm, Polynomial, SimulatedBinary, repeated, tournament
+from stoop_studies.optimizers.ga import GeneticAlgorithm, SimulatedBinary
 
 
 def coarse(X: np.ndarray) -> np.ndarray:
@@ -50,16 +50,6 @@ def test_members_are_those_of_pymoo_to_the_last_bit(cost: Any) -> None:
     assert ours.trajectories == reference.evaluator.n_eval
 
 
-def test_children_keep_their_parents_mean_and_stay_in_the_box() -> None:
-    generator = np.random.default_rng(0)
-    parents = generator.random((2, 4000, 3))
-    children = SimulatedBinary(mated=1.0, crossed=1.0)(parents, generator)
-    assert ((children >= 0.0) & (children <= 1.0)).all()
-    inner = (np.abs(parents - 0.5) < 0.2).all(axis=0)  # far from the bounds the two spreads are the same
-    difference = (children.mean(axis=0) - parents.mean(axis=0))[inner]
-    assert np.abs(difference).max() < 1e-3
-
-
 def test_spread_of_children_has_the_published_distribution() -> None:
     """P(spread <= 1) is one half without bounds; far from them the spread's median is 1."""
     generator = np.random.default_rng(1)
@@ -69,29 +59,6 @@ def test_spread_of_children_has_the_published_distribution() -> None:
     u = np.array([0.1, 0.3, 0.5, 0.7, 0.9])
     expected = np.where(u <= 0.5, (2 * u) ** (1 / 3), (1 / (2 * (1 - u))) ** (1 / 3))
     assert np.quantile(spread, u) == pytest.approx(expected, rel=0.02)
-
-
-def test_mutation_moves_one_variable_in_d_and_stays_in_the_box() -> None:
-    generator = np.random.default_rng(2)
-    children = generator.random((20_000, 10))
-    mutants = Polynomial(mutated=1.0)(children, generator)
-    assert ((mutants >= 0.0) & (mutants <= 1.0)).all()
-    assert (mutants != children).mean() == pytest.approx(0.1, rel=0.03)
-    spared = Polynomial(mutated=0.0)(children, generator)
-    assert (spared == children).all()
-
-
-def test_tournament_lets_the_better_of_each_pair_win() -> None:
-    F = np.arange(50.0)
-    winners = tournament(F, 50, np.random.default_rng(3))
-    # over two permutations every member meets two others: the best wins twice, the worst never
-    counts = np.bincount(winners, minlength=50)
-    assert (counts[0], counts[49], counts.sum()) == (2, 0, 50)
-
-
-def test_repeated_members_are_found() -> None:
-    new = np.array([[0.1, 0.2], [0.3, 0.4], [0.1, 0.2], [0.5, 0.6]])
-    assert repeated(new, np.array([[0.5, 0.6]]), np.empty((0, 2))).tolist() == [False, False, True, True]
 
 
 def test_a_flat_cost_ends_without_a_child_too_many() -> None:

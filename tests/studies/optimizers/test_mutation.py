@@ -4,18 +4,13 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from stoop import optimize
-from stoop.errors import IdentificationError
-from stoop.optimize.population import binomial, midpoint
-from stoop_studies.optimizers.compositions import ps_gde
-from stoop_studies.optimizers.evolution import Islands, clip
+from stoop_studies.optimizers.evolution import Islands
 from stoop_studies.optimizers.mutation import (
     ScaledByCost,
     Trigonometric,
@@ -24,11 +19,9 @@ from stoop_studies.optimizers.mutation import (
     localized,
     ordered,
     rand_1,
-    ranked,
     unordered,
     weighted_centroid,
 )
-from stoop_studies.problems import pose
 
 SEEDS = st.integers(0, 2**32 - 1)
 OPERATORS = [
@@ -41,42 +34,6 @@ Twin = Callable[[np.ndarray, np.ndarray, np.ndarray, int], np.ndarray]
 def _population(seed: int, n: int = 12, d: int = 4) -> tuple[np.ndarray, np.ndarray]:
     generator = np.random.default_rng(seed)
     return generator.random((n, d)), 5.0 * generator.random(n)
-
-
-@settings(deadline=None)
-@given(SEEDS, st.integers(6, 40), st.integers(1, 4))
-def test_distinct_indices_differ_from_each_other_and_the_parent(seed: int, n: int, k: int) -> None:
-    picks = distinct(n, k, np.random.default_rng(seed))
-    for i, column in enumerate(picks.T.tolist()):
-        assert len({i, *column}) == k + 1
-        assert all(0 <= j < n for j in column)
-
-
-def lost(X: np.ndarray, F: np.ndarray, scale: float, generator: np.random.Generator) -> None:
-    """Forget to return the mutants."""
-
-
-def undefined(X: np.ndarray, F: np.ndarray, scale: float, generator: np.random.Generator) -> np.ndarray:
-    return np.where(np.arange(X.size).reshape(X.shape) == 3, np.nan, X)
-
-
-@pytest.mark.parametrize(
-    ("mutation", "name"),
-    [
-        (lost, "lost"),
-        (undefined, "undefined"),
-        (lambda X, F, scale, generator: X[:-1], "<lambda>"),
-        (lambda X, F, scale, generator: X.tolist(), "<lambda>"),
-        (lambda X, F, scale, generator: X + np.inf, "<lambda>"),
-        (lambda X, F, scale, generator: X + 1j, "<lambda>"),
-    ],
-)
-def test_a_mutation_of_no_numbers_is_refused_by_its_name(mutation: Any, name: str) -> None:
-    posed = pose("bbob-01", 1)
-    with pytest.raises(
-        IdentificationError, match=f"^mutation {name}: what it returned is no array of finite"
-    ):
-        optimize.minimize(ps_gde(mutation=mutation), posed.problem, seed=1, stop=optimize.Stop(5))
 
 
 def test_distinct_indices_are_uniform() -> None:
@@ -116,11 +73,6 @@ def test_paper_mutations_equal_their_naive_twins(operator: object, twin: object,
     picks = distinct(len(X), k, np.random.default_rng(8))
     naive = np.array([[twin(X, F, picks, i, j) for j in range(X.shape[1])] for i in range(len(X))])
     assert mutants == pytest.approx(naive, rel=1e-14)
-
-
-def test_ranked_puts_infinite_costs_last() -> None:
-    F = np.array([np.inf, 2.0, 1.0, np.inf, 3.0])
-    assert ranked(np.array([[0], [4], [2]]), F)[:, 0].tolist() == [2, 4, 0]
 
 
 def _unordered(X: np.ndarray, F: np.ndarray, picks: np.ndarray, i: int) -> np.ndarray:
@@ -175,52 +127,6 @@ def test_trigonometric_mutation_is_the_published_formula() -> None:
         step = (p2 - p1) * (X[a] - X[b]) + (p3 - p2) * (X[b] - X[c]) + (p1 - p3) * (X[c] - X[a])
         expected = (X[a] + X[b] + X[c]) / 3 + step if chosen[i] else X[c] + 0.7 * (X[a] - X[b])
         assert mutants[i] == pytest.approx(expected, rel=1e-12)
-
-
-def test_a_trigonometric_mutant_leans_towards_the_cheapest_pick() -> None:
-    X, F = np.eye(4)[:4], np.array([9.0, 9.0, 9.0, 0.1])
-    mutants = Trigonometric(1.0)(X, F, 0.7, np.random.default_rng(0))
-    assert (mutants[:3].argmax(axis=1) == 3).all()
-
-
-@settings(deadline=None)
-@given(
-    st.sampled_from(OPERATORS),
-    SEEDS,
-    st.integers(6, 50),
-    st.integers(1, 12),
-    st.sampled_from([0.0, 0.3, 1.0]),
-    st.booleans(),
-)
-def test_every_mutation_keeps_shape_and_stays_finite(
-    operator: Twin, seed: int, n: int, d: int, diverged: float, collapsed: bool
-) -> None:
-    """Whatever the costs: some or all infinite, or all the same."""
-    X, F = _population(seed, n, d)
-    F = np.full(n, 2.0) if collapsed else F
-    F[np.random.default_rng(seed).random(n) < diverged] = np.inf
-    before = X.copy(), F.copy()
-    mutants = operator(X, F, 0.7, np.random.default_rng(seed))
-    again = operator(X, F, np.full((n, 1), 0.7), np.random.default_rng(seed))
-    assert mutants.shape == (n, d)
-    assert np.isfinite(mutants).all()
-    assert (mutants == again).all()
-    assert (before[0] == X).all()
-    assert (before[1] == F).all()
-    for mend in (clip, midpoint):
-        inside = mend(mutants, X)
-        assert ((inside >= 0.0) & (inside <= 1.0)).all()
-
-
-@settings(deadline=None)
-@given(SEEDS, st.integers(6, 50), st.integers(1, 12), st.floats(0.0, 1.0))
-def test_crossover_takes_at_least_one_and_nothing_foreign(seed: int, n: int, d: int, rate: float) -> None:
-    X, _ = _population(seed, n, d)
-    rates = np.full((n, 1), rate)
-    T = binomial(X, X + 2.0, rates, np.random.default_rng(seed))
-    assert (binomial(X, X + 2.0, rate, np.random.default_rng(seed)) == T).all()
-    assert ((T == X) | (T == X + 2.0)).all()
-    assert ((T == X + 2.0).sum(axis=1) >= 1).all()
 
 
 @settings(deadline=None)

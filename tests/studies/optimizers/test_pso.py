@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from naive import swarm
-from naive.landscapes import Only, ellipsoid, rastrigin, sphere
+from naive.landscapes import Only, rastrigin
 
 from stoop import optimize
-from stoop.optimize.state import RandomStream
 from stoop_studies.optimizers.pso import CHI, FASTEST, ParticleSwarm
 
 
@@ -43,19 +42,3 @@ def test_particles_stay_in_the_box_and_below_the_largest_velocity() -> None:
         assert np.abs(state.V).max() <= FASTEST
     assert problem.outside <= 0.0
     assert state.B[state.F.argmin()].tolist() == [1.0] * 4
-
-
-@pytest.mark.parametrize("cost", [sphere, ellipsoid])
-def test_a_smooth_valley_is_descended_by_every_seed(cost: object) -> None:
-    stop = optimize.Stop(generations=600, target_cost=1e-10)
-    for seed in range(5):
-        outcome = optimize.minimize(ParticleSwarm(), Only(cost, 5), seed=seed, stop=stop)
-        assert outcome.status == "target"
-
-
-def test_own_values_take_the_first_places() -> None:
-    problem = Only(sphere, 3)
-    starts = np.array([[0.1, 0.2, 0.9], [2.0, -1.0, 0.5]])
-    state = ParticleSwarm().init(problem, 0, starts)
-    assert state.X[:2].tolist() == [[0.1, 0.2, 0.9], [1.0, 0.0, 0.5]]
-    assert state.stream != RandomStream.from_seed(0)

@@ -8,7 +8,7 @@ import pytest
 from stoop.errors import IdentificationError
 from stoop.workflow.demo import TABLE_1
 from stoop_studies.problems import pose
-from stoop_studies.problems.paper import NAMES, NEAR, SIGMA, paper
+from stoop_studies.problems.paper import NEAR, paper
 
 EXPERIMENT = dict(
     zip(TABLE_1, (0.06, 0.43, 0.385, 4.78, 10.47, 0.201, 0.194, -2.12, -47.6, -0.8), strict=True)
@@ -45,22 +45,8 @@ def test_few_sensors_leave_the_others_out() -> None:
     assert (np.abs(residuals).sum(axis=0) > 0.0).tolist() == [True, False, True, True, False, False]
 
 
-def test_every_name_can_be_posed() -> None:
-    assert len(NAMES) == 16
-    for name in NAMES:
-        posed = pose(name, 0)
-        assert 0.0 < posed.target < posed.reference
-    assert SIGMA.tolist() == [0.3, 0.005, 0.005, 0.005, 0.05, 0.10]
-
-
 def test_unknown_arguments_are_refused() -> None:
     with pytest.raises(IdentificationError, match="paper-N: knows no flight; leave it out"):
         pose("paper-N", 0, flight="x")
     with pytest.raises(IdentificationError, match="lateral: knows no flight, wind; leave it out"):
         pose("lateral", 0, wind="x", flight="y")
-
-
-@pytest.mark.parametrize("name", ["lateral", "longitudinal-full+noise"])
-def test_unknown_boxes_are_refused(name: str) -> None:
-    with pytest.raises(IdentificationError, match=r"^box Q: there is none of that name; use N, S or W$"):
-        pose(name, 0, box="Q")

@@ -5,9 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from stoop.workflow.demo import TABLE_1
 from stoop_studies.problems import pose
-from stoop_studies.problems.paper import paper
 from stoop_studies.reproduce import lateral, longitudinal
 from stoop_studies.reproduce.suite import bound_deviations, unit_deviations
 
@@ -28,34 +26,6 @@ def test_expected_terms_of_a_constant_power_propeller_are_those_of_the_trim() ->
     assert wanted["CmV"] == 0.0
 
 
-@pytest.mark.parametrize(("name", "least"), [("V terms free", 1.0), ("propeller known", 1e-6)])
-def test_models_of_the_propulsion(name: str, least: float) -> None:
-    (told,) = longitudinal.work({"model": name, "noise": False, "seed": 1}, [None])
-    assert told["status"] == "converged"
-    assert (told["cost"] > least) == (name == "V terms free"), "only the true model is exact"
-    wanted = longitudinal.expected()
-    if name == "V terms free":
-        assert told["values"]["CDV"] == pytest.approx(wanted["CDV"], rel=0.1)
-    else:
-        assert told["values"]["CLalpha"] == pytest.approx(4.78, rel=1e-6)
-
-
-@pytest.mark.parametrize("model", lateral.MODELS)
-def test_no_bound_hides_how_far_a_wrong_model_is_off(model: str) -> None:
-    (told,) = lateral.work({"case": "all", "model": model, "noise": False, "seed": 0}, [None])
-    names = [n for n in told["values"] if n in lateral.LATERAL]
-    _inside(np.array([told["values"][n] for n in names]), *lateral.bounds(names, 0))
-
-
-def test_nor_without_the_v_terms() -> None:
-    (told,) = longitudinal.work({"model": "V terms zero", "noise": False, "seed": 0}, [None])
-    _inside(np.array([told["values"][n] for n in TABLE_1]), *longitudinal.bounds(TABLE_1, 0))
-
-
-def _inside(values: np.ndarray, low: np.ndarray, high: np.ndarray) -> None:
-    assert (np.minimum(values - low, high - values) > 1e-3 * (high - low)).all()
-
-
 def test_biases_are_added_to_their_channels_only() -> None:
     difference = lateral.measured("beta", 0, noise=False) - lateral.truth().measured(0, noise=False)
     outputs = lateral.truth().vehicle.outputs
@@ -65,16 +35,6 @@ def test_biases_are_added_to_their_channels_only() -> None:
     assert dict(zip(outputs, every[7], strict=True)) == pytest.approx(
         dict.fromkeys(outputs, 0.0) | lateral.BIASES
     )
-
-
-def test_freed_biases_are_found_and_the_coefficients_with_them() -> None:
-    (told,) = lateral.work({"case": "all", "model": "biases free", "noise": False, "seed": 2}, [None])
-    for channel, bias in lateral.BIASES.items():
-        assert told["values"][f"sensors.{channel}.bias"] == pytest.approx(bias, rel=1e-3), (
-            "a weak prior pulls a little"
-        )
-    for name in lateral.OTHERS:
-        assert told["values"][name] == pytest.approx(lateral.truth().vehicle.value(name), rel=0.01), name
 
 
 def test_the_bound_does_not_depend_on_the_box() -> None:
@@ -98,11 +58,3 @@ def test_the_bound_of_a_line_is_that_of_linear_regression() -> None:
             return np.ones((25, 1)), 1.0
 
     assert unit_deviations(Mean(), np.array([0.5])) == pytest.approx([0.2])  # type: ignore[arg-type]
-
-
-def test_a_bound_needs_the_truth() -> None:
-    from dataclasses import replace
-
-    with pytest.raises(ValueError, match="does not know"):
-        bound_deviations(replace(pose("paper-N", 1), truth=None))
-    assert paper().truth.shape == (10,)

@@ -52,18 +52,6 @@ def test_as_it_should_be() -> None:
     ]
 
 
-def test_turned_round() -> None:
-    said = verdicts(
-        made_up(
-            {"GA": 1e-5, "PSO": 0.02, "PS-GDE": 0.03, "default": 0.3},
-            {"GA": 100.0, "PSO": 9000.0, "PS-GDE": None, "default": 60.0},
-        )
-    )
-    assert said[next(k for k in said if k.startswith("Multiple shooting"))] == "holds"
-    assert list(said.values())[:4] == ["does not reproduce", *["does not hold"] * 3]
-    assert said["PS-GDE, with noise: ends at the optimum, to 1e-6 of J, in every run"] == "does not hold"
-
-
 def test_the_real_flight_is_run_with_half_the_seeds_where_its_data_is(tmp_path: Any) -> None:
     there = Setting(runs=5, seed=7, data=tmp_path)
     assert cases(SETTING) == ("clean", "noise")

@@ -2,18 +2,12 @@
 
 from __future__ import annotations
 
-import importlib
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
-from functools import cache
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
-from hypothesis import strategies as st
-from studies.robustness.damage import damaged
-from studies.robustness.drawn_logs import DRAWN
 from studies.robustness.other_readers import (
     AGAIN,
     READERS,
@@ -25,43 +19,12 @@ from studies.robustness.other_readers import (
     plain,
 )
 from studies.robustness.readers import in_this_process
-from studies.robustness.sample_logs import Sample, samples
-from studies.robustness.trials import LISTED, READ, SAME, BrokenPromiseError
+from studies.robustness.trials import LISTED, READ, BrokenPromiseError
 
 from stoop import logs
 from stoop.base.arrays import FloatArray, IntArray
 from stoop.errors import StoopError
 from stoop.logs.recording import Defect, Recording
-
-DAMAGED = ("ulog", "dataflash", "dataflash-text", "csv")  #: whose other reader bears damage
-
-
-@st.composite
-def damaged_logs(draw, name: str) -> Sample:
-    """Draw a damaged log of one file."""
-    sound = draw(st.sampled_from([sample for sample in samples(name) if sample.entry]))
-    other = draw(
-        st.sampled_from([sample for sample in samples(name) if sample.form == sound.form and sample.entry])
-    )
-    content = draw(damaged(sound.files[sound.entry], other.files[other.entry], sound.form))
-    return replace(sound, files={**sound.files, sound.entry: content})
-
-
-def logs_to_compare(name: str) -> st.SearchStrategy[Sample]:
-    """Return the logs of a format to be read twice: drawn from its grammar or damaged."""
-    return DRAWN[name] | damaged_logs(name) if name in DAMAGED else DRAWN[name]
-
-
-@cache
-def prepare() -> None:
-    """Load the other readers once, so that copies of this process need not."""
-    for name in ("pyulog", "pymavlink.DFReader", "scipy.io", "h5py", "pyarrow.parquet"):
-        importlib.import_module(name)
-
-
-def compare_log(folder: Path, name: str, log: Sample) -> str:
-    """Read a log twice and compare."""
-    return compare(name, *log.write(folder))
 
 
 def compare(name: str, path: Path, mapping: Path | None) -> str:
@@ -97,7 +60,7 @@ def compare(name: str, path: Path, mapping: Path | None) -> str:
             raise BrokenPromiseError(f"the stream {key!r} is lost")
     if theirs.arrays:
         compare_arrays(ours, theirs)
-    return LISTED if ours.defects else SAME
+    return LISTED if ours.defects else READ
 
 
 def _is_readable(found: Found) -> bool:

@@ -19,7 +19,6 @@ from html.parser import HTMLParser
 from pathlib import PurePosixPath
 from typing import Any, Final
 
-from hypothesis import strategies as st
 from scipy.io import loadmat
 from studies.robustness.trials import promise
 
@@ -62,16 +61,6 @@ def _several(most: int = 190) -> tuple[str, ...]:
 
 
 SEVERAL: Final = (*_several(), NAMES["formula"])
-MARKS: Final = (
-    *"\"'`<>&%$#@=+-*/\\|;:,.()[]{}!?~^\n\r\t\0\x1b\x7f\x85\u2028\u202e\ufeff",
-    "]]>", "*/", "/*", "--", "//", "end", "%{\n", "...", "${", "{{", "&lt;", "\\n", "\\u0022", "e\u0301",
-)  # fmt: skip
-"""Characters and words that are code in some language."""
-DRAWN: Final = st.lists(
-    st.sampled_from([*NAMES.values()]) | st.sampled_from(MARKS) | st.text(max_size=6), min_size=1, max_size=8
-).map(lambda parts: "".join(parts).encode()[:190].decode(errors="ignore"))
-"""Names of hostile ones, marks and any letters, as long as a vehicle and a file may have."""
-
 STRING: Final = r"\"(?:\\.|[^\"\\\n])*\""
 QUOTED: Final = r"'(?:\\.|[^'\\\n])*'"
 TEXTS: Final[Mapping[str, str]] = {

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from studies.robustness.trials import LIMIT, READ, REFUSED, Ended
+from studies.robustness.trials import READ, REFUSED, Ended
 
 MEMORY: Final = 1_500_000_000  #: bytes of address space
 WALL: Final = 120.0  #: s
@@ -47,7 +47,7 @@ class Run:
         """The outcome: an error of one line, or a result without a complaint."""
         complaints = [line for line in self.errors.splitlines() if line.startswith(ERROR)]
         if self.code == 2 and len(complaints) == 1 and "Traceback" not in self.errors:
-            return Ended(LIMIT if "memory" in complaints[0] else REFUSED, complaints[0])
+            return Ended(REFUSED, complaints[0])
         if self.code == 0 and "Traceback" not in self.errors and not complaints:
             return Ended(READ)
         return Ended("crash" if self.code < 0 else "fault", f"code {self.code}: {self.errors[-600:]}")

@@ -41,7 +41,6 @@ step = 0.3
 amplitude = 0.2
 """
 OUT: Final = "out"  #: where every verb writes
-SEARCH: Final = "search.npz"
 TIMED: Final = ("bounds", "gusts", "run", "sensor_delays")  #: decisions whose seconds are in result.json
 STORES: Final = ".sqlite"  #: ending of stores, which hold what was done in the order in which it was done
 IDENTIFY: Final = ("identify", "sim.nc", "--vehicle", "v.toml", "--maneuver", "0:8")
@@ -55,24 +54,17 @@ COMMANDS: Final[Mapping[str, tuple[str, ...]]] = {
     "compatibility": ("compatibility", "sim.nc", *TO),
     "structure": ("structure", "v.toml", "sim.nc", "--maneuver", "0:8", *TO),
     "maneuvers": ("maneuvers", "sim.nc", *TO),
-    "design": (
-        "design", "v.toml", "--duration", "4", "--evaluations", "4", "--shape", "square", *TO,
-    ),
-    "jsbsim": ("export", "v.toml", "--to", "jsbsim", *TO),
     "state-space": ("export", "model", "--to", "state-space", *TO),
-    "simulink": ("export", "v.toml", "--to", "simulink", *TO),
     "flight": ("simulate", "v.toml", "--maneuver", "m.toml", "-o", f"{OUT}/flight.nc"),
-    "log": ("simulate", "v.toml", "--maneuver", "m.toml", "-o", f"{OUT}/flight.ulg"),
     "table": ("simulate", "v.toml", "--maneuver", "m.toml", "-o", f"{OUT}/flight.csv"),
-    "linearize": ("linearize", "v.toml", "--json", f"{OUT}/linear.json"),
     "map": ("map", "table.csv", "-o", f"{OUT}/map.toml"),
-    "vehicle": ("vehicle", "quad-x", "-o", f"{OUT}/v.toml"),
     "vehicle new": ("vehicle", "new", *DIMENSIONS, "-o", f"{OUT}/v.toml"),
+    "propagate": ("propagate", "model", "--draws", "100", "-o", f"{OUT}/propagation.html"),
+    "derivatives": ("derivatives", "v.toml", "-o", f"{OUT}/derivatives.csv"),
+    "look": ("look", "table.csv", "-o", f"{OUT}/look.html"),
     "compare": (
-        "compare", "--optimizers", "ps-gde-lm,ga", "--problems", "paper-N", "--seeds", "3", "--budget", "300", *TO,
+        "compare", "--optimizers", "ps-gde-lm,de-rand-1-bin", "--problems", "paper-N", "--seeds", "3", "--budget", "300", *TO,
     ),
-    "reproduce": ("reproduce", "noise", "--runs", "1", *TO),
-    "figure": ("reproduce", "figure3", "--runs", "1", *TO),
     "verify": ("verify", "frequency", "--runs", "2", *TO),
 }  # fmt: skip  #: name -> command on the inputs
 

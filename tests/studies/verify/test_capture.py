@@ -3,44 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
-from stoop_studies.findings import Setting
 from stoop_studies.verify import pilots
-from stoop_studies.verify.capture import CASES, EXPERIMENT, NOISE, fly
-from stoop_studies.verify.study import run_key
-
-SETTING = Setting(runs=3)
-
-
-def record(
-    inside: bool = True, error: float = 0.0, stopped: str = "", seconds: float = 20.0
-) -> dict[str, Any]:
-    row = [1.0, 0.1, 1.05 if inside else 2.0, False, True]
-    return {
-        "template": "quad", "mass": 0.1, "delay": 0.2, "stopped": stopped, "seconds": seconds,
-        "late": [[0.2 + error, 0.001, 0.2, False, True]],
-        "numbers": {"rotors.T2": row}, "per_inertia": {}, "predictions": [["phi", 0.1, 0.5, True]], "method": "multiple-shooting",
-        "grade": "usable", "uses": ["simulation"], "needs": {"simulation": [["rotors.T2"]]}, "against": [], "windows": [],
-    }  # fmt: skip
-
-
-def verdicts(one: dict[str, Any]) -> list[bool]:
-    results = {run_key(case, seed): one for case in CASES for seed in SETTING.seeds}
-    return [claim.verdict == "holds" for claim in EXPERIMENT.findings(SETTING, results).claims]
-
-
-def test_claims_turn_with_the_records() -> None:
-    sound = verdicts(record())
-    assert sound[0]
-    assert sound[2:] == [True] * 3 + [True, False, True, True, True]
-    assert not verdicts(record(inside=False))[1]
-    assert not verdicts(record(error=0.02))[2]
-    assert not verdicts(record(seconds=61.0))[4]
-    assert not verdicts(record(stopped="no window"))[0]
+from stoop_studies.verify.capture import NOISE, fly
 
 
 def test_a_log_holds_noisy_poses_and_commands_as_they_were_sent(

@@ -4,43 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
 
 from stoop.fleet.analysis import analyze
 from stoop.fleet.parts import Parts
-from stoop_studies.findings import Setting
 from stoop_studies.verify.fleet import (
     BACK,
-    CASES,
     CHANGED,
-    EXPERIMENT,
-    NOTHING,
     UPDATED,
     Flown,
     drawn,
     least_delay,
 )
-from stoop_studies.verify.study import run_key
 
-SETTING = Setting(runs=3)
 ROTOR = "another propeller, step"
-
-
-def test_only_the_changed_figures_of_one_vehicle_differ() -> None:
-    plain, changed = (drawn(case, np.random.default_rng(0), 3, 60) for case in (NOTHING, ROTOR))
-    moved = changed.table.value - plain.table.value
-    own = np.abs(moved) > 1e-12
-    assert {v for v, x in zip(plain.table.vehicle, own, strict=True) if x} == {CHANGED}
-    assert {f for f, x in zip(plain.table.figure, own, strict=True) if x} == {"share.rotor_1", "hover.lift"}
-    first = min(int(f.rpartition("-")[2]) for f, x in zip(plain.table.flight, own, strict=True) if x)
-    assert first == changed.first
-    serials = changed.parts.exchanges(CHANGED)
-    (begin,) = [new.begin for _, new in serials if new.part == "rotor_1"]
-    begun = changed.table.time[changed.table.flight.index(f"{CHANGED}-{first}")]
-    assert begin == pytest.approx(begun, abs=2.0)
 
 
 def test_a_weak_rotor_is_found_with_its_exchange_and_a_roll_back_is_one() -> None:
@@ -77,22 +56,3 @@ def test_the_least_delay_is_that_of_the_information(monkeypatch: pytest.MonkeyPa
     servo = "servo trim 1 deg, step"
     exchanged, known = least(servo), least(servo, lambda fleet: replace(fleet, parts=Parts(())))
     assert known < exchanged, "what exchanged servos differ by is a doubt"
-
-
-def records(**changed: Any) -> list[bool]:
-    one = {
-        "threshold": 20.0, "false": 0, "told": 1, "found": True, "possible": True, "delay": 5, "least": 5.0, "named": True,
-        "figure": "climb", "back": True, "dated": 0, **changed,
-    }  # fmt: skip
-    results = {run_key(case, seed): one for case in CASES for seed in EXPERIMENT.seeds(case, SETTING)}
-    return [claim.verdict == "holds" for claim in EXPERIMENT.findings(SETTING, results).claims]
-
-
-def test_claims_turn_with_the_records() -> None:
-    assert all(records())
-    kinds = len(CASES) - 2
-    assert not records(told=9)[0]
-    assert sum(map(bool, records(found=False))) == 1 + 2 * kinds + 1
-    assert sum(records(delay=9)) == 1 + 2 * kinds + 1
-    assert sum(records(named=False)) == 1 + 2 * kinds + 1
-    assert not records(dated=3)[-1]

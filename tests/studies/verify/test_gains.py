@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
 
 from stoop.control_laws.table import firmwares
-from stoop.tuning.gain_search import FARTHEST, Design, Specification
+from stoop.tuning.gain_search import Design, Specification
 from stoop.tuning.judgment import commands_of
 from stoop.vehicle.document import with_entries
-from stoop_studies.findings import Setting
 from stoop_studies.verify.autotune import (
     backed_off,
     difference_equation,
@@ -21,55 +19,16 @@ from stoop_studies.verify.autotune import (
 )
 from stoop_studies.verify.gains import (
     CASES,
-    EXPERIMENT,
     NONE,
     OF_CASE,
     STABLE,
-    WAYS,
     conditions_of,
     flown_gains,
     gains,
-    intervals,
     kept,
     lost,
 )
 from stoop_studies.verify.made_up import made_up
-from stoop_studies.verify.study import run_key
-
-SETTING = Setting(runs=20)
-
-
-def record(
-    inside: bool = True, left: float = 0.0, ratio: float = 0.9, against: str = "", lost: bool = False
-) -> dict[str, Any]:
-    own = {"left": left, "ratios": [ratio] * 3}
-    rows = [["roll", "gain margin", 1.0, 2.0, 1.5 if inside else 3.0]]
-    return {
-        "vehicle": 40, "template": "quad", "gusts": "calm", "stopped": "", "grade": "usable",
-        "against": [against] * bool(against), "intervals": rows, "lost": lost, **dict.fromkeys(WAYS, own),
-    }  # fmt: skip
-
-
-def shown(records: list[dict[str, Any]]) -> list[bool]:
-    results = {
-        run_key(case, seed): one for case in CASES for seed, one in zip(SETTING.seeds, records, strict=True)
-    }
-    return [claim.verdict == "holds" for claim in EXPERIMENT.findings(SETTING, results).claims]
-
-
-def test_claims_turn_with_the_results() -> None:
-    good = [record()] * 19
-    assert shown([*good, record(inside=False)]) == [True] * 8
-    assert shown([record(inside=False)] * 20)[0] is False
-    assert shown([*good[:18], *[record(left=-0.1)] * 2])[1] is False
-    assert shown([record(ratio=0.5)] * 20)[2] is False
-    assert shown([*good, record(lost=True)])[3] is False
-
-
-def test_models_that_something_speaks_against_do_not_count_and_stopped_flights_do_no_harm() -> None:
-    refused = record(left=-0.5, ratio=0.1, against="tune-model-not-for-control")
-    stopped = {"vehicle": 40, "template": "quad", "gusts": "calm", "stopped": "no window"}
-    assert shown([*[record()] * 10, *[refused] * 8, record(inside=False), stopped])[1:3] == [True, True]
 
 
 @pytest.mark.parametrize("case", CASES)
@@ -105,41 +64,6 @@ def test_the_truth_by_itself_keeps_what_it_proposes(case: str) -> None:
     if case == "wings":
         reversed_aileron = with_entries(truth, {("controls", "aileron", "mix"): {"control_roll": -0.3}})
         assert lost(reversed_aileron, firmware, best, 0) is True
-
-
-def test_an_axis_without_rejection_is_lowered_itself() -> None:
-    """About pitch nothing rejects disturbances, and when slow the flown gains miss the margins: not roll pays for it."""
-    made, throw = made_up(40 + OF_CASE["wings"][0]), {"elevator": "pitch", "aileron": "roll"}
-    (firmware,) = firmwares({"FW_RR_P": 1.0})
-    truth = with_entries(
-        made.vehicle, {("controls", s, "mix"): {f"control_{a}": 0.3} for s, a in throw.items()}
-    )
-    airspeed = made.vehicle.value("reference.airspeed")
-    values = flown_gains(truth, firmware, airspeed, {}, np.random.default_rng(0))
-    conditions = conditions_of(truth, firmware, values, [0.9 * airspeed, 1.15 * airspeed], 100.0, NONE)
-    own = Design(firmware, values, ("roll", "pitch"), conditions, Specification(), {})
-    best = gains(own)
-    assert best is not None
-    assert best["FW_PR_P"] < values["FW_PR_P"]
-    assert best["FW_RR_P"] > 1.5 * values["FW_RR_P"] / FARTHEST, (
-        "not at the end of its range for the sake of pitch"
-    )
-
-
-def test_an_interval_is_of_the_draws_and_beside_the_truth() -> None:
-    made = made_up(40 + OF_CASE["rotors"][0])
-    (firmware,) = firmwares({"MC_ROLLRATE_P": 1.0})
-    values = flown_gains(made.vehicle, firmware, 0.0, {}, np.random.default_rng(0))
-    drawn = np.array([[made.vehicle.value("mass.mass") * f] for f in np.linspace(0.9, 1.1, 41)])
-    axes = commands_of(made.vehicle, firmware, values).axes
-    many = conditions_of(made.vehicle, firmware, values, [0.0], 100.0, replace(NONE, values=drawn))
-    one = conditions_of(made.vehicle, firmware, values, [0.0], 100.0, NONE)
-    known, spread = (
-        Design(firmware, values, axes, c, Specification(), {}).judged(values)[0] for c in (one, many)
-    )
-    rows = intervals(spread, known)
-    assert {name for _, name, *_ in rows} >= {"gain margin", "phase margin", "crossover"}
-    assert all(low <= value <= high for *_, low, high, value in rows)
 
 
 def test_the_rule_of_px4_fits_a_difference_equation_and_its_gains_fly() -> None:

@@ -12,7 +12,7 @@ import sympy as sp
 from stoop.errors import StoopError
 from stoop_studies.findings import Setting
 from stoop_studies.verify.nist import EXPERIMENT, fit_certified
-from stoop_studies.verify.strd import parse_formula, read_certified
+from stoop_studies.verify.strd import read_certified
 
 PAGE = """\
 NIST/ITL StRD
@@ -106,21 +106,3 @@ def test_a_wrong_file_gets_one_line(tmp_path: Path, old: str, new: str, says: st
         EXPERIMENT.findings(Setting(1, data=tmp_path), {})
     assert "\n" not in str(raised.value)
     assert len(str(raised.value)) < 350 + len(str(path))
-
-
-def test_too_few_observations(tmp_path: Path) -> None:
-    path, lines = tmp_path / "Own.dat", own_problem().rstrip("\n").splitlines()
-    path.write_text("\n".join(lines[:-57]) + "\n")
-    with pytest.raises(StoopError, match="3 observations of 1 predictors cannot determine 3 parameters"):
-        read_certified(path)
-
-
-def test_formulas() -> None:
-    x, b1, b2, b3 = NAMES.values()
-    for text, wanted in (
-        ("(b1/b2) * exp[-0.5*((x-b3)/b2)**2]", b1 / b2 * sp.exp(-(((x - b3) / b2) ** 2) / 2)),
-        ("b1 / ((1+exp[b2-b3*x])**(1/b3))", b1 * (1 + sp.exp(b2 - b3 * x)) ** (-1 / b3)),
-        ("+b1 - arctan[b3/(x-b2)]/pi + cos( 2*pi*x/12 )", b1 - sp.atan(b3 / (x - b2)) / sp.pi + sp.cos(sp.pi * x / 6)),
-        ("b1*(1-(1+2*b2*x)**(-.5))", b1 * (1 - 1 / sp.sqrt(1 + 2 * b2 * x))),
-    ):  # fmt: skip
-        assert sp.simplify(parse_formula(text, NAMES) - wanted) == 0

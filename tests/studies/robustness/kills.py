@@ -1,0 +1,119 @@
+"""Verbs that are killed before a change of a file and started again: what they leave are the files of an undisturbed run."""
+
+from __future__ import annotations
+
+import contextlib
+import csv
+import io
+import os
+import signal
+import sqlite3
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Final
+from unittest import mock
+
+from studies.robustness.small_runs import STORES, reproducible_outputs, written
+from studies.robustness.verb_outputs import check_file
+
+from stoop.base.files import SCRATCH
+from stoop.base.npz import read_arrays
+from stoop.cli.main import main
+from stoop.optimize import load_state
+
+#: events that change files, beside open for writing
+CHANGES: Final = ("os.mkdir", "os.rename", "os.remove", "os.rmdir", "sqlite3.connect")
+
+
+def run_and_kill(words: tuple[str, ...], folder: Path, change: int = 0, kind: int = signal.SIGKILL) -> int:
+    """Run a verb in a copy of this process, in a folder, with a signal before a change of a file (0: none).
+
+    Return its exit code, or minus the signal that it died of; the number of changes of a whole run is in the file ``changes``.
+    """
+    child = os.fork()
+    if child == 0:
+        _work(words, folder, change, kind)  # never comes back
+    return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+
+
+def _work(words: tuple[str, ...], folder: Path, change: int, kind: int) -> None:
+    """Run a verb as a process of its own would; then end, whatever happens."""
+    code = 1
+    try:
+        os.chdir(folder)
+        sys.stdout = (folder / "stdout").open("w", encoding="utf-8")
+        sys.stderr = (folder / "stderr").open("w", encoding="utf-8")
+        os.dup2(sys.stderr.fileno(), 2)
+        signal.signal(signal.SIGTERM, signal.SIG_DFL)
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+        count = count_changes(change, kind)
+        with reproducible_outputs(), mock.patch.object(sys, "argv", ["stoop", *words]):
+            code = main()
+        for stream in (sys.stdout, sys.stderr):
+            stream.flush()
+        (folder / "changes").write_text(str(count[0]))
+    finally:
+        os._exit(code)
+
+
+def count_changes(change: int, kind: int) -> list[int]:
+    """Count the changes of files from now on, in a list of one number; signal this process before one of them."""
+    count = [0]
+
+    def note(event: str, given: tuple[Any, ...]) -> None:
+        writes = event == "open" and isinstance(given[2], int) and given[2] & (os.O_WRONLY | os.O_RDWR)
+        if writes or event in CHANGES:
+            count[0] += 1
+            if count[0] == change:
+                os.kill(os.getpid(), kind)
+
+    sys.addaudithook(note)
+    return count
+
+
+def differences(expected: Mapping[str, bytes], out: Path) -> str:
+    """Return which files are not those of an undisturbed run, stores left out; empty if all are."""
+    there = {name: content for name, content in written(out).items() if not name.endswith(STORES)}
+    parts = {
+        "missing": sorted(expected.keys() - there.keys()),
+        "left": sorted(there.keys() - expected.keys()),
+        "other bytes": [name for name in expected if name in there and there[name] != expected[name]],
+    }
+    return "; ".join(f"{what}: {', '.join(names)}" for what, names in parts.items() if names)
+
+
+def _check_table(path: Path) -> None:
+    text = path.read_text(encoding="utf-8")
+    if len({len(row) for row in csv.reader(io.StringIO(text))}) != 1 or not text.endswith("\n"):
+        raise ValueError("cut")
+
+
+def _check_store(path: Path) -> None:
+    with contextlib.closing(sqlite3.connect(path)) as store:
+        if store.execute("PRAGMA integrity_check").fetchall() != [("ok",)]:
+            raise ValueError("damaged")
+
+
+def _check_archive(path: Path) -> object:
+    """Read the state of a search, or the arrays of a result."""
+    if path.name == "search.npz":
+        return load_state(path)
+    with path.open("rb") as file:
+        return read_arrays(file, 2**31)
+
+
+CHECKS: Final = {".csv": _check_table, ".npz": _check_archive, STORES: _check_store}
+
+
+def broken(out: Path) -> str:
+    """Return which file of a killed run is not whole, and what piles up; empty if nothing is wrong."""
+    hidden = [path.name for path in out.iterdir() if path.name.startswith(SCRATCH)]
+    if len(hidden) > 1:
+        return f"piles up: {', '.join(hidden)}"
+    for path in sorted(p for p in out.iterdir() if p.name not in hidden and not p.name.endswith("-journal")):
+        try:
+            CHECKS.get(path.suffix, check_file)(path)
+        except Exception as error:
+            return f"{path.name} is not whole: {type(error).__name__}: {error}"
+    return ""

@@ -1,0 +1,65 @@
+"""Each file of the corpus ends as it did: in an error of one line, in a list of defects, or in what it promises.
+
+Files that code of others reads are tried in a copy of this process, which they may kill or fill.
+"""
+
+from __future__ import annotations
+
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+from studies.robustness import limited, readers
+from studies.robustness.campaign import check
+from studies.robustness.corpus import Case, cases
+from studies.robustness.documents import ASKS, read_document
+from studies.robustness.readers import GUARDED, OURS, read_case
+from studies.robustness.trials import BAD, REFUSED, Child, Ended, try_case
+
+MOST = (
+    700_000_000  #: bytes that a command may take on a bomb: the text of the largest table, and its libraries
+)
+
+
+def unlike(case: Case, ended: Ended) -> str:
+    wrong = ended.outcome != case.outcome
+    return f"{case.kind} {case.case}: {ended.outcome}, was {case.outcome}: {ended.message}" * wrong
+
+
+@pytest.mark.parametrize("form", OURS)
+def test_hostile_logs_end_as_they_did(form: str, tmp_path: Path) -> None:
+    assert len(cases(form)) >= 10
+    wrong = [unlike(case, try_case(read_case, tmp_path, case)) for case in cases(form)]
+    assert [one for one in wrong if one] == []
+
+
+@pytest.mark.parametrize("kind", ASKS)
+def test_hostile_documents_end_as_they_did(kind: str, tmp_path: Path) -> None:
+    found = cases(f"document:{kind}")
+    assert len(found) >= 7
+    wrong = [unlike(case, try_case(read_document, tmp_path, case)) for case in found]
+    assert [one for one in wrong if one] == []
+
+
+@pytest.mark.parametrize("form", GUARDED)
+def test_hostile_logs_that_libraries_read_end_well(form: str) -> None:
+    """In an error, or they are read, with little time and memory; a sound log is read."""
+    readers.prepare()
+    with closing(Child(read_case)) as child:
+        for case in cases(form):
+            ended = child(case)
+            assert ended.outcome not in BAD, f"{case.case}: {ended.message}"
+            assert ended.outcome == case.outcome or not case.case.startswith("sound"), ended.message
+
+
+@pytest.mark.parametrize("case", range(16))
+def test_a_bomb_is_refused_in_one_line(case: int, tmp_path: Path) -> None:
+    """Within 1.5 GB of addresses, and without taking them where the file shows how much it is."""
+    assert len(cases("bomb")) == 16
+    bomb = cases("bomb")[case]
+    (folder := tmp_path / "here").mkdir()
+    bomb.write(folder)
+    run = limited.run(["info", bomb.entry], folder)
+    check("bombs", bomb.case, run.ended)
+    assert run.ended.outcome == REFUSED, run.ended.message
+    assert run.memory < MOST

@@ -1,0 +1,131 @@
+"""Logs and documents of the corpus, damaged anew: they end well. The tools that watch over them see what does not."""
+
+from __future__ import annotations
+
+import os
+from contextlib import closing
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from studies.robustness import readers
+from studies.robustness.campaign import cases, check
+from studies.robustness.corpus import MAPPING, Case, sound
+from studies.robustness.corpus import cases as corpus
+from studies.robustness.damage import damaged
+from studies.robustness.documents import ASKS, read_document
+from studies.robustness.readers import FLIGHT, GUARDED, OURS, READER, read_case
+from studies.robustness.trials import BAD, READ, REFUSED, Bounds, Child, Ended, try_case
+
+from stoop.errors import LogError
+
+BYTES = {"state": "words", "store": "pages", "flight": "words"}  #: documents that are no text -> form
+
+
+@st.composite
+def damaged_logs(draw, form: str) -> Case:
+    """Draw a damaged log, or a damaged mapping of one; one in ten goes on to a flight."""
+    found = [case for case in sound(form) if form != "mapping" or case.mapping]
+    one = draw(st.sampled_from(found))
+    other = draw(st.sampled_from([case for case in found if case.form == one.form]))
+    names = [name for name in one.files if (name == MAPPING) == (form == "mapping")]
+    name, content = draw(st.sampled_from(names)), draw(st.sampled_from(sorted(other.files)))
+    way = draw(st.sampled_from([READER] * 9 + [FLIGHT]))
+    changed = one.with_file(name, draw(damaged(one.files[name], other.files[content], one.form)))
+    return Case(**{**vars(changed), "way": way})
+
+
+@st.composite
+def damaged_documents(draw, kind: str) -> Case:
+    """Draw a damaged document; the number says what is asked of it."""
+    one, other = (
+        draw(st.sampled_from([c for c in corpus(f"document:{kind}") if c.outcome == READ])) for _ in "ab"
+    )
+    content = draw(damaged(one.files[one.entry], other.files[other.entry], BYTES.get(kind, "lines")))
+    return Case(**{**vars(one.with_file(one.entry, content)), "way": str(draw(st.integers(0, 99)))})
+
+
+@pytest.mark.parametrize("form", [*OURS, *GUARDED[:-2]])  # the last are drawn only
+def test_damaged_logs_end_well(form: str) -> None:
+    """In an error of one line, or they are read. What crashes code of others in C ends well in a process of its own."""
+    readers.prepare()
+    with closing(Child(read_case)) as child:
+
+        @cases(500)
+        @given(damaged_logs(form))
+        def ends_well(case: Case) -> None:
+            ended = child(case)
+            if ended.outcome in BAD and form in GUARDED:
+                with closing(Child(lambda folder: apart(folder, case), Bounds(memory=2**40))) as other:
+                    ended = other()
+            check("damaged logs", form, ended)
+
+        ends_well()
+
+
+def apart(folder: Path, case: Case) -> str:
+    """Read a log as users do, code of others in a process of its own."""
+    readers.ask(*case.write(folder), case.way)
+    return READ
+
+
+@pytest.mark.parametrize("kind", ASKS)
+def test_damaged_documents_end_well(kind: str) -> None:
+    """In an error of one line, or they are read; what is read is written and read again."""
+    readers.prepare()
+    with closing(Child(read_document)) as child:
+
+        @cases(300)
+        @given(damaged_documents(kind))
+        def ends_well(case: Case) -> None:
+            check("documents", kind, child(case))
+
+        ends_well()
+
+
+def test_a_crash_a_hang_and_hunger_are_seen_and_the_others_are_tried() -> None:
+    def run(_: Path, kind: str) -> str:
+        if kind == "crash":
+            os.abort()
+        while kind == "hang":
+            pass
+        if kind == "memory":
+            np.ones(2**23)
+        if kind == "more":
+            np.ones(2**28)
+        return READ
+
+    with closing(Child(run, Bounds(seconds=0, memory=2**25, address_space=2**29))) as child:
+        found = [child(kind).outcome for kind in ("", "crash", "hang", "memory", "", "more")]
+    assert found == [READ, "crash", "hang", "memory", READ, "memory"]
+
+
+def test_only_an_error_of_ours_is_no_failure(tmp_path: Path) -> None:
+    def run(folder: Path, raised: Exception) -> str:
+        (folder / "left").mkdir()
+        raise raised
+
+    for error in (ValueError("x"), ZeroDivisionError(), LogError(""), LogError("a\nb"), MemoryError()):
+        assert try_case(run, tmp_path, error).outcome in BAD
+    assert try_case(run, tmp_path, LogError(f"{tmp_path}a.ulg: cut")) == Ended(REFUSED, "a.ulg: cut")
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_table_of_a_million_samples_takes_the_memory_of_what_is_kept(tmp_path: Path) -> None:
+    count, names = 1_000_000, ("p", "q", "r", "ax", "az")
+    table = np.column_stack([np.arange(count) / 25.0, np.random.default_rng(3).standard_normal((count, 5))])
+    np.savetxt(tmp_path / "long.csv", table, "%.4f", ",", header=",".join(("t", *names)), comments="")
+    rows = [f'{n} = {{column = "{n}", unit = "{"rad/s" if n in "pqr" else "m/s2"}"}}' for n in names]
+    head = ['time = {column = "t", unit = "s"}', "[variables]"]
+    (tmp_path / "long.csv.toml").write_text("\n".join([*head, *rows]))
+
+    def read(_: Path) -> str:
+        readers.ask(tmp_path / "long.csv", None, FLIGHT)
+        return READ
+
+    kept = 6 * 8 * 2 * count  # bytes: time and five channels, of which the grid has twice as many
+    bounds = Bounds(seconds=60, address_space=2**31, memory=kept + 2**29)
+    with closing(Child(read, bounds)) as child:
+        assert child() == Ended(READ)

@@ -1,0 +1,152 @@
+"""Verbs that are killed before a change of a file, and under limits of the system: no file is lost or half-written."""
+
+from __future__ import annotations
+
+import random
+import resource
+import shutil
+import signal
+from pathlib import Path
+
+import numpy as np
+import pytest
+from studies.robustness import limited
+from studies.robustness.campaign import FACTOR, check
+from studies.robustness.kills import broken, differences, run_and_kill
+from studies.robustness.limited import MEMORY
+from studies.robustness.small_runs import COMMANDS, OUT, inputs, undisturbed, written
+from studies.robustness.trials import lay_out
+from studies.robustness.verb_outputs import check_file
+
+import stoop
+from stoop.cli.main import INTERRUPTED
+from stoop.exporters.flight_logs import save_flight_as
+from stoop.fleet.store import STATE
+from stoop.flight import from_columns
+
+LONG = ("identify", "search", "bootstrap", "compare", "verify")  #: verbs that save what they have
+LOGS, FIRST, CHANGED, WORN = 24, 10, 3, 8
+ALARM = "a battery.resistance: step"
+DONE = (0, 3)
+OPTIONS = ("--flights", "flights.csv", "--parts", "parts.csv", "-o", OUT)
+NIGHTS = (
+    ("fleet", *(f"f{i}.csv" for i in range(FIRST)), *OPTIONS),
+    ("fleet", f"second/f{CHANGED}.csv", *(f"f{i}.csv" for i in range(FIRST, LOGS)), *OPTIONS),
+)
+
+
+def place(folder: Path) -> Path:
+    lay_out(folder, inputs())
+    (folder / OUT).mkdir()
+    return folder
+
+
+def again(words: tuple[str, ...], out: Path) -> tuple[str, ...]:
+    """Return the command that goes on from what lies in a folder."""
+    if (out / "search.npz").exists():
+        return (*words, "--resume")
+    return (*words, "--overwrite") if (out / "result.json").exists() else words
+
+
+def test_a_kill_before_files_are_moved_loses_nothing(tmp_path: Path) -> None:
+    """Old files stay whole; the same command then writes those of an undisturbed run."""
+    words, folder = COMMANDS["maneuvers"], place(tmp_path)
+    expected = undisturbed(words)
+    assert run_and_kill(words, folder) == 0
+    changes, overwriting = int((folder / "changes").read_text()), (*words, "--overwrite")
+    for change in range(changes - 3, changes + 1):
+        assert run_and_kill(overwriting, folder, change) == -signal.SIGKILL
+        there = {name: x for name, x in written(folder / OUT).items() if not name.startswith(".")}
+        assert there == expected, change
+    assert run_and_kill(overwriting, folder) == 0
+    assert differences(expected, folder / OUT) == ""
+
+
+@pytest.mark.parametrize("name", LONG)
+def test_verbs_that_are_killed_leave_the_files_of_an_undisturbed_run(name: str, tmp_path: Path) -> None:
+    """Killed before random changes of files and started again: whole after each kill, the same bytes in the end."""
+    words, rng = COMMANDS[name], random.Random(f"kills {name}")  # noqa: S311
+    expected = undisturbed(words)
+    assert run_and_kill(words, place(tmp_path / "whole")) == 0
+    changes = int((tmp_path / "whole" / "changes").read_text())
+    for number in range(max(1, round(FACTOR))):
+        folder = place(tmp_path / str(number))
+        for _ in range(3):
+            kind = rng.choice((signal.SIGKILL, signal.SIGKILL, signal.SIGTERM, signal.SIGINT))
+            ending = run_and_kill(again(words, folder / OUT), folder, rng.randint(1, changes), kind)
+            assert ending in (0, -kind, INTERRUPTED), (folder / "stderr").read_text()
+            assert broken(folder / OUT) == ""
+        assert run_and_kill(again(words, folder / OUT), folder) == 0, (folder / "stderr").read_text()
+        assert differences(expected, folder / OUT) == ""
+
+
+def fleet_logs(folder: Path) -> Path:
+    """Make logs of two vehicles; the battery of `a` is worn from its ninth flight on."""
+    rng, t, flights = np.random.default_rng(0), np.arange(0.0, 60.0, 0.2), ["flight,vehicle,time"]
+    (folder / "second").mkdir()
+    for i in (*range(LOGS), CHANGED):
+        vehicle, flight = "ab"[i % 2], i // 2
+        ohm = 0.07 if vehicle == "a" and flight >= WORN else 0.05
+        current = 15.0 + 3.0 * rng.standard_normal(t.size)
+        voltage = 16.8 - 0.006 * t - ohm * current + 0.05 * rng.standard_normal(t.size)
+        changed = len(flights) > LOGS
+        target = folder / "second" if changed else folder
+        save_flight_as(
+            from_columns(f"f{i}", t, {"voltage": voltage, "current": current}), target / f"f{i}.csv"
+        )
+        flights += [] if changed else [f"f{i},{vehicle},2026-01-{1 + flight:02}T0{i % 2}:00"]
+    (folder / "flights.csv").write_text("\n".join(flights))
+    parts = ["vehicle,part,serial,from,to", "a,battery,B0,,2026-01-05", "a,battery,B1,2026-01-05,"]
+    (folder / "parts.csv").write_text("\n".join(parts))
+    return folder
+
+
+def test_the_store_of_a_fleet_survives_kills(tmp_path: Path) -> None:
+    """Two nights, each killed before each of its last moves: the store is that of undisturbed nights, the alarm told."""
+    (tmp_path / "logs").mkdir()
+    logs, changes = fleet_logs(tmp_path / "logs"), []
+    whole, killed = (shutil.copytree(logs, tmp_path / name) for name in ("whole", "killed"))
+    for folder in (whole, killed):
+        (folder / OUT).mkdir()
+    for words in NIGHTS:
+        assert run_and_kill(words, whole) in DONE, (whole / "stderr").read_text()
+        changes.append(int((whole / "changes").read_text()))
+    assert ALARM in (whole / "stdout").read_text()
+    expected = {name: x for name, x in written(whole / OUT).items() if not name.endswith(".sqlite")}
+    assert {STATE, "fleet.html", "parts.csv", "absent.csv", "dates.csv", "figures/logs.parquet"} == set(
+        expected
+    )
+    told = ""
+    for words, count in zip(NIGHTS, changes, strict=True):
+        for last in (3, 2, 1):
+            ending = run_and_kill(words, killed, count - last)
+            assert ending in (-signal.SIGKILL, *DONE)
+            told += (killed / "stdout").read_text()
+            if (killed / OUT / STATE).exists():
+                stoop.open_fleet(killed / OUT)
+            assert len([*(killed / OUT).glob(".stoop-unfinished-*")]) <= 1, "what is left over piles up"
+        assert run_and_kill(words, killed) in DONE
+        told += (killed / "stdout").read_text()
+    assert ALARM in told
+    assert differences(expected, killed / OUT) == ""
+
+
+LIMITS = {
+    "files of 4 kB": {resource.RLIMIT_FSIZE: 2**12},
+    "a stack of 256 kB": {resource.RLIMIT_STACK: 2**18},
+    "0.75 GB of memory": {resource.RLIMIT_AS: MEMORY // 2},
+}  #: kind -> limits of a process
+
+
+@pytest.mark.parametrize("kind", LIMITS)
+def test_a_command_under_a_limit_ends_in_all_of_its_files_or_in_one_line(kind: str, tmp_path: Path) -> None:
+    """As on a full disk: nothing half-written is left, and no input is lost."""
+    for name in ("table", "maneuvers", "state-space"):
+        folder = place(tmp_path / name)
+        run = limited.run(COMMANDS[name], folder, LIMITS[kind])
+        check("limits", kind, run.ended)
+        assert all((folder / file).read_bytes() == content for file, content in inputs().items())
+        there = {file for file in written(folder / OUT) if not file.startswith(".stoop-")}
+        assert there == (set() if run.code else set(undisturbed(COMMANDS[name])))
+        for path in filter(Path.is_file, (folder / OUT).rglob("*")):
+            check_file(path)
