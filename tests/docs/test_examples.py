@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import re
 import shlex
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -23,7 +25,6 @@ NUMBER = re.compile(r"[-+]?\d+\.\d+")
 ROUNDING = 0.03  #: other processors round otherwise
 #: page -> a pattern in what its first Python block prints
 PRINTED = {
-    "campaigns": r"\S",
     "derivatives": r"^\['elevator', 'aileron', 'rudder'\] 10\npitch rate 0\.\d+ rad/s$",
     "design": "Cmelevator",
     "export": r"\d+\.\d m/s after 30 s$",
@@ -53,6 +54,16 @@ def test_python_of_a_page_runs(page: str, tmp_path: Path) -> None:
     assert re.search(PRINTED[page], printed.strip(), re.MULTILINE), printed
     for apart in re.findall(r"within (\S+) of each channel", printed):
         assert float(apart) < 1e-3
+
+
+def test_the_campaign_of_the_page_goes_on_from_its_store(tmp_path: Path) -> None:
+    page = DOCS / "campaigns.md"
+    (tmp_path / "gusts.py").write_text(blocks(page, "python")[0], encoding="utf-8")
+    for _ in range(2):
+        command = [sys.executable, "gusts.py"]
+        done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True)
+        assert f"it prints `{done.stdout.strip()}`" in page.read_text(encoding="utf-8")
+    assert (tmp_path / "gusts.sqlite").exists()
 
 
 @pytest.mark.parametrize("page", ["use-the-result", "fleet-statistics"])

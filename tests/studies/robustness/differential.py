@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 from studies.robustness.other_readers import (
-    AGAIN,
     READERS,
     Found,
     Samples,
@@ -154,9 +153,7 @@ def compare_arrays(recording: Recording, theirs: Found) -> None:
         dropped = any(d.kind == "time order" and d.place == name for d in recording.defects)
         for column, values in stream.columns.items():
             label = re.sub(r"\[\d+\]$", "", column).rpartition(".")[2]
-            candidates = {
-                k: x for k, x in theirs.arrays.items() if k.rpartition(".")[2].rstrip(AGAIN) == label
-            }
+            candidates = {k: x for k, x in theirs.arrays.items() if k.rpartition(".")[2] == label}
             fits = {k for k, x in candidates.items() if any(_holds(v, values, dropped) for v in vectors(x))}
             if not fits:
                 raise BrokenPromiseError(f"{name} {column}: the numbers are not in the file")

@@ -16,7 +16,6 @@ from pathlib import Path
 import numpy as np
 from studies.robustness import readers
 from studies.robustness.corpus import Case, sound
-from studies.robustness.small_runs import inputs
 from studies.robustness.trials import READ, promise
 
 from stoop.assessment.uncertainty import agreement
@@ -136,7 +135,6 @@ def ask_result(path: Path, number: int) -> None:
 
 def ask_identification(path: Path, number: int) -> None:
     """Read the folder of an identification, whose result is damaged, as it is exported."""
-    path.with_name("vehicle.toml").write_bytes(inputs()["model/vehicle.toml"])
     model = load_model(path.parent)
     promise(np.isfinite(model_data(model).vehicle.values).all(), "a number is not finite")
     result = model.result

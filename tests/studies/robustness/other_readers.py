@@ -1,4 +1,4 @@
-"""What independent readers find in a log: pyulog, pymavlink, Python's csv module, SciPy, h5py and pyarrow.
+"""What independent readers find in a log: pyulog, pymavlink, Python's csv module, SciPy and h5py.
 
 Each difference of convention to stoop's own readers is a small rule here, with its reason; nothing else is made alike.
 """
@@ -26,7 +26,6 @@ import numpy.typing as npt
 
 from stoop.base.arrays import FloatArray
 
-AGAIN: Final = "'"  #: ends the name of an array that another has, too
 SECONDS: Final = 0.15  #: of processor time that another reader may take
 DESCRIPTIVE: Final = frozenset({"FMT", "FMTU", "UNIT", "MULT", "PARM", "MSG", "VER"})
 DIVISORS: Final = {"c": 100.0, "C": 100.0, "e": 100.0, "E": 100.0, "L": 1e7}  #: of [ArduPilot's] letters
@@ -246,33 +245,6 @@ def _number(cell: str) -> float:
         return math.nan
 
 
-def matlab(path: Path, mapping: Path | None) -> Found:
-    """Read a .mat file of version 5 by SciPy as dictionaries; a field of an array of structures may be a column."""
-    from scipy.io import loadmat
-
-    arrays: dict[str, FloatArray] = {}
-
-    def descend(place: str, value: Any) -> None:
-        is_cell = isinstance(value, list) or (isinstance(value, np.ndarray) and value.dtype.kind == "O")
-        elements = list(value) if is_cell else []
-        if isinstance(value, dict):
-            for key, inner in value.items():
-                descend(f"{place}.{key}" if place else key, inner)
-        elif elements and all(isinstance(x, dict) for x in elements):
-            for key in elements[0]:
-                column = [x[key] for x in elements]
-                if all(isinstance(x, int | float) for x in column):
-                    arrays[f"{place}.{key}"] = floats(column)
-                for i, inner in enumerate(column):
-                    descend(f"{place}[{i}].{key}", inner)
-        elif isinstance(value, np.ndarray) and value.dtype.kind in "biuf":
-            arrays[place] = floats(value.ravel().tolist()).reshape(value.shape)
-
-    found = loadmat(str(path), simplify_cells=True)
-    descend("", {key: value for key, value in found.items() if not key.startswith("__")})
-    return Found(arrays=arrays)
-
-
 def _unpacked(values: npt.NDArray[Any], fill: Any, missing: Any, scale: Any, offset: Any) -> FloatArray:
     """Return the numbers behind packed ones, one after the other: conventions CF, section 8.1."""
     absent = [np.asarray(x).flat[0] for x in (fill, missing) if x is not None]
@@ -324,37 +296,6 @@ def hdf5(path: Path, mapping: Path | None) -> Found:
     return Found(arrays=arrays)
 
 
-def parquet(path: Path, mapping: Path | None) -> Found:
-    """Read a Parquet file by pyarrow as Python's numbers; what is missing is NaN."""
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
-    arrays: dict[str, FloatArray] = {}
-
-    def descend(place: str, kind: Any, values: list[Any]) -> None:
-        if pa.types.is_struct(kind):
-            for i in range(kind.num_fields):
-                inner = [None if value is None else value[kind.field(i).name] for value in values]
-                descend(f"{place}.{kind.field(i).name}", kind.field(i).type, inner)
-        elif pa.types.is_fixed_size_list(kind):
-            if None not in values:
-                descend(place, kind.value_type, [x for value in values for x in value])
-                arrays[place] = arrays[place].reshape(-1, kind.list_size)
-        elif any(is_kind(kind) for is_kind in (
-            pa.types.is_integer, pa.types.is_floating, pa.types.is_boolean, pa.types.is_decimal)):  # fmt: skip
-            again = AGAIN * any(name.rstrip(AGAIN) == place for name in arrays)
-            arrays[place + again] = floats([math.nan if value is None else value for value in values])
-
-    content = pq.read_table(path, use_threads=False)
-    for name in content.schema.names:
-        column = content.column(name)
-        if pa.types.is_timestamp(column.type) or pa.types.is_duration(column.type):
-            column = column.cast(pa.int64())
-        descend(name, column.type, column.to_pylist())
-    return Found(arrays=arrays)
-
-
 READERS = {
-    "ulog": ulog, "dataflash": dataflash, "dataflash-text": dataflash, "csv": table, "matlab": matlab, "hdf5": hdf5,
-    "netcdf": netcdf, "parquet": parquet,
-}  # fmt: skip  #: format -> another reader
+    "ulog": ulog, "dataflash": dataflash, "dataflash-text": dataflash, "csv": table, "hdf5": hdf5, "netcdf": netcdf,
+}  # fmt: skip  #: format -> reader

@@ -69,15 +69,19 @@ COMMANDS: Final[Mapping[str, tuple[str, ...]]] = {
 }  # fmt: skip  #: name -> command on the inputs
 
 
+def files_of_a_flight() -> dict[str, bytes]:
+    """Return a vehicle and a maneuver that is flown with it."""
+    source = resources.files("stoop").joinpath("data/twin_boom.toml").read_text(encoding="utf-8")
+    source = source.replace("notes = [", 'model = { reduce = "longitudinal" }\nnotes = [')
+    return {"v.toml": source.encode(), "m.toml": MANEUVER.encode()}
+
+
 @cache
 def inputs() -> Mapping[str, bytes]:
     """Return the files that the verbs read, by name."""
     with TemporaryDirectory(prefix="stoop-") as place, contextlib.chdir(place):
         folder = Path(place)
-        source = resources.files("stoop").joinpath("data/twin_boom.toml").read_text(encoding="utf-8")
-        source = source.replace("notes = [", 'model = { reduce = "longitudinal" }\nnotes = [')
-        (folder / "v.toml").write_text(source, encoding="utf-8")
-        (folder / "m.toml").write_text(MANEUVER, encoding="utf-8")
+        lay_out(folder, files_of_a_flight())
         done(("simulate", "twin-boom", "--maneuver", "m.toml", "-o", "sim.nc"))
         done(("simulate", "twin-boom", "--maneuver", "m.toml", "-o", "table.csv"))
         (folder / "model").mkdir()

@@ -46,9 +46,7 @@ def read_twice(form: str, found: Iterable[Case], folder: Path) -> int:
     return read
 
 
-@pytest.mark.parametrize(
-    "form", ["ulog", "dataflash", "dataflash-text", "csv", "matlab", "netcdf-3", "parquet"]
-)
+@pytest.mark.parametrize("form", ["ulog", "dataflash", "dataflash-text", "csv", "netcdf-3"])
 def test_an_independent_reader_finds_the_same_numbers(form: str, tmp_path: Path) -> None:
     logs_of_form = [case for case in sound(form) if case.entry]
     assert read_twice(form.removesuffix("-3"), logs_of_form, tmp_path) == len(logs_of_form) > 0

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 
 from stoop_studies.findings import Setting
 from stoop_studies.verify import decision_fleet, decisions
@@ -40,22 +39,6 @@ def test_a_decision_whose_absence_makes_errors_larger_earns_its_place() -> None:
     (bounds,) = (row for row in decisions._rows(with_bias(2.0, 3.0)) if row["without"] == "bounds")
     assert (bounds["vehicles"], bounds["bias"], bounds["bias_se"]) == (2, 1.5, 0.5)
     assert bounds["seconds"] == 0.0
-
-
-@pytest.mark.parametrize(
-    ("case", "called"),
-    [
-        ("aircraft-clipped", "faults"),
-        ("aircraft-stuck", "stuck-channels"),
-        ("aircraft-reduced", "recorded-motion"),
-    ],
-)
-def test_a_case_calls_for_its_decision(case: str, called: str) -> None:
-    found = decisions.compare({"case": case, "seed": 3}, [None])[0]
-    assert called in found["without"]
-    assert "all" in found["without"]
-    assert set(found["default"]) == set(decisions.FIGURES)
-    assert found["default"]["bias"] < 2.5
 
 
 def test_a_seed_is_a_vehicle_of_its_own() -> None:

@@ -1,7 +1,29 @@
+from __future__ import annotations
+
+from collections import defaultdict
+
 import numpy as np
 import pytest
 
+from stoop.vehicle_draft.geometry import Geometry
+from stoop.vehicle_draft.handbook import derivatives
 from stoop_studies.verify import handbook
+
+
+def test_a_priori_derivatives_are_those_that_were_published_within_their_errors() -> None:
+    """Of nine airplanes whose geometry is known: root mean square and mean of the errors in standard deviations."""
+    z = defaultdict(list)
+    for key, airplane in handbook.airplanes().items():
+        if "derivatives" in airplane and len(airplane["geometry"]["wing"]) > 3:
+            at = airplane["airspeed"], airplane.get("alpha"), airplane["density"]
+            found = derivatives(Geometry.of(airplane["geometry"], key), *at)
+            for name, published in airplane["derivatives"].items():
+                z[name].append((found[name].value - published) / found[name].std)
+    counted = {name: np.array(errors) for name, errors in z.items() if len(errors) >= 5}
+    assert len(counted) == 21
+    for name, errors in counted.items():
+        assert np.sqrt(np.mean(errors**2)) < 1.3, name
+        assert abs(errors.mean()) < (0.95 if name == "Cmalpha" else 0.5), name
 
 
 def test_numbers_of_a_folder_are_scaled(tmp_path):
