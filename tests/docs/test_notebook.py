@@ -17,7 +17,6 @@ from docs.pages import DOCS, ROOT
 
 sys.path[:0] = [str(ROOT / "scripts"), str(DOCS)]
 import execute_notebooks  # noqa: E402
-import gallery_pages  # noqa: E402
 
 SHORT = (
     "identify",
@@ -107,6 +106,8 @@ def test_a_cell_that_writes_to_stderr_is_refused() -> None:
 
 
 def test_pages_show_text_code_and_outputs(tmp_path: Path) -> None:
+    import gallery_pages  # of Sphinx
+
     gallery_pages.write(tmp_path / "gallery")
     cards = (tmp_path / "gallery" / "cards.txt").read_text("utf-8")
     index = execute_notebooks.index()

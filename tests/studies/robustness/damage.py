@@ -17,23 +17,8 @@ from hypothesis import strategies as st
 
 MAX_BYTES = 2**17  #: of a damaged file
 EXTREMES = (
-    0,
-    1,
-    2,
-    0x7F,
-    0x80,
-    0xFF,
-    0x7FFF,
-    0x8000,
-    0xFFFF,
-    2**24,
-    2**31 - 1,
-    2**31,
-    2**32 - 1,
-    2**53,
-    2**63,
-    2**64 - 1,
-)
+    0, 1, 2, 0x7F, 0x80, 0xFF, 0x7FFF, 0x8000, 0xFFFF, 2**24, 2**31 - 1, 2**31, 2**32 - 1, 2**53, 2**63, 2**64 - 1,
+)  # fmt: skip
 ODD_WORDS = (
     b"", b"nan", b"-inf", b"1e309", b"-1e308", b"1e-320", b"0x10", b"9" * 25, b"-1", b"0", b"true", b'"', b"[", b"{",
     b"\\u0000", b"\xff\xfe", b"\xc3\xa9", b",", b"\0", b"\r", b"1_0", b"1979-05-27", b"a" * 300, b"#", b"=",

@@ -8,14 +8,8 @@ from stoop_studies.findings import Setting
 from stoop_studies.verify import decision_fleet, decisions
 
 GOOD = {
-    "coverage": 0.95,
-    "bias": 1.0,
-    "score": 3.0,
-    "error": 0.1,
-    "log_likelihood": 10.0,
-    "theil": 0.1,
-    "seconds": 4.0,
-}
+    "coverage": 0.95, "bias": 1.0, "score": 3.0, "error": 0.1, "log_likelihood": 10.0, "theil": 0.1, "seconds": 4.0,
+}  # fmt: skip
 
 
 def record(**without: dict[str, float | str]) -> dict[str, object]:
