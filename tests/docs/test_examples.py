@@ -29,7 +29,6 @@ PRINTED = {
     "design": "Cmelevator",
     "export": r"\d+\.\d m/s after 30 s$",
     "fmi": r"3\d\.\d m/s after 1\d\d\d m",
-    "learning-simulators": r"MuJoCo, .* within (\S+) of each channel",
     "optimizers": r"paper-W\+noise target",
 }
 
@@ -81,7 +80,7 @@ def test_python_of_the_page_of_flight_files(tmp_path: Path) -> None:
     assert (tmp_path / "copy.nc").exists()
 
 
-@pytest.mark.parametrize("page", ["rotorpy", "gazebo"])
+@pytest.mark.parametrize("page", ["rotorpy", "gazebo", "learning-simulators"])
 def test_models_fly_in_a_simulator_of_others_as_the_page_says(page: str, tmp_path: Path) -> None:
     found = re.findall(r"within (\S+) of each channel", run_python(DOCS / f"{page}.md", tmp_path))
     assert found

@@ -26,6 +26,8 @@ from stoop.exporters.log_bytes import Table, Topic, dataflash_bytes, ulog, ulog_
 from stoop.flight import Flight, from_columns, load
 from stoop.logs.recording import Defect, increasing
 
+#: pyulog leaves files open
+pytestmark = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 FMT = "FMT, 128, 89, FMT, BBnNZ, Type,Length,Name,Format,Columns\nFMT, 130, 25, IMU, Qff, TimeUS,GyrX,GyrY\n"
 TIME = np.arange(4.0)
 WANDERING = np.array([0.0, 5.0, 1.0, 2.0])
@@ -79,9 +81,11 @@ def test_every_type_of_number_is_that_of_an_independent_reader(tmp_path: Path) -
     (tmp_path / "a.ulg").write_bytes(ulog([Topic("all", 1e-6 * stamps, columns)]))
     for form, name in (("dataflash", "a.bin"), ("ulog", "a.ulg")):
         assert differential.compare(form, tmp_path / name, None) == SAME
+    found = logs.read(tmp_path / "a.bin").streams["INT"].columns
+    for letter, kind in INTEGERS.items():
+        assert found[f"c{letter}"] == pytest.approx(extremes(kind).astype(float), rel=1e-12), letter
 
 
-@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")  # pyulog leaves files open
 @pytest.mark.parametrize("form", READERS)
 def test_an_independent_reader_finds_the_same_numbers_in_hostile_logs(form: str, tmp_path: Path) -> None:
     assert read_twice(form, (*cases(form), *(cases("netcdf-3") if form == "netcdf" else ())), tmp_path) > 3

@@ -72,7 +72,6 @@ def test_an_output_folder_that_is_none_or_vanishes(
 SURROUNDINGS = {
     "no home": {"HOME": None, "XDG_CACHE_HOME": "/proc/nowhere", "STOOP_CACHE_DIR": None, "TMPDIR": None},
     "ASCII": {"LC_ALL": "POSIX", "PYTHONUTF8": "0", "PYTHONIOENCODING": "ascii:strict"},
-    "Turkish": {"LC_ALL": "tr_TR.UTF-8", "PYTHONIOENCODING": "iso8859-9:strict"},
 }
 
 
