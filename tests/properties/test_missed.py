@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -15,17 +16,26 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import norm
 from tornado.httputil import HTTPHeaders
 
+from stoop.app.columns import edited, rows_of
 from stoop.app.folder import VEHICLE, Project
 from stoop.app.server import FILE_POLICY, Gate
 from stoop.assessment.covariance import NEIGHBORS, window_scatter
+from stoop.base.html import table
+from stoop.base.robust import white_noise
+from stoop.checks.kinematics import Motion
 from stoop.checks.motors import rotor_edits
 from stoop.cli.options import windows
 from stoop.estimate.filter_gains import Gains
 from stoop.estimate.filter_likelihood import Innovations
+from stoop.exporters.bullet_and_isaac import INTERVAL
 from stoop.exporters.jsbsim_model import air_density
+from stoop.exporters.pyflyt import PyFlyt
 from stoop.fleet.changes import Change, Readings, sizes
+from stoop.flight.faults import Fault, without_faulty
 from stoop.flight.flight import from_columns
 from stoop.input_design.inputs import SHAPES, Frame
+from stoop.logs.blackbox_units import Settings, physical
+from stoop.logs.netcdf import _unpacked
 from stoop.performance.polar import Polar
 from stoop.prediction.open_loop import _near
 from stoop.problem.evidence import unknowns_of
@@ -35,12 +45,15 @@ from stoop.reconstruction.compatibility import corrected_flight
 from stoop.report.charts import correlation_map
 from stoop.report.sheet import mathml
 from stoop.simulation import parameter_rows, trajectories
+from stoop.simulation.linearize import LinearModel
 from stoop.simulation.rotors import channel_range, effects
 from stoop.strategy.extensions import Trial
+from stoop.tuning import physical_formulas
 from stoop.tuning.margins import margins
 from stoop.vehicle import parse_vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop.vehicle.symbolic import forces, frames
+from stoop.vehicle_draft.handbook import _drag
 from stoop.workflow import outputs
 
 PROPELLER = """
@@ -334,3 +347,117 @@ def test_pages_of_a_project_are_strangers_to_the_app() -> None:
     wrong = (HTTPHeaders({"Host": host}) for host in ("127.0.0.1:5011", "127.0.0.1", "", "evil.example:5010"))
     assert all(gate.refusal("/key/page", one) for one in wrong)
     assert gate.refusal("/other/page", right)
+
+
+def test_edits_of_a_column_are_written_into_the_mapping() -> None:
+    text = '[variables]\np = { column = "a", unit = "deg/s" }\n'
+    columns = [{"column": "a", "stream": "f", "low": 0.0, "high": 1.0, "samples": [], "unit": ""}]
+    (row,) = rows_of(text, columns)
+    (again,) = rows_of(edited(text, [(row, {"offset": 2.0, "scale": -1.0, "unit": "rad/s"})]), columns)
+    assert (again.offset, again.scale, again.unit) == (2.0, -1.0, "rad/s")
+
+
+def test_positions_go_on_across_the_date_line() -> None:
+    degrees = np.array([179.9999, -179.9999])
+    raw = {"GPS_coord[0]": np.array([0, 0]), "GPS_coord[1]": np.round(degrees * 1e7).astype(np.int64)}
+    columns = physical(raw, Settings({}), "gps")[0]
+    np.testing.assert_allclose(columns["GPS_east"], [0.0, 22.239], atol=1e-2)
+
+
+def test_rotors_damp_every_rotation() -> None:
+    """What turns downward meets air from below: thrust grows with the inflow, and drag opposes the motion."""
+    vehicle = resolve_vehicle("quad-x").with_numbers(
+        {"rotors.inflow": {"value": 0.5}, "rotors.drag": {"value": 0.2}}
+    )
+    n, spins = frames.Numbers(vehicle), dict.fromkeys(vehicle.rotors, 0.6)
+    for axis, omega in enumerate(np.eye(3)):
+        around = forces.Surroundings(n, frames.air((1.0, 0.0, 0.0)), 1.225, tuple(omega), {}, {}, spins=spins)
+        at_rest = replace(around, omega=frames.ZERO)
+        moment = numbers(vehicle, forces.rotors(around).moment) - numbers(
+            vehicle, forces.rotors(at_rest).moment
+        )
+        assert moment[axis] < 0.0, "pqr"[axis]
+
+
+def test_mixed_inputs_come_as_late_as_the_channels_that_are_mixed() -> None:
+    model = LinearModel(
+        ("p",), ("flap", "motor_1", "motor_2"), ("p",), np.eye(1), np.array([[1.0, 2.0, 3.0]]), np.eye(1),
+        np.zeros((1, 3)), (), np.array([0.1, 0.02, 0.02]), np.zeros(1),
+    )  # fmt: skip
+    mixed = model.with_inputs(("roll",), ("motor_1", "motor_2"), np.array([[1.0], [-1.0]]))
+    assert mixed.inputs == ("flap", "roll")
+    np.testing.assert_array_equal(mixed.B, [[1.0, -1.0]])
+    np.testing.assert_array_equal(mixed.input_delays, [0.1, 0.02])
+
+
+def test_momentum_drag_is_that_at_sea_level(monkeypatch: pytest.MonkeyPatch) -> None:
+    """EKF2 multiplies EKF2_MCOEF by the root of the ratio of densities."""
+    A = np.diag([-0.2, -0.4])[None]
+    monkeypatch.setattr(physical_formulas, "linear_models", lambda *_: (("u", "v"), A))
+    hover = SimpleNamespace(points=None, none=np.zeros(1))
+    thin: Any = SimpleNamespace(vehicle=None, density_ratio=0.64, steady=lambda: hover)
+    found = physical_formulas.momentum_drag(math.sqrt, thin)
+    np.testing.assert_allclose(found * math.sqrt(0.64), 0.3)
+
+
+def test_cells_of_a_table_are_text() -> None:
+    page = table("<i>", ("<u>",), [("<b>&",)])
+    assert not any(tag in page for tag in ("<i>", "<u>", "<b>"))
+    assert "&lt;b&gt;&amp;" in page
+
+
+def test_the_variance_of_white_noise_is_seen_beside_a_trend() -> None:
+    x = 0.3 * np.random.default_rng(0).standard_normal(20_000) + np.linspace(0.0, 50.0, 20_000)
+    assert white_noise(x) == pytest.approx(0.09, rel=0.05)
+
+
+def test_packed_numbers_are_scaled_before_their_offset() -> None:
+    """CF conventions, section 8.1: unpacked = packed * scale_factor + add_offset."""
+    found = _unpacked(np.array([0, 2, -1], dtype=np.int16), np.int16(-1), None, 0.5, 10.0)
+    np.testing.assert_array_equal(found, [10.0, 11.0, np.nan])
+
+
+def test_the_drag_of_pyflyt_is_that_of_the_dynamic_pressure() -> None:
+    """Quadratic drag b v^2 as rho / 2 C A v^2."""
+    quad: Any = SimpleNamespace(
+        constant=1e-5, turns=np.ones(4), torque=0.02, fastest=1000.0, mass=1.0, inertia=np.eye(3), lag=0.05,
+        drag=np.full(3, 0.02), gravity=9.81, speed_gain=900.0, offset=50.0,
+    )  # fmt: skip
+    found = PyFlyt.parameters(PyFlyt.__new__(PyFlyt), quad)
+    assert 0.5 * 1.225 * found["drag_coef_xyz"] == pytest.approx(0.02)
+
+
+def test_what_rests_level_feels_no_acceleration() -> None:
+    """The specific force of rest is gravity upward: velocities of zero are what it predicts."""
+    names = (*"pqr", "phi", "theta", "psi", "ax", "ay", "vn", "ve", "vd")
+    data = {name: np.zeros(400) for name in names} | {"az": np.full(400, -9.80665)}
+    found: Any = Motion(data, 50.0)({}, None)["force", "vd"]
+    np.testing.assert_allclose(Motion(data, 50.0)._felt({})[:, 2], 0.0, atol=1e-9)
+    assert np.nanmax(np.abs(found.left)) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_readings_at_a_lower_limit_are_lost_and_others_are_not() -> None:
+    time, said = np.arange(6.0), SimpleNamespace(subject="q")
+    x = np.array([-0.5, 0.3, -0.499, 0.2, -0.1, -0.5])
+    fault: Any = Fault("clipped", "q", -0.5, 0.0, 5.0, said)  # type: ignore[arg-type]
+    np.testing.assert_array_equal(np.isnan(without_faulty(time, x, [fault])), x < -0.4)
+
+
+def test_the_drag_of_a_draft_is_a_polar() -> None:
+    """CD = CD0 + k CL^2 with CL = CL0 + a alpha: its slope and curvature by alpha are 2 k CL0 a and k a^2."""
+    wing = SimpleNamespace(area=0.5, span=2.0, aspect_ratio=8.0, root_chord=0.25, taper=1.0, chord=0.25)
+    body = SimpleNamespace(width=0.15, height=0.2, length=1.1)
+    geometry: Any = SimpleNamespace(wing=wing, fuselage=body, tail=None, fin=None)
+    slope, step = 4.5, 1e-3
+    at = {da: _drag(geometry, 18.0, 0.4 + slope * da, slope) for da in (-step, 0.0, step)}
+    rise = (at[step]["CD0"] - at[-step]["CD0"]) / (2.0 * step)
+    assert at[0.0]["CDalpha"] == pytest.approx(rise, rel=1e-6)
+    assert at[0.0]["CDalpha2"] == pytest.approx(
+        (at[step]["CDalpha"] - at[-step]["CDalpha"]) / (4.0 * step), rel=1e-6
+    )
+
+
+def test_ranges_for_training_hold_nineteen_draws_of_twenty() -> None:
+    draws = np.linspace(0.0, 1.0, 10_001)
+    low, high = np.percentile(draws, INTERVAL)
+    assert np.mean((draws >= low) & (draws <= high)) == pytest.approx(0.95, abs=1e-3)

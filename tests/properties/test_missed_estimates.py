@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from concurrent.futures import Future
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -10,26 +12,34 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.stats import linregress
 
 from stoop.assessment import verdict
 from stoop.base.units import FOOT, POUND_FORCE
 from stoop.control_laws.ardupilot import plane
 from stoop.control_laws.rate_law import SETPOINT
+from stoop.estimate.regression.least_squares import Priors, Rows, solve
+from stoop.estimate.regression.recursive import RealTime
 from stoop.exporters.jsbsim_loads import _LOADS
 from stoop.fleet.mixed_model import Design, fit_robust_model
 from stoop.flight.instrument_errors import RATES_DELAY, InstrumentError
 from stoop.optimize.levenberg_marquardt import NielsenDamping
-from stoop.parallel import Plan, Run
+from stoop.parallel import Plan, Run, execute
+from stoop.parallel.loop import Tally
 from stoop.parallel.store import open_store
-from stoop.problem.prepare import with_average_voltage
+from stoop.problem.misfit import Piece as Flown
+from stoop.problem.prepare import Prepared, with_average_voltage, without_stuck_channels
 from stoop.reconstruction.kinematics import OUTPUTS
 from stoop.reconstruction.problem import START, Piece, Problem
-from stoop.report import estimates
+from stoop.report import charts, estimates
 from stoop.results.result import Covariance, ParameterEstimate, ProcessNoise
 from stoop.results.verdict import Need, Use
 from stoop.simulation import initial_states, parameter_rows
+from stoop.simulation.loads import air_density
+from stoop.tuning.gain_search import Specification
 from stoop.vehicle import parse_vehicle
 from stoop.vehicle.builtin import resolve_vehicle
+from stoop.vehicle_draft.autopilot import read_setup
 
 
 def judged(parameters: dict[str, ParameterEstimate]) -> Any:
@@ -165,3 +175,104 @@ def test_what_is_not_identifiable_is_drawn_as_wide_as_it_is(monkeypatch: pytest.
     model: Any = SimpleNamespace(symbols={}, result=SimpleNamespace(parameters={"a": unsure, "b": sure}))
     estimates.estimates_section(model)
     np.testing.assert_allclose(drawn, [(1.0 - 0.98, 1.0 + 0.98), (0.1, 1.9)], atol=1e-3)
+
+
+def test_time_left_counts_what_was_computed_now(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Four of seven runs were there before; the others go on at the speed of those of this process."""
+    runs = tuple(Run(f"r{i}", "m:f", {"i": i}) for i in range(7))
+    seen: list[Tally] = []
+    monkeypatch.setattr("stoop.parallel.loop.environment", dict)
+
+    def submit(task: Any) -> Future[Any]:
+        done: Future[Any] = Future()
+        results = ["1"] * len(task.runs)
+        done.set_result({"worker": "w", "environment": {}, "results": results, "failure": "", "trace": ""})
+        return done
+
+    workers = SimpleNamespace(capacity=lambda: 1, submit=submit, status=lambda: "")
+    pool: Any = SimpleNamespace(open=contextmanager(lambda: iter([workers])))
+    for plan in (runs[:4], runs):
+        seen.clear()
+        execute(Plan("p", {}, plan), tmp_path / "s.db", pool, seen.append)
+    assert [(one.done, one.restored) for one in seen] == [(4, 4), (5, 4), (6, 4), (7, 4)]
+    left = [one.seconds_left for one in seen[1:]]
+    np.testing.assert_allclose(left, [seen[1].seconds * 2.0, seen[2].seconds / 2.0, 0.0], rtol=1e-9)
+
+
+def test_the_band_of_white_residuals_narrows_with_the_root_of_their_number(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    bands: list[float] = []
+    artist = SimpleNamespace(remove=lambda: None)
+    axes = SimpleNamespace(
+        axhspan=lambda low, high, **_: bands.append(high) or artist, plot=lambda *_, **__: [artist],
+        **dict.fromkeys(("set_ylim", "set_xlim", "locator_params"), lambda *_, **__: None),
+    )  # fmt: skip
+    monkeypatch.setattr(charts, "canvas", contextmanager(lambda *_, **__: iter([(None, (axes,))])))
+    monkeypatch.setattr(charts, "svg", lambda *_: "")
+    charts.autocorrelation_panels({"p": (np.ones(3), 0.01, 100), "q": (np.ones(3), 0.01, 400)})
+    np.testing.assert_allclose(bands, [0.196, 0.098], atol=1e-4)
+
+
+def test_a_heading_about_south_is_not_stuck() -> None:
+    """It jumps between half a turn to either side, as white as its noise."""
+    vehicle, n = resolve_vehicle("twin-boom"), 100
+    noise = 0.01 * np.random.default_rng(0).standard_normal((n, len(vehicle.outputs)))
+    psi = vehicle.outputs.index("psi")
+    noise[:, psi] = np.mod(noise[:, psi] + 2.0 * np.pi, 2.0 * np.pi) - np.pi
+    piece = Flown(0, 0.01 * np.arange(n), np.zeros((n, len(vehicle.inputs))), noise, {})
+    prepared = Prepared((), (piece,))
+    assert without_stuck_channels(vehicle, prepared) is prepared
+
+
+def test_errors_of_a_regression_are_those_of_the_textbook() -> None:
+    rng = np.random.default_rng(0)
+    x = rng.standard_normal(12)
+    y = 1.0 + 2.0 * x + 0.3 * rng.standard_normal(12)
+    expected = linregress(x, y)
+    rows = Rows("c", y, np.column_stack([np.ones(12), x]), 0.01)
+    found = solve([rows], Priors(np.zeros(2), np.full(2, np.inf)))
+    np.testing.assert_allclose(found.values, [expected.intercept, expected.slope])
+    errors = [expected.intercept_stderr, expected.stderr]
+    np.testing.assert_allclose(np.sqrt(np.diag(found.covariance)), errors, rtol=1e-9)
+
+
+def test_a_recursive_lag_follows_a_ramp_exactly() -> None:
+    """The response of a first-order lag to a ramp from rest is t - T (1 - exp(-t / T))."""
+    dt, lag, rate = 0.01, 0.05, 3.0
+    servo: Any = RealTime.__new__(RealTime)
+    servo._dt, servo._lags, servo._parameters = dt, {}, np.array([[lag]])
+    servo._vehicle = SimpleNamespace(rows={"controls.elevator.lag": 0})
+    time = dt * np.arange(40)
+    found = [servo._lagged("elevator", command) for command in (rate * time).tolist()]
+    np.testing.assert_allclose(found, rate * (time - lag * (1.0 - np.exp(-time / lag))), atol=1e-12)
+
+
+def test_gains_are_proposed_for_nineteen_draws_of_twenty() -> None:
+    draws = np.random.default_rng(0).permutation(np.linspace(6.0, 12.0, 101))
+    figures = {
+        "gain margin": ("dB", np.append(9.0, draws)), "phase margin": ("deg", np.full(102, 90.0)),
+        "disk margin": ("dB", np.full(102, 8.0)), "noise": ("%", np.full(102, 1.0)),
+    }  # fmt: skip
+    one: Any = SimpleNamespace(values=lambda: figures)
+    estimate, drawn = Specification(gain=6.0).left([one])
+    assert estimate[0, 0] == pytest.approx(0.5)
+    assert drawn[0, 0] == pytest.approx(np.quantile(draws, 0.05) / 6.0 - 1.0)
+
+
+def test_the_standard_atmosphere_thins_with_height() -> None:
+    """ISA: 1.00649 kg/m3 at a geometric altitude of 2000 m."""
+    text = resolve_vehicle("twin-boom").text.replace("density = 1.20165", 'density = "standard"')
+    at: Any = SimpleNamespace(start={"h": 2000.0})
+    assert air_density(parse_vehicle(text, "test"), at) == pytest.approx(1.00655, rel=1e-4)
+
+
+@pytest.mark.parametrize(("reversed_bits", "stop", "full"), [(0, 1100.0, 1900.0), (1, 1900.0, 1100.0)])
+def test_a_reversed_output_of_px4_stops_at_its_longest_pulse(
+    reversed_bits: int, stop: float, full: float
+) -> None:
+    parameters = {"CA_AIRFRAME": 0, "CA_ROTOR_COUNT": 1, "PWM_MAIN_FUNC1": 101, "PWM_MAIN_MIN1": 1100.0}
+    parameters |= {"PWM_MAIN_MAX1": 1900.0, "PWM_MAIN_REV": reversed_bits}
+    (motor,) = read_setup(parameters).rotors
+    scale = motor.channels["pwm_1"]
+    assert [(pulse - scale.zero) / scale.unit for pulse in (stop, full)] == [0.0, 1.0]
