@@ -47,7 +47,7 @@ def replayed(vehicle: Vehicle, flown: Flown, dt: float) -> np.ndarray:
     return late_outputs(vehicle, truth, rows, dt)[0]
 
 
-@pytest.mark.parametrize(("rate", "delay"), [(25.0, 0.0), (77.0, 0.04), (100.0, 0.013), (400.0, 0.004)])
+@pytest.mark.parametrize(("rate", "delay"), [(25.0, 0.0), (77.0, 0.04), (100.0, 0.013), (200.0, 0.004)])
 def test_recorded_channels_give_the_same_flight_again(quad: Vehicle, rate: float, delay: float) -> None:
     vehicle = quad.with_numbers({"rotors.delay": {"value": delay}})
     battery = {"fall": 0.05, "sag": 0.8}
@@ -84,12 +84,12 @@ def test_it_stays_where_nothing_is_asked_of_it(quad: Vehicle) -> None:
 def test_set_points_are_reached(quad: Vehicle) -> None:
     asked = {"north": (1.5, 0), "east": (-2.0, 1), "down": (1.0, 2)}
     for control, (speed, axis) in asked.items():
-        flown = fly(quad, maneuver(10.0, pulse(control, speed), wind=(2.0, 0.0, 0.0)))
+        flown = fly(quad, maneuver(8.0, pulse(control, speed), wind=(2.0, 0.0, 0.0), rate=50.0))
         wanted = np.zeros(3)
         wanted[axis] = speed
         assert flown.velocity[-1] == pytest.approx(wanted, abs=0.05), control
         assert np.abs(flown.velocity[:, axis]).max() < 1.35 * abs(speed)
-    turned = fly(quad, maneuver(12.0, pulse("heading", 2.0), pulse("forward", 1.5, 6.0), heading=0.5))
+    turned = fly(quad, maneuver(12.0, pulse("heading", 2.0), pulse("forward", 1.5, 6.0), heading=0.5, rate=50.0))
     assert turned.outputs[-1, quad.outputs.index("psi")] == pytest.approx(2.5, abs=0.03)
     assert turned.velocity[-1] == pytest.approx([1.5 * np.cos(2.5), 1.5 * np.sin(2.5), 0.0], abs=0.06)
 

