@@ -219,7 +219,7 @@ def test_maneuvers_on_rotors_are_flown_side_by_side(monkeypatch: pytest.MonkeyPa
     plan = Plan(duration=5.0)
     frame = Frame(hover.limits.amplitude, {}, plan.duration, plan.band, MIN_STEP)
     problem = InformationCost(hover, SHAPES["3-2-1-1"](frame), plan)
-    X = np.random.default_rng(1).uniform(size=(6, problem.dimension))
+    X = np.random.default_rng(1).uniform(size=(3, problem.dimension))
     single = np.concatenate([problem.costs(x[None], 0) for x in X])
     steps, step = [], trajectories.next_states
 

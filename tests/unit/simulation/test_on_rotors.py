@@ -89,7 +89,9 @@ def test_set_points_are_reached(quad: Vehicle) -> None:
         wanted[axis] = speed
         assert flown.velocity[-1] == pytest.approx(wanted, abs=0.05), control
         assert np.abs(flown.velocity[:, axis]).max() < 1.35 * abs(speed)
-    turned = fly(quad, maneuver(12.0, pulse("heading", 2.0), pulse("forward", 1.5, 6.0), heading=0.5, rate=50.0))
+    turned = fly(
+        quad, maneuver(12.0, pulse("heading", 2.0), pulse("forward", 1.5, 6.0), heading=0.5, rate=50.0)
+    )
     assert turned.outputs[-1, quad.outputs.index("psi")] == pytest.approx(2.5, abs=0.03)
     assert turned.velocity[-1] == pytest.approx([1.5 * np.cos(2.5), 1.5 * np.sin(2.5), 0.0], abs=0.06)
 
