@@ -180,7 +180,7 @@ def exported_rotors(root: Path, vehicle: Vehicle) -> str:
     return file_name(vehicle.name)
 
 
-@pytest.mark.parametrize("name", ["hexacopter.toml", "quadplane", "speeds", "octo-x", "crazyflie.toml"])
+@pytest.mark.parametrize("name", ["hexacopter.toml", "quadplane", "speeds"])
 def test_accelerations_of_rotors_at_random_states(name: str, tmp_path: Path) -> None:
     vehicle = vehicle_of(name)
     tolerance = 1e-12 if name == "hexacopter.toml" else 2e-5  # JSBSim's standard atmosphere

@@ -346,7 +346,7 @@ def test_cruise_and_hover_in_the_parameters() -> None:
 
 def test_joints_end_where_the_channel_ends() -> None:
     for gain, mix, center, limit in (
-        (7e-4, "pwm_1", 1500.0, 0.35), (0.4, "servo_1", 0.0, 0.4), (1.0, "elevator_cmd", 0.0, math.radians(25.0))
+        (7e-4, "pwm_1", 1500.0, 0.35), (1.0, "elevator_cmd", 0.0, math.radians(25.0))
     ):  # fmt: skip
         written = f"mix = {{ {mix} = {gain} }}\ncenter = {{ {mix} = {center} }}"
         vehicle = parse_vehicle(WING.replace("mix = { servo_1 = 0.4 }", written), "wing")
@@ -363,6 +363,7 @@ def test_elevons_are_known_by_their_moments() -> None:
     )
     model = made(parse_vehicle(text.replace("Clp = -0.4", "Clp = -0.4\nClaileron = 0.2"), "wing"))
     assert model.wing is not None
+    assert [s.limit for s in model.wing.moved] == pytest.approx([0.4, 0.4])
     assert [model.wing.role(s) for s in model.wing.moved] == [("left elevon", -1.0), ("right elevon", -1.0)]
     texts = gazebo_files.folders(model, model)
     assert "CA_SV_CS0_TYPE 5\n" in texts[f"px4/{airframe_number(model.name)}_gz_{model.name}"]

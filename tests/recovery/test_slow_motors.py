@@ -1,0 +1,115 @@
+"""Motors that are shaken faster than they were logged: where `stoop.strategy.method.MIN_MOTOR_RATE` lies.
+
+A quadrotor flies doublets while its motors are shaken between 30 and 200 Hz, as by an autopilot that answers the noise of
+its gyros. The log holds every n-th command. What was faster than half the rate of the log looks slow in it, so that the
+vehicle seems to answer less.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import pytest
+from recovery.maneuvers import maneuver
+
+from stoop.estimate.fit import Options
+from stoop.estimate.methods import find
+from stoop.flight import Flight
+from stoop.flight.flight import dataset
+from stoop.flight.gridding import Channels, grid_channels
+from stoop.problem.windows import Window
+from stoop.simulation.fly import simulate_flight
+from stoop.simulation.maneuver import Maneuver
+from stoop.strategy.method import MIN_MOTOR_RATE
+from stoop.strategy.run import choose_method
+from stoop.vehicle import Vehicle
+from stoop.vehicle.builtin import builtin_vehicle
+from stoop.workflow.identification import identify
+
+SECONDS = 20.0
+FINE = 500.0  #: Hz, of the simulation
+SHAKEN = 1.5  #: rad/s2, of the commanded angular accelerations
+INERTIA = ("mass.inertia.xx", "mass.inertia.yy")
+WINDOWS, REGRESSION = "multiple-shooting", "equation-error"
+
+
+INPUTS = [
+    (control, shape, t + start, step, amplitude)
+    for t in (0.0, 10.0)
+    for control, shape, start, step, amplitude in (
+        ("roll", "doublet", 1.0, 0.15, 8.0), ("pitch", "doublet", 2.5, 0.15, 8.0), ("yaw", "doublet", 4.0, 0.4, 1.5),
+        ("heave", "3-2-1-1", 5.5, 0.25, 2.0), ("roll", "doublet", 8.0, 0.15, -8.0), ("pitch", "doublet", 9.0, 0.15, -8.0),
+    )
+]  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class Log:
+    """A flight at the rate of its simulation."""
+
+    vehicle: Vehicle
+    flown: Flight
+
+    def at(self, rate: float) -> Flight:
+        """Return what is read of a log whose motors came at a rate, Hz, and all else at 250 Hz."""
+        parts = []
+        for stream, step in (("motion", 2), ("motors", round(FINE / rate))):
+            names = [
+                c
+                for c in map(str, self.flown.data.data_vars)
+                if c.startswith("motor_") == (stream == "motors")
+            ]
+            few = slice(step // 2, None, step)
+            parts.append(
+                Channels(stream, self.flown.time[few], {c: self.flown.column(c)[few] for c in names})
+            )
+        grid, data, sources = grid_channels(parts, 100.0, "log")
+        return Flight("log", None, dataset(grid.time, data), grid.rate, sources)
+
+    def off(self, rate: float, method: str) -> float:
+        """Return how far the moments of inertia are off, of their size; the larger."""
+        begun = self.vehicle.with_numbers({name: {"free": True, "bounds": (1e-3, 1.0)} for name in INERTIA})
+        window, fitter = Window("log", 0.2, SECONDS - 0.2), find(method).fitter()
+        found = fitter(begun, {"log": self.at(rate)}, [window], Options(method=method), None, None)
+        return max(abs(found.estimates[n] / self.vehicle.value(n) - 1.0) for n in INERTIA)
+
+
+@pytest.fixture(scope="module")
+def log() -> Log:
+    """Return a flight of doublets whose motors are shaken about two axes."""
+    keys = {
+        "shape": "multisine",
+        "start": 0.0,
+        "duration": SECONDS,
+        "amplitude": SHAKEN,
+        "band": 200.0,
+        "stride": 7,
+    }
+    shaken = [{"control": c, "first": 601 + i, **keys} for i, c in enumerate(("roll", "pitch"))]
+    doublets = maneuver(SECONDS, *INPUTS).model_dump(mode="json", exclude_defaults=True)["input"]
+    flown = Maneuver.model_validate({"duration": SECONDS, "rate": FINE, "input": [*doublets, *shaken]})
+    vehicle = builtin_vehicle("quad-x")
+    return Log(vehicle, simulate_flight(vehicle, flown, seed=1, name="log"))
+
+
+def test_half_the_threshold_is_too_slow_and_five_times_is_not(log: Log) -> None:
+    """At 25, 50, 100, 125, 250 Hz: 2.44, 0.39, 0.13, 0.05, 0.01 by windows; 0.34, 0.24, 0.06, 0.03, 0.001 by regression."""
+    slow, fast = log.at(0.5 * MIN_MOTOR_RATE), log.at(5.0 * MIN_MOTOR_RATE)
+    assert choose_method("", log.vehicle, [slow]).options.method == REGRESSION
+    assert choose_method("", log.vehicle, [fast]).options.method == WINDOWS
+    assert log.off(5.0 * MIN_MOTOR_RATE, WINDOWS) < 0.03
+    wrong = log.off(0.5 * MIN_MOTOR_RATE, WINDOWS)
+    assert wrong > 0.2
+    assert log.off(0.5 * MIN_MOTOR_RATE, REGRESSION) < 0.75 * wrong
+
+
+def test_error_bars_at_the_threshold_hold_the_moments_of_inertia(log: Log) -> None:
+    """As a user fits them, with a lag to estimate: by equation error they are 8 standard errors off."""
+    free = {n: {"free": True, "value": 1.3 * log.vehicle.value(n), "bounds": (1e-3, 1.0)} for n in INERTIA}
+    begun = log.vehicle.with_numbers({**free, "rotors.lag": {"free": True, "bounds": (0.002, 0.3)}})
+    found = identify(begun, log.at(MIN_MOTOR_RATE), [f"0.2:{SECONDS - 0.2}"]).result
+    assert found.method == WINDOWS
+    for name in INERTIA:
+        own = found.parameters[name]
+        assert own.std_error is not None
+        assert abs(own.estimate - log.vehicle.value(name)) < 2.0 * own.std_error < log.vehicle.value(name)
