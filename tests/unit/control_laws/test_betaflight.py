@@ -315,7 +315,7 @@ def test_bad_headers() -> None:
         ({"gyro_lpf2_static_hz": 4000.0}, nyquist),
     ]  # fmt: skip
     for low_pass in ("gyro_lpf1", "gyro_lpf2", "dterm_lpf1", "dterm_lpf2"):
-        lost = dict.fromkeys((n for n in HEADER if n.startswith(low_pass)))
+        lost = dict.fromkeys(n for n in HEADER if n.startswith(low_pass))
         cases.append((lost, f"{low_pass}_static_hz is missing; take them from a log"))
     for wrong, word in cases:
         header = {n: x for n, x in (HEADER | wrong).items() if x is not None}
