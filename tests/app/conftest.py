@@ -119,7 +119,6 @@ class Tab:
 
     page: Page
     port: int
-    pictures: Path | None
     clicks: int = 0
     elsewhere: list[str] = field(default_factory=list)
     errors: list[str] = field(default_factory=list)
@@ -154,14 +153,6 @@ class Tab:
             self.page.wait_for_timeout(300)
         return dict(box)
 
-    def picture(self, name: str) -> None:
-        if self.pictures is not None:
-            self.pictures.mkdir(parents=True, exist_ok=True)
-            for width in (420, 1280):
-                self.page.set_viewport_size({"width": width, "height": 900})
-                time.sleep(1.0)
-                self.page.screenshot(path=self.pictures / f"{name}_{width}.png")
-
 
 @pytest.fixture
 def tab(browser: Browser, request: pytest.FixtureRequest) -> Iterator[Callable[[App], Tab]]:
@@ -169,14 +160,13 @@ def tab(browser: Browser, request: pytest.FixtureRequest) -> Iterator[Callable[[
     from playwright.sync_api import expect
 
     expect.set_options(timeout=PATIENCE)
-    given: Any = request.config.getoption("--screenshots")
     opened: list[Tab] = []
 
     def open_tab(app: App) -> Tab:
         context = browser.new_context(viewport={"width": 1280, "height": 900})
         page = context.new_page()
         page.set_default_timeout(PATIENCE)
-        one = Tab(page, app.port, Path(given) if given else None)
+        one = Tab(page, app.port)
         own = (f"http://127.0.0.1:{app.port}/", f"ws://127.0.0.1:{app.port}/", "blob:", "data:")
 
         def asked(url: str) -> None:

@@ -12,7 +12,6 @@ def test_from_a_sent_log_to_an_export(app, tab, hover: Path) -> None:
     running = app()
     page = tab(running)
     page.wait("Drop a flight log here")
-    page.picture("0_start")
     page.page.locator("input[type=file]").first.set_input_files(hover)
     page.wait("Next: the vehicle")
     assert (running.folder / "logs" / "hover.ulg").read_bytes() == hover.read_bytes()
@@ -40,7 +39,6 @@ def test_from_a_sent_log_to_an_export(app, tab, hover: Path) -> None:
         page.page.mouse.up()
         page.click(use)
         page.page.get_by_text("brushed").nth(number).wait_for()
-    page.picture("6_brushed")
     saved = running.folder / "windows.toml"
     while not saved.exists() or [w.use for w in read_windows(saved)] != ["fit", "fit", "validate"]:
         page.page.wait_for_timeout(20)  # the page shows it before it is saved
@@ -64,7 +62,6 @@ def test_from_a_sent_log_to_an_export(app, tab, hover: Path) -> None:
     page.click("Run the fit")
     page.wait("cost ")
     page.page.locator(".curves path.simulated").first.wait_for()
-    page.picture("7_moving")
     page.click("Stop")
     page.wait("multiple-shooting, interrupted")
     result = json.loads((running.folder / "runs" / "002" / "result.json").read_text("utf-8"))
@@ -79,7 +76,6 @@ def test_from_a_sent_log_to_an_export(app, tab, hover: Path) -> None:
     rows = compared.locator("tr").all_inner_texts()
     assert any(row.count("±") == 2 for row in rows)
     assert compared.locator(".strips").count() > 9
-    page.picture("8_compare")
 
     page.click("7 Use")
     page.page.get_by_label("export to").select_option("state space (A, B, C, D)")
@@ -89,4 +85,3 @@ def test_from_a_sent_log_to_an_export(app, tab, hover: Path) -> None:
     with page.page.expect_download() as download:
         link.click()
     assert Path(download.value.path()).stat().st_size > 0
-    page.picture("9_use")

@@ -162,7 +162,6 @@ def test_logs_that_cannot_be_read(running: App, tab: Callable[[App], Tab], tmp_p
     opened(bad, "its first bytes are wrong")
     page.wait("<img src=x onerror=alert(1)>.ulg")
     assert page.page.locator("img").count() == 0
-    page.picture("bad_log")
     # A table needs a mapping, whose unsure lines are asked.
     time, log = np.arange(0.0, 20.0, 0.02), tmp_path / "t.csv"
     rows = np.column_stack([time, np.sin(time), 20.0 + np.cos(time), 9.8 + 0.0 * time])
@@ -174,7 +173,6 @@ def test_logs_that_cannot_be_read(running: App, tab: Callable[[App], Tab], tmp_p
     page.page.locator('.tabulator-cell[tabulator-field="unit"]').get_by_text("m/s", exact=True).first.click()
     page.page.locator(".tabulator-edit-list-item").get_by_text("kt", exact=True).click()
     page.wait("1 edit not saved")
-    page.picture("mapping")
     page.click("Use these columns")
     page.wait("Next: the vehicle")
     assert 'unit = "kt"' in (running.folder / MAPPING).read_text("utf-8")
@@ -183,6 +181,5 @@ def test_logs_that_cannot_be_read(running: App, tab: Callable[[App], Tab], tmp_p
     page.click("Another log")
     opened(bad, "was not taken, ")
     page.wait("Next: the vehicle")
-    page.picture("refused")
     assert Project(running.folder).log == str(log)
     assert 'unit = "kt"' in (running.folder / MAPPING).read_text("utf-8")

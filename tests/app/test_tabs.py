@@ -91,7 +91,6 @@ def test_wrong_windows_and_values_and_a_vehicle_that_cannot_be_trimmed(app, tab,
     page.wait("Twin-boom UAV")
     page.click("Check by trim")
     page.wait("no steady flight")
-    page.picture("bad_trim")
 
 
 def test_a_killed_server_and_a_closed_browser_lose_no_run(app, tab, quadrotor: Path) -> None:

@@ -27,7 +27,6 @@ def test_from_the_log_to_the_report(app, tab, shared_data: Path) -> None:
     title = re.compile(r"48 free parameters and \d+ nuisances from 3 fitted maneuvers, 1 predicted")
     report.get_by_text(title).first.wait_for()
     assert page.clicks <= MAX_CLICKS
-    page.picture("report")
     # What the notices name is fixed or freed by one click.
     page.page.get_by_text("What to do next").first.click()
     page.click("Clp")
