@@ -76,7 +76,7 @@ def test_from_a_log_to_a_model_that_predicts_another(
     assert load_vehicle(found).value("rotors.torque_ratio") == pytest.approx(0.016, rel=0.1)
     told = done(f"validate {folder} other.ulg -o check").splitlines()
     ahead = next(line.split() for line in told if line.startswith("better than a first-order lag in "))
-    better, compared = int(ahead[5]), int(ahead[7])
+    better, compared = int(ahead[6]), int(ahead[8])
     assert compared >= 4
     assert better > 0.5 * compared, ahead
     assert Path("check/validation.html").is_file()
