@@ -60,7 +60,6 @@ COMMANDS: Final[Mapping[str, tuple[str, ...]]] = {
     "map": ("map", "table.csv", "-o", f"{OUT}/map.toml"),
     "vehicle new": ("vehicle", "new", *DIMENSIONS, "-o", f"{OUT}/v.toml"),
     "propagate": ("propagate", "model", "--draws", "100", "-o", f"{OUT}/propagation.html"),
-    "derivatives": ("derivatives", "v.toml", "-o", f"{OUT}/derivatives.csv"),
     "look": ("look", "table.csv", "-o", f"{OUT}/look.html"),
     "compare": (
         "compare", "--optimizers", "ps-gde-lm,de-rand-1-bin", "--problems", "paper-N", "--seeds", "3", "--budget", "300", *TO,

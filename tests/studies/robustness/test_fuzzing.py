@@ -30,8 +30,10 @@ def damaged_logs(draw, form: str) -> Case:
     found = [case for case in sound(form) if form != "mapping" or case.mapping]
     one = draw(st.sampled_from(found))
     other = draw(st.sampled_from([case for case in found if case.form == one.form]))
-    names = [name for name in one.files if (name == MAPPING) == (form == "mapping")]
-    name, content = draw(st.sampled_from(names)), draw(st.sampled_from(sorted(other.files)))
+    name, content = (
+        draw(st.sampled_from([n for n in case.files if (n == MAPPING) == (form == "mapping")]))
+        for case in (one, other)
+    )
     way = draw(st.sampled_from([READER] * 9 + [FLIGHT]))
     changed = one.with_file(name, draw(damaged(one.files[name], other.files[content], one.form)))
     return Case(**{**vars(changed), "way": way})

@@ -23,7 +23,7 @@ from stoop.vehicle.builtin import builtin_text
 LEARNING = ("rotorpy", "mujoco", "pyflyt", "gym-pybullet-drones", "crazyflow", "isaac")
 WRITERS = (
     "identify", "validate", "compatibility", "structure", "maneuvers", "state-space", "flight", "table", "map", "look",
-    "propagate", "derivatives",
+    "propagate",
 )  # fmt: skip
 
 
@@ -66,14 +66,16 @@ def named_inputs(name: str) -> dict[str, bytes]:
     head, *rows = csv.reader(io.StringIO(found["table.csv"].decode()))
     table = io.StringIO()
     csv.writer(table).writerows([[*head, name], *([*row, f"{i % 7}"] for i, row in enumerate(rows))])
-    found[f"{file_stem(name)}.csv"] = table.getvalue().encode()
-    found[f"{file_stem(name)}.csv.toml"] = found.pop("table.csv.toml")
+    found["columns.csv"] = table.getvalue().encode()
+    for ending in (".csv", ".csv.toml"):
+        found[f"{file_stem(name)}{ending}"] = found.pop(f"table{ending}")
     return found
 
 
 def outputs(command: str, name: str) -> Mapping[str, bytes]:
     """Return the files that a verb writes under a name."""
-    words = {"sim.nc": f"./{file_stem(name)}.nc", "table.csv": f"./{file_stem(name)}.csv"}
+    table = "columns.csv" if command == "map" else f"./{file_stem(name)}.csv"
+    words = {"sim.nc": f"./{file_stem(name)}.nc", "table.csv": table}
     with TemporaryDirectory(prefix="stoop-") as place, contextlib.chdir(place):
         lay_out(Path(place), named_inputs(name))
         Path(OUT).mkdir()
