@@ -19,22 +19,16 @@ def recording(shared_data: Path) -> Recording:
     return read(shared_data / "px4-ulog-reader-samples" / "sample_log_small.ulg")
 
 
-@pytest.mark.parametrize("axis", ["roll", "pitch", "yaw"])
-def test_px4_commands_what_its_law_does(recording: Recording, axis: str) -> None:
-    """A VTOL in hover mode: within half a percent of the rms, by the right law only."""
-    found = replay_px4(recording, px4.multicopter(recording.parameters, axis))
-    assert found.error < 0.005
-    assert len(found.time) > 250
-    assert replay_px4(recording, px4.fixed_wing(recording.parameters, axis)).error > 0.3
-
-
-def test_a_wrong_gain_shows(recording: Recording) -> None:
+def test_px4_commands_what_its_law_does(recording: Recording, shared_data: Path) -> None:
+    """A VTOL in hover mode: within half a percent of the rms, by the right law with the right gains only."""
+    for axis in ("roll", "pitch", "yaw"):
+        found = replay_px4(recording, px4.multicopter(recording.parameters, axis))
+        assert found.error < 0.005
+        assert len(found.time) > 250
+        assert replay_px4(recording, px4.fixed_wing(recording.parameters, axis)).error > 0.3
     wrong = {**recording.parameters, "MC_PITCHRATE_P": 1.1 * recording.parameters["MC_PITCHRATE_P"]}
     assert replay_px4(recording, px4.multicopter(wrong, "pitch")).error > 0.05
-
-
-def test_an_old_log_lacks_the_rates_of_the_loop(shared_data: Path) -> None:
-    """PX4 1.6 logged the gyro before the filters of the loop, and commands at 10 Hz."""
+    # PX4 1.6 logged the gyro before the filters of the loop, and commands at 10 Hz
     old = read(shared_data / "px4-ulog-reader-samples" / "sample_appended_multiple.ulg")
     with pytest.raises(StoopError, match="the log has no vehicle_angular_velocity: set SDLOG_PROFILE"):
         replay_px4(old, px4.multicopter(old.parameters, "roll"))

@@ -9,7 +9,7 @@ import pytest
 
 from stoop.errors import FlightError
 from stoop.flight import Flight, load
-from stoop.performance.polar import Polar, Propulsion
+from stoop.performance.polar import Propulsion
 from stoop.workflow.reconstruction import drag_polar
 
 PUBLISHED = {0.5: (0.052, 0.046, 0.063), 1.0: (0.065, 0.056, 0.072)}
@@ -18,63 +18,38 @@ QUANTILE_75 = 1.150  #: of the normal distribution
 WINDOW = (1116.3, 1379.3)  #: s on the log's clock; flight window of SOURCE.md
 
 
-@pytest.fixture(scope="module")
-def polar(shared_data: Path) -> Polar:
+def test_drag_agrees_with_the_published_polar_within_both_errors(shared_data: Path, tmp_path: Path) -> None:
     flight = load(shared_data / "mit-solar-surfer-px4csv")
-    return drag_polar(flight, 9.4, 1.499, [WINDOW])[0]
-
-
-def test_drag_agrees_with_the_published_polar_within_both_errors(polar: Polar) -> None:
+    polar = drag_polar(flight, 9.4, 1.499, [WINDOW])[0]
     for CL, (CD, low, high) in PUBLISHED.items():
         value, std = polar.drag(np.array([CL]))
         theirs = (high - low) / 2.0 / QUANTILE_75
         assert abs(value[0] - CD) < 1.96 * np.hypot(std[0], theirs)
         assert 0.003 < std[0] < 0.015
-
-
-def test_least_power_agrees_with_the_published_one(polar: Polar) -> None:
-    """About 92 W at 9.8 m/s, 150 W at 13 m/s, 300 W at 16 m/s, read off the figure."""
-    speed = np.array([9.8, 13.0, 16.0])
-    value, std = polar.level_power(speed)
+    # about 92 W at 9.8 m/s, 150 W at 13 m/s, 300 W at 16 m/s, read off the figure
+    value, std = polar.level_power(np.array([9.8, 13.0, 16.0]))
     assert np.all(np.abs(value - [92.0, 150.0, 300.0]) < 2.0 * std)
     fine = np.linspace(8.5, 16.0, 200)
-    least = fine[int(np.argmin(polar.level_power(fine)[0]))]
-    assert least == pytest.approx(9.8, abs=1.5)
-
-
-def test_efficiency_is_an_assumption_that_stays_one(polar: Polar) -> None:
-    value, error = polar.summary["efficiency"]
+    assert fine[int(np.argmin(polar.level_power(fine)[0]))] == pytest.approx(9.8, abs=1.5)
+    value, error = polar.summary["efficiency"]  # an assumption that stays one
     assert 0.5 < value < 0.9
     assert error > 0.05
+    for mass, area, efficiency, words in (
+        (9400.0, 1.499, 0.7, "check the units"),  # grams
+        (9.4, 149.9, 0.7, "check the units"),  # square decimeters
+        (1e300, 1.499, 0.7, "check the units"),
+        (9.4, 1.499, 70.0, "more than all"),  # percent
+    ):
+        with pytest.raises(FlightError, match=words):
+            drag_polar(flight, mass, area, [WINDOW], Propulsion(efficiency))
+    (tmp_path / "m.toml").write_text(
+        '[time]\ncolumn = "t_s"\nunit = "s"\n[variables]\np = {column = "p_rps", unit = "rad/s", file = "plane_bodyrate.csv"}\n'
+    )
+    bare = load(shared_data / "stanford-skywalker-10hz", tmp_path / "m.toml")
+    with pytest.raises(FlightError, match="a drag polar needs V, alpha"):
+        drag_polar(bare, 2.47, 0.39)
 
 
 def test_a_flight_in_which_power_tells_nothing_says_so(vtail_flight: Flight) -> None:
     _, notices = drag_polar(vtail_flight, 8.5, 0.66)
     assert any(one.code == "drag-not-identifiable" for one in notices)
-
-
-def test_without_air_data_there_is_no_polar(shared_data: Path, tmp_path: Path) -> None:
-    mapping = tmp_path / "m.toml"
-    mapping.write_text(
-        '[time]\ncolumn = "t_s"\nunit = "s"\n[variables]\np = {column = "p_rps", unit = "rad/s", file = "plane_bodyrate.csv"}\n'
-    )
-    flight = load(shared_data / "stanford-skywalker-10hz", mapping)
-    with pytest.raises(FlightError, match="a drag polar needs V, alpha"):
-        drag_polar(flight, 2.47, 0.39)
-
-
-@pytest.mark.parametrize(
-    ("mass", "area", "efficiency", "words"),
-    [
-        (9400.0, 1.499, 0.7, "check the units"),  # grams
-        (9.4, 149.9, 0.7, "check the units"),  # square decimeters
-        (1e300, 1.499, 0.7, "check the units"),
-        (9.4, 1.499, 70.0, "more than all"),  # percent
-    ],
-)
-def test_what_no_aircraft_has_is_refused(
-    shared_data: Path, mass: float, area: float, efficiency: float, words: str
-) -> None:
-    flight = load(shared_data / "mit-solar-surfer-px4csv")
-    with pytest.raises(FlightError, match=words):
-        drag_polar(flight, mass, area, [WINDOW], Propulsion(efficiency))

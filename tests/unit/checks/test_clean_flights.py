@@ -37,11 +37,8 @@ def accused(seed: int) -> list[str]:
         text += f"\n[turbulence]\nairspeed = {35.0 if winged else 5.0}\n" + "".join(
             f"{axis} {gusts}" for axis in "uvw"
         )
-    lines = [
-        f"duration = {duration}",
-        "rate = 100.0",
-        f"wind = [{rng.uniform(-4, 4):.2f}, {rng.uniform(-4, 4):.2f}, 0.0]",
-    ]
+    wind = f"wind = [{rng.uniform(-4, 4):.2f}, {rng.uniform(-4, 4):.2f}, 0.0]"
+    lines = [f"duration = {duration}", "rate = 100.0", wind]
     lines += [f"airspeed = {rng.uniform(30, 40):.1f}"] if winged else []
     for control, size, step in WINGS if winged else ROTORS:
         if rng.random() < 0.7:
@@ -49,24 +46,24 @@ def accused(seed: int) -> list[str]:
                 "[[input]]",
                 f'control = "{control}"',
                 f'shape = "{rng.choice(["doublet", "3-2-1-1"])}"',
+            ]
+            lines += [
                 f"start = {rng.uniform(1.0, duration - 6.0):.2f}",
                 f"step = {step * rng.uniform(0.7, 1.4):.3f}",
-                f"amplitude = {size * rng.uniform(-1.0, 1.0):.4f}",
             ]
-    flight = simulate_flight(
-        parse_vehicle(text, name), parse_maneuver("\n".join(lines), "m"), seed=seed, name="sim"
-    )
+            lines += [f"amplitude = {size * rng.uniform(-1.0, 1.0):.4f}"]
+    maneuver = parse_maneuver("\n".join(lines), "m")
+    flight = simulate_flight(parse_vehicle(text, name), maneuver, seed=seed, name="sim")
     data = {str(channel): flight.column(str(channel)) for channel in flight.data.data_vars}
     signals = {channel: (flight.time, x) for channel, x in data.items()}
     judged = check_mapping(signals, data, flight.rate, OWN)
     return [str(one) for one in (*judged.refused, *judged.notices, *check(flight, resolve_vehicle(name)))]
 
 
-@pytest.mark.parametrize("seed", range(6))
-def test_a_clean_flight_is_not_accused(seed: int) -> None:
-    assert accused(seed) == []
+def test_a_clean_flight_is_not_accused() -> None:
+    assert accused(0) == []
 
 
-@pytest.mark.parametrize("seed", range(6, 36))
+@pytest.mark.parametrize("seed", range(1, 36))
 def test_none_of_many_clean_flights_is_accused(seed: int) -> None:
     assert accused(seed) == []

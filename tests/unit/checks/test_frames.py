@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from stoop.base.arrays import FloatArray
+from stoop.base.notices import Notice
 from stoop.base.variables import SPECIFIC_FORCE, VELOCITY
 from stoop.checks.mapping import check_mapping
 from stoop.flight.mapping_corrections import corrected_mapping
@@ -53,53 +54,49 @@ def logged(folder: Path, time: FloatArray, recorded: dict[str, FloatArray]) -> t
     return path, mapping
 
 
-@pytest.mark.parametrize("winged", [True, False], ids=["aircraft", "multirotor"])
-@pytest.mark.parametrize("frame", FRAMES, ids=lambda frame: frame.words)
-def test_other_axes_are_named_and_corrected(tmp_path: Path, frame: Mangled, winged: bool) -> None:
+def named_and_corrected(folder: Path, frame: Mangled, winged: bool) -> None:
     time, truth = columns(winged)
-    path, mapping = logged(tmp_path, time, dict(frame.apply(truth)))
+    path, mapping = logged(folder, time, dict(frame.apply(truth)))
     assert verdict(accusations(path, mapping), frame.lines) == "named"
     made = corrected_mapping(path, mapping)
     assert made.left == ()
     assert misread(path, made.text, frame.shown(truth), truth, CALIBRATED) == []
 
 
+def test_axes_of_ros_are_named_and_corrected(tmp_path: Path) -> None:
+    (frame,) = (frame for frame in FRAMES if frame.words == "all in flu and enu")
+    named_and_corrected(tmp_path, frame, winged=True)
+
+
+@pytest.mark.parametrize("winged", [True, False], ids=["aircraft", "multirotor"])
+@pytest.mark.parametrize("frame", FRAMES, ids=lambda frame: frame.words)
+def test_other_axes_are_named_and_corrected(tmp_path: Path, frame: Mangled, winged: bool) -> None:
+    named_and_corrected(tmp_path, frame, winged)
+
+
+def found(time: FloatArray, shown: dict[str, FloatArray]) -> list[Notice]:
+    lines = {name: OWN[name] for name in shown}
+    judged = check_mapping({name: (time, x) for name, x in shown.items()}, shown, 50.0, lines)
+    return [*judged.refused, *judged.notices]
+
+
 @pytest.mark.parametrize("winged", [True, False], ids=["aircraft", "multirotor"])
 def test_without_accelerometers_path_and_bank_tell_of_z(winged: bool) -> None:
-    """Motion capture with z up, whose attitude is that of z down."""
+    """Motion capture with z up, whose attitude is that of z down; what carries a multirotor says nothing of a climb."""
     time, truth = airborne((*SPECIFIC_FORCE, "altitude", "elevator", "aileron", "rudder"), winged)
-    for shown, changed in ((truth, ()), ({**truth, "vd": -truth["vd"]}, ("vd",))):
-        signals = {name: (time, x) for name, x in shown.items()}
-        found = check_mapping(signals, shown, 50.0, {name: OWN[name] for name in shown})
-        if winged:  # what carries a multirotor says nothing of a climb
-            assert [one.subject for one in (*found.refused, *found.notices)] == list(changed)
-        elif not changed:
-            assert not (*found.refused, *found.notices)
-
-
-def test_ground_axes_are_told_by_the_bank_where_no_force_is_known() -> None:
-    time, truth = airborne((*SPECIFIC_FORCE, "altitude"))
-    turned = {**truth, **{n: -truth[n] for n in (*VELOCITY[1:], "pe")}}
-    found = check_mapping(
-        {name: (time, x) for name, x in turned.items()}, turned, 50.0, {name: OWN[name] for name in turned}
-    )
-    assert {name for one in found.notices for name in one.values["lines"]} == {"ve", "vd", "pe"}
-
-
-def test_noise_of_an_attitude_is_not_its_unit() -> None:
-    """Differences of a noisy pitch angle shrink with its unit; that explains nothing."""
-    time, truth = airborne()
-    rng = np.random.default_rng(0)
-    noisy = {**truth, "theta": truth["theta"] + 0.02 * rng.standard_normal(time.size)}
-    found = check_mapping({name: (time, x) for name, x in noisy.items()}, noisy, 50.0, OWN)
-    assert not (*found.refused, *found.notices)
-
-
-def test_a_right_mapping_is_not_changed(tmp_path: Path) -> None:
-    time, truth = columns(True)
-    path, mapping = logged(tmp_path, time, dict(times("right", 1.0).apply(truth)))
-    made = corrected_mapping(path, mapping)
-    assert (made.text, made.applied, made.left) == (mapping.read_text(), (), ())
+    assert found(time, truth) == []
+    if winged:
+        assert [one.subject for one in found(time, {**truth, "vd": -truth["vd"]})] == ["vd"]
+        turned = {
+            **truth,
+            **{n: -truth[n] for n in (*VELOCITY[1:], "pe")},
+        }  # ground axes are told by the bank
+        assert {name for one in found(time, turned) for name in one.values["lines"]} == {"ve", "vd", "pe"}
+        rng = np.random.default_rng(
+            0
+        )  # differences of a noisy angle shrink with its unit; that explains nothing
+        noisy = {**truth, "theta": truth["theta"] + 0.02 * rng.standard_normal(time.size)}
+        assert found(time, noisy) == []
 
 
 def test_an_attitude_to_the_left_whose_pitch_counts_nose_up(tmp_path: Path) -> None:
@@ -113,13 +110,11 @@ def test_an_attitude_to_the_left_whose_pitch_counts_nose_up(tmp_path: Path) -> N
     assert [] in [misread(path, made.text, x, truth, CALIBRATED) for x in (truth, _quarter(truth))]
 
 
-@pytest.mark.parametrize("name", ["q", "theta"])
-def test_thrust_ahead_tells_pitch_from_its_rate(name: str) -> None:
+def test_thrust_ahead_tells_pitch_from_its_rate() -> None:
     """A multirotor by motion capture."""
     time, truth = airborne((*SPECIFIC_FORCE, "altitude"), winged=False)
-    wrong = {**truth, name: -truth[name]}
-    found = check_mapping({n: (time, x) for n, x in wrong.items()}, wrong, 50.0, {n: OWN[n] for n in wrong})
-    assert [one.values["lines"] for one in (*found.refused, *found.notices)] == [(name,)]
+    for name in ("q", "theta"):
+        assert [one.values["lines"] for one in found(time, {**truth, name: -truth[name]})] == [(name,)]
 
 
 def test_a_climb_in_feet_a_minute_does_not_hide_the_flight(tmp_path: Path) -> None:

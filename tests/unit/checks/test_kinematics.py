@@ -2,31 +2,24 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 from stoop.base.arrays import FloatArray
+from stoop.base.notices import Notice
 from stoop.base.rotations import quaternions_of, to_body
 from stoop.base.units import FACTORS
-from stoop.base.variables import QUATERNION
+from stoop.base.variables import EULER, POSITION, QUATERNION, RATES, SPECIFIC_FORCE, VELOCITY
 from stoop.checks.engine import search
 from stoop.checks.entries import Line
+from stoop.checks.kinematics import check_rates
 from stoop.checks.mapping import Model, check_mapping
-from stoop.flight import VARIABLES, load
+from stoop.flight import VARIABLES
 
 RATE, GRAVITY = 100.0, 9.80665
 TIME = np.arange(3000) / RATE
 NOISE = {"p": 0.01, "phi": 0.01, "ax": 0.1, "vn": 0.1, "pn": 0.05, "altitude": 0.2}  #: and those like them
-GROUPS = (
-    "pqr",
-    ("phi", "theta", "psi"),
-    ("ax", "ay", "az"),
-    ("vn", "ve", "vd"),
-    ("pn", "pe", "pd"),
-    ("altitude",),
-)
+GROUPS = (RATES, EULER, SPECIFIC_FORCE, VELOCITY, POSITION, ("altitude",))
 
 
 def doublet(start: float, size: float) -> FloatArray:
@@ -74,28 +67,38 @@ def told(data: dict[str, FloatArray]) -> list[list[tuple[str, ...]]]:
 
 
 @pytest.mark.parametrize("much", [0.0, 0.05, 0.3, 1.0])
-@pytest.mark.parametrize("seed", range(3))
-def test_a_right_mapping_is_not_accused(seed: int, much: float) -> None:
-    assert told(flown(seed, much)) == []
+def test_a_right_mapping_is_not_accused(much: float) -> None:
+    for seed in range(2):
+        assert told(flown(seed, much)) == []
+    data = flown(5, much)
+    data["vn"] = np.where((TIME > 15.0) & (TIME < 16.0), np.nan, data["vn"])
+    assert told(data) == []
+    assert told({name: x[:5] for name, x in data.items()}) == []
+    assert told({name: np.full_like(x, np.nan) for name, x in data.items()}) == []
 
 
 @pytest.mark.parametrize(
-    "name", ["p", "q", "r", "phi", "theta", "psi", "ax", "ay", "vn", "ve", "vd", "pn", "pe", "pd", "altitude"]
+    "name", ["p", "q", "r", "phi", "theta", "psi", "ax", "ay", "vn", "vd", "pe", "pd", "altitude"]
 )
 def test_a_lost_sign_is_told_of_its_own_line(name: str) -> None:
     data = flown(0)
     assert told(with_quaternion({**data, name: -data[name]})) == [[(name,)]]
 
 
-def test_a_unit_that_only_shrinks_noise_is_no_rival() -> None:
-    data = flown(100, 0.2)
-    assert told({**data, "pn": -data["pn"]}) in ([], [[("pn",)]])
-
-
-@pytest.mark.parametrize(("one", "two"), [("vn", "ve"), ("pn", "pe")])
-def test_exchanged_columns(one: str, two: str) -> None:
+@pytest.mark.parametrize("case", ["vn ve", "pn pe", "two", "undecided", "noise"])
+def test_wrong_lines_are_told(case: str) -> None:
     data = flown(1)
-    assert told({**data, one: data[two], two: data[one]}) == [[(one, two)]]
+    if case == "two":
+        found = told(with_quaternion({**data, "phi": -data["phi"], "vd": -data["vd"]}))
+        assert sorted(found) == [[("phi",)], [("vd",)]]
+    elif case == "undecided":  # no third channel
+        assert sorted(told({"pd": data["pd"], "vd": -data["vd"]})[0]) == [("pd",), ("vd",)]
+    elif case == "noise":  # a unit that only shrinks noise is no rival
+        data = flown(100, 0.2)
+        assert told({**data, "pn": -data["pn"]}) in ([], [[("pn",)]])
+    else:
+        one, two = case.split()
+        assert told({**data, one: data[two], two: data[one]}) == [[(one, two)]]
 
 
 @pytest.mark.parametrize("unit", ["km/h", "kt", "ft/s", "cm/s"])
@@ -110,38 +113,37 @@ def test_a_unit_of_the_velocity(unit: str) -> None:
     np.testing.assert_allclose(judged.corrected(changed)["vn"], data["vn"], atol=1e-12)
 
 
-def test_what_no_third_channel_decides_is_told_of_both() -> None:
-    data = {name: x for name, x in flown(3).items() if name in ("pd", "vd")}
-    assert sorted(told({**data, "vd": -data["vd"]})[0]) == [("pd",), ("vd",)]
+def record(size: float, seed: int, swap: bool = False) -> dict[str, FloatArray]:
+    """Return a vehicle that rolls back and forth, its attitude noisy; nothing else turns."""
+    rng = np.random.default_rng(seed)
+    angles = np.zeros((TIME.size, 3))
+    angles[:, 0] = size * np.sin(2.0 * TIME)
+    rates = np.zeros((TIME.size, 3))
+    rates[:, 1 if swap else 0] = 2.0 * size * np.cos(2.0 * TIME)
+    e = quaternions_of(angles + 0.01 * rng.standard_normal(angles.shape))  # what the built-in vehicles have
+    rates += 0.01 * rng.standard_normal(rates.shape)
+    return dict(zip(QUATERNION, e.T, strict=True)) | dict(zip("pqr", rates.T, strict=True))
 
 
-def test_two_wrong_lines_are_two_faults() -> None:
-    data = flown(4)
-    found = told(with_quaternion({**data, "phi": -data["phi"], "vd": -data["vd"]}))
-    assert sorted(found) == [[("phi",)], [("vd",)]]
+def found(data: dict[str, FloatArray]) -> list[Notice]:
+    judged = check_mapping({}, data, RATE, {})
+    return [*judged.notices, *check_rates(judged.corrected(data), RATE, {})]
 
 
-def test_gaps_and_short_logs_do_no_harm() -> None:
-    data = flown(5)
-    data["vn"] = np.where((TIME > 15.0) & (TIME < 16.0), np.nan, data["vn"])
-    assert told(data) == []
-    assert told({name: x[:5] for name, x in data.items()}) == []
-    assert told({name: np.full_like(x, np.nan) for name, x in data.items()}) == []
+@pytest.mark.parametrize("size", [0.0, 0.005, 0.02, 0.05, 0.3])
+def test_noise_accuses_nobody(size: float) -> None:
+    """Also where the grid's filter smoothed it: neighbors scatter less then; correlations of 0.8 were false alarms."""
+    for seed in range(2):
+        data = record(size, seed)
+        assert found(data) == []
+        smooth = {name: np.convolve(x, [0.25, 0.5, 0.25], mode="same")[2:-2] for name, x in data.items()}
+        assert found(smooth) == []
 
 
-def test_the_line_is_named(tmp_path: Path) -> None:
-    data = {name: x for name, x in flown(6).items() if name not in QUATERNION}
-    data["vd"] = -data["vd"]
-    np.savetxt(
-        tmp_path / "f.csv",
-        np.column_stack([TIME, *data.values()]),
-        delimiter=",",
-        header=",".join(("t", *data)),
-        comments="",
-    )
-    lines = "".join(f'{name} = {{column = "{name}", unit = "{VARIABLES[name].unit}"}}\n' for name in data)
-    (tmp_path / "f.csv.toml").write_text(f'[time]\ncolumn = "t"\nunit = "s"\n[variables]\n{lines}')
-    (fault,) = load(tmp_path / "f.csv").faults
-    assert (fault.kind, fault.variable) == ("inconsistent", "vd")
-    assert "write scale = -1 for variables.vd in" in fault.message
-    assert fault.message.endswith("f.csv.toml")
+def test_exchanged_axes_and_a_wrong_scale_are_seen_through_noise() -> None:
+    (notice,) = found(record(0.3, 0, swap=True))
+    assert (notice.code, notice.values["lines"]) == ("mapping-exchange", ("p", "q"))
+    data = record(0.3, 0)
+    (notice,) = found(data | {"p": 0.5 * data["p"]})
+    assert (notice.code, notice.subject) == ("rate-scale", "p")
+    assert notice.values["gain"] == pytest.approx(2.0, rel=0.05)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -26,80 +25,39 @@ def sound(tmp_path_factory: pytest.TempPathFactory) -> tuple[Columns, str]:
     return {n: table[n] for n in table.dtype.names}, draft(flown.path).text
 
 
-def millimeters(c: Columns) -> Columns:
-    return c | {n: 1000.0 * c[n] for n in ("x_n", "y_n", "z_n")}
+def test_wrong_lines_are_named_and_drafts_correct_them(sound: tuple[Columns, str], tmp_path: Path) -> None:
+    c, mapping = sound
+    negative = {n: -x for n, x in c.items()}
 
+    def but(*names: str) -> Columns:
+        return {n: negative[n] for n in names}
 
-def z_up(c: Columns) -> Columns:
-    return c | {"z_n": -c["z_n"]}
-
-
-def left_handed(c: Columns) -> Columns:
-    return c | {"y_n": -c["y_n"]}
-
-
-def exchanged(c: Columns) -> Columns:
-    return c | {"x_n": c["y_n"], "y_n": c["x_n"]}
-
-
-def rolled(c: Columns) -> Columns:
-    return c | {"roll": -c["roll"]}
-
-
-def forward_left_up(c: Columns) -> Columns:
-    return c | {n: -c[n] for n in ("y_n", "z_n", "pitch", "yaw")}
-
-
-def redefined(c: Columns) -> Columns:
-    return c | {"roll": c["roll"] + 0.4 * (c["t"] > 35.0)}
-
-
-def unchanged(c: Columns) -> Columns:
-    return c
-
-
-@pytest.mark.parametrize(
-    ("wrong", "found", "corrected"),
-    [
-        (unchanged, set(), True),
-        (millimeters, {("mapping-unit", "pn")}, True),
-        (z_up, {("mapping-sign", "pd")}, True),
-        (left_handed, {("mapping-sign", "pe")}, True),
-        (exchanged, {("mapping-exchange", "pn")}, False),
-        (rolled, {("mapping-sign", "phi")}, True),
-        (forward_left_up, {("mapping-frame", "theta")}, True),
-        (redefined, {("pose-jumps", "log.csv")}, False),  # no line is wrong
-    ],
-)
-def test_a_wrong_line_is_named(
-    sound: tuple[Columns, str],
-    tmp_path: Path,
-    wrong: Callable[[Columns], Columns],
-    found: set[tuple[str, str]],
-    corrected: bool,
-) -> None:
-    columns, mapping = sound
-    written = wrong(columns)
-    rows = np.column_stack([*written.values()])
-    np.savetxt(tmp_path / "log.csv", rows, delimiter=",", header=",".join(written), comments="", fmt="%.7g")
-    for text, expected in (
-        (mapping, found),
-        (draft(tmp_path / "log.csv").text, set() if corrected else found),
+    for wrong, found, corrected in (
+        ({}, set(), True),
+        ({n: 1000.0 * c[n] for n in ("x_n", "y_n", "z_n")}, {("mapping-unit", "pn")}, True),
+        (but("z_n"), {("mapping-sign", "pd")}, True),
+        (but("y_n"), {("mapping-sign", "pe")}, True),
+        ({"x_n": c["y_n"], "y_n": c["x_n"]}, {("mapping-exchange", "pn")}, False),
+        (but("roll"), {("mapping-sign", "phi")}, True),
+        (but("y_n", "z_n", "pitch", "yaw"), {("mapping-frame", "theta")}, True),
+        ({"roll": c["roll"] + 0.4 * (c["t"] > 35.0)}, {("pose-jumps", "log.csv")}, False),  # no line is wrong
     ):
-        (tmp_path / "map.toml").write_text(text, encoding="utf-8")
-        notices = load(tmp_path / "log.csv", tmp_path / "map.toml").notices
-        assert {(n.code, n.subject) for n in notices if n.severity == "warning"} == expected
-
-
-def test_degrees_in_radians_are_refused(sound: tuple[Columns, str], tmp_path: Path) -> None:
-    columns, mapping = sound
-    written = columns | {n: np.degrees(columns[n]) for n in ("roll", "pitch", "yaw")}
-    rows = np.column_stack([*written.values()])
-    np.savetxt(tmp_path / "log.csv", rows, delimiter=",", header=",".join(written), comments="", fmt="%.7g")
-    (tmp_path / "map.toml").write_text(mapping, encoding="utf-8")
+        written = write(tmp_path, c | wrong)
+        for text, expected in ((mapping, found), (draft(written).text, set() if corrected else found)):
+            assert warnings(written, text) == expected, (found, text)
+    degrees = write(tmp_path, c | {n: np.degrees(c[n]) for n in ("roll", "pitch", "yaw")})
     with pytest.raises(FlightError, match='write unit = "deg"'):
-        load(tmp_path / "log.csv", tmp_path / "map.toml")
-    (tmp_path / "map.toml").write_text(draft(tmp_path / "log.csv").text, encoding="utf-8")
-    assert not [
-        n for n in load(tmp_path / "log.csv", tmp_path / "map.toml").notices if n.severity == "warning"
-    ]
+        warnings(degrees, mapping)
+    assert warnings(degrees, draft(degrees).text) == set()
+
+
+def write(folder: Path, columns: Columns) -> Path:
+    rows, head = np.column_stack([*columns.values()]), ",".join(columns)
+    np.savetxt(folder / "log.csv", rows, delimiter=",", header=head, comments="", fmt="%.7g")
+    return folder / "log.csv"
+
+
+def warnings(path: Path, mapping: str) -> set[tuple[str, str]]:
+    path.with_name("map.toml").write_text(mapping, encoding="utf-8")
+    notices = load(path, path.with_name("map.toml")).notices
+    return {(n.code, n.subject) for n in notices if n.severity == "warning"}

@@ -1,4 +1,4 @@
-"""A wrong unit or sign of a mapping is reported, with the line to change."""
+"""A wrong unit or sign of a mapping, degrees where radians belong among them, is reported, with the line to change."""
 
 from __future__ import annotations
 
@@ -7,7 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from stoop.base.arrays import FloatArray
 from stoop.base.notices import Notice
+from stoop.base.rotations import wrap
 from stoop.checks.entries import Line, Lines
 from stoop.checks.mapping import check_mapping
 from stoop.checks.units import Sizes, without_jumps
@@ -16,7 +18,9 @@ from stoop.flight import Flight, load
 
 T = 0.01 * np.arange(3000)
 DEG = 180.0 / np.pi
-VARIABLES = {
+
+
+UNITS = {
     "phi": "rad", "theta": "rad", "psi": "rad", "p": "rad/s", "q": "rad/s", "r": "rad/s", "ax": "m/s2", "ay": "m/s2",
     "az": "m/s2", "voltage": "V",
 }  # fmt: skip
@@ -39,51 +43,31 @@ def flight(folder: Path, **changed: np.ndarray) -> Flight:
     columns = {**motion(), **changed}
     rows, head = np.column_stack([T, *columns.values()]), ",".join(("t", *columns))
     np.savetxt(folder / "f.csv", rows, delimiter=",", header=head, comments="")
-    lines = [f'{name} = {{column = "{name}", unit = "{unit}"}}' for name, unit in VARIABLES.items()]
+    lines = [f'{name} = {{column = "{name}", unit = "{unit}"}}' for name, unit in UNITS.items()]
     (folder / "f.csv.toml").write_text('[time]\ncolumn = "t"\nunit = "s"\n[variables]\n' + "\n".join(lines))
     return load(folder / "f.csv")
 
 
-def test_a_right_mapping_is_not_accused(tmp_path: Path) -> None:
+def test_a_sign_a_unit_and_exchanged_axes(tmp_path: Path) -> None:
     assert flight(tmp_path).faults == ()
-
-
-@pytest.mark.parametrize(
-    ("name", "factor", "fix"),
-    [
-        ("p", -1.0, "write scale = -1 for variables.p in"),
-        ("az", -1.0, "write scale = -1 for variables.az in"),
-        ("voltage", 1e3, 'write unit = "mV" for variables.voltage in'),
-    ],
-)
-def test_a_sign_and_a_unit(tmp_path: Path, name: str, factor: float, fix: str) -> None:
-    (fault,) = flight(tmp_path, **{name: factor * motion()[name]}).faults
-    assert fault.variable == name
-    assert fix in fault.message
-    assert fault.message.endswith("f.csv.toml")
-
-
-def test_gravity_tells_the_unit_of_the_specific_force(tmp_path: Path) -> None:
-    force = {name: motion()[name] / 9.8 for name in ("ax", "ay", "az")}
-    (fault,) = flight(tmp_path, **force).faults
-    assert fault.kind == "wrong unit"
-    assert fault.message.endswith(
-        f'write unit = "g" for variables.ax, variables.ay and variables.az in {tmp_path / "f.csv.toml"}'
-    )
-
-
-def test_swapped_axes(tmp_path: Path) -> None:
-    m = motion()
-    (fault,) = flight(tmp_path, p=m["q"], q=m["p"]).faults
-    assert "p and q are exchanged" in fault.message
+    m, force = motion(), {name: motion()[name] / 9.8 for name in ("ax", "ay", "az")}
     whole = 'p = {column = "q", unit = "rad/s"} and q = {column = "p", unit = "rad/s"} under [variables] in'
-    assert f"write {whole}" in fault.message
-
-
-@pytest.mark.parametrize(("name", "unit"), [("p", "deg/s"), ("phi", "deg")])
-def test_degrees_name_the_key(tmp_path: Path, name: str, unit: str) -> None:
-    with pytest.raises(FlightError, match=rf'write unit = "{unit}" for variables\.{name} in .*f\.csv\.toml'):
-        flight(tmp_path, **{name: np.degrees(motion()[name])})
+    for changed, variable, fix in (
+        ({"p": -m["p"]}, "p", "write scale = -1 for variables.p in"),
+        ({"az": -m["az"]}, "az", "write scale = -1 for variables.az in"),
+        ({"voltage": 1e3 * m["voltage"]}, "voltage", 'write unit = "mV" for variables.voltage in'),
+        (force, "az", 'write unit = "g" for variables.ax, variables.ay and variables.az in'),
+        ({"p": m["q"], "q": m["p"]}, "p", f"write {whole}"),
+    ):
+        (fault,) = flight(tmp_path, **changed).faults
+        assert fault.variable in (variable, "ax", "p, q")
+        assert fix in fault.message
+        assert fault.message.endswith("f.csv.toml")
+    for name, unit in (("p", "deg/s"), ("phi", "deg")):
+        with pytest.raises(
+            FlightError, match=rf'write unit = "{unit}" for variables\.{name} in .*f\.csv\.toml'
+        ):
+            flight(tmp_path, **{name: np.degrees(m[name])})
 
 
 def noticed(lines: Lines | None = None, **columns: np.ndarray | float) -> list[Notice]:
@@ -92,7 +76,7 @@ def noticed(lines: Lines | None = None, **columns: np.ndarray | float) -> list[N
 
 
 def test_units_that_explain_a_size() -> None:
-    columns = {
+    sizes = {
         "pressure": 1013.0,
         "temperature": 15.0,
         "rotor_1": 9000.0,
@@ -100,14 +84,19 @@ def test_units_that_explain_a_size() -> None:
         "motor_1": 55.0,
         "density": 3.0,
     }
-    line = Line("m.toml", "variables.motor_1")
-    found = {one.subject: one for one in noticed({"motor_1": line}, **columns)}
     meant = {"pressure": "hPa", "temperature": "degC", "rotor_1": "rpm", "pwm_1": "s", "motor_1": "percent"}
-    assert {name: one.values["fix"] for name, one in found.items() if name != "density"} == {
-        name: f'write unit = "{unit}"' for name, unit in meant.items()
-    }
+    found = {one.subject: one for one in noticed({"motor_1": Line("m.toml", "variables.motor_1")}, **sizes)}
+    fixes = {name: one.values["fix"] for name, one in found.items() if name != "density"}
+    assert fixes == {name: f'write unit = "{unit}"' for name, unit in meant.items()}
     assert found["density"].code == "size-unexplained"
     assert found["motor_1"].values["suggestion"].endswith("for variables.motor_1 in m.toml")
+    (percent,), (pulses,), (up,) = noticed(motor_1=67.0), noticed(motor_2=1670.0), noticed(az=10.3)
+    assert (percent.code, percent.values["size"], percent.values["unit"]) == ("unit-size", 67.0, "")
+    assert pulses.code == "command-in-pulses"
+    assert "scale = 0.001 and offset = -1" in pulses.values["fix"]
+    assert "or call it pwm_2" in pulses.values["fix"]
+    assert (up.code, up.values["fix"]) == ("force-points-up", "write scale = -1")
+    assert noticed(az=-9.8) == []
 
 
 def noisy(folder: Path, units: str, **factors: float) -> list[str]:
@@ -127,44 +116,18 @@ def noisy(folder: Path, units: str, **factors: float) -> list[str]:
     ]
 
 
-@pytest.mark.parametrize(
-    ("units", "factors", "fix"),
-    [
+def test_g_and_metres_per_second_squared_are_told_apart(tmp_path: Path) -> None:
+    G = 1.0 / 9.80665
+    for units, factors, fix in (
+        ("g m/s2 g", {"ax": G, "az": G}, ""),  # axes in units of their own are right
         ("m/s2 m/s2 g", {}, 'write unit = "m/s2" for variables.az in M'),
         ("g g g", {}, 'write unit = "m/s2" for variables.ax, variables.ay and variables.az in M'),
-        ("m/s2 m/s2 m/s2", {"az": 1 / 9.80665}, 'write unit = "g" for variables.az in M'),
+        ("m/s2 m/s2 m/s2", {"az": G}, 'write unit = "g" for variables.az in M'),
         ("g m/s2 m/s2", {}, 'write unit = "m/s2" for variables.ax in M'),
-        (
-            "g m/s2 g",
-            {"ax": 1 / 9.80665, "ay": 1 / 9.80665, "az": 1 / 9.80665},
-            'unit = "g" for variables.ay in M',
-        ),
-    ],
-)
-def test_g_and_metres_per_second_squared_are_told_apart(
-    tmp_path: Path, units: str, factors: dict[str, float], fix: str
-) -> None:
-    (told,) = noisy(tmp_path, units, **factors)
-    assert told.endswith(fix)
-
-
-def test_axes_in_units_of_their_own_are_right(tmp_path: Path) -> None:
-    assert noisy(tmp_path, "g m/s2 g", ax=1 / 9.80665, az=1 / 9.80665) == []
-
-
-def test_motors_in_percent_or_microseconds() -> None:
-    (found,) = noticed(motor_1=67.0)
-    assert (found.code, found.values["size"], found.values["unit"]) == ("unit-size", 67.0, "")
-    (found,) = noticed(motor_2=1670.0)
-    assert found.code == "command-in-pulses"
-    assert "scale = 0.001 and offset = -1" in found.values["fix"]
-    assert "or call it pwm_2" in found.values["fix"]
-
-
-def test_a_vertical_force_that_points_up_is_a_wrong_sign() -> None:
-    assert noticed(az=-9.8) == []
-    (found,) = noticed(az=10.3)
-    assert (found.code, found.values["fix"]) == ("force-points-up", "write scale = -1")
+        ("g m/s2 g", {"ax": G, "ay": G, "az": G}, 'unit = "g" for variables.ay in M'),
+    ):
+        told = noisy(tmp_path, units, **factors)
+        assert [one.endswith(fix) for one in told] == [True] * bool(fix), (units, factors)
 
 
 def test_a_heading_near_north_is_no_degree() -> None:
@@ -182,16 +145,95 @@ def test_a_heading_near_north_is_no_degree() -> None:
 def test_a_rate_that_was_converted_twice_is_multiplied_back(unit: str, factor: float) -> None:
     values = {name: x for name, x in motion().items() if name != "voltage"}
     values["q"] = values["q"] / factor
-    lines = {name: Line("m.toml", f"variables.{name}", VARIABLES[name]) for name in values}
+    lines = {name: Line("m.toml", f"variables.{name}", UNITS[name]) for name in values}
     lines["q"] = Line("m.toml", "variables.q", unit, {"column": "q", "unit": unit})
     found = check_mapping({name: (T, x) for name, x in values.items()}, values, 100.0, lines)
     (one,) = (*found.refused, *found.notices)
     assert one.values["changes"] == (f"variables.q.scale = {factor:.12g}",)
 
 
-@pytest.mark.parametrize("unit", [1.0, 180.0 / np.pi, np.pi / 180.0], ids=["rad", "deg as rad", "rad as deg"])
-def test_turns_of_any_size_are_counted_on(unit: float) -> None:
+def test_turns_of_any_size_are_counted_on() -> None:
     """As mapped, in degrees where radians belong, and converted from degrees that they were not in."""
     heading = np.linspace(0.0, 20.0, 500)
-    recorded = unit * np.mod(heading, 2.0 * np.pi)
-    np.testing.assert_allclose(without_jumps("psi", recorded), unit * heading, rtol=0.0, atol=1e-9)
+    for unit in (1.0, DEG, 1.0 / DEG):
+        recorded = unit * np.mod(heading, 2.0 * np.pi)
+        np.testing.assert_allclose(without_jumps("psi", recorded), unit * heading, rtol=0.0, atol=1e-9)
+
+
+DEG = 180.0 / np.pi
+
+
+def maneuver(size: float = 0.3, noise: float = 0.0) -> dict[str, FloatArray]:
+    """Make angles and the rates that belong to them, not at the same time scale."""
+    time = np.arange(0.0, 10.0, 0.01)
+    rng = np.random.default_rng(1)
+    values = {}
+    for angle, rate, pace in (("phi", "p", 2.0), ("theta", "q", 3.0), ("psi", "r", 1.0)):
+        values[angle] = size * np.sin(pace * time)
+        values[rate] = pace * size * np.cos(pace * time)
+    values["alpha"] = 0.5 * values["theta"]
+    values = {name: x + noise * size * rng.normal(size=x.size) for name, x in values.items()}
+    return {**values, "elevator": size * np.sign(np.sin(time))}
+
+
+def check(values: dict[str, FloatArray], lines: Lines | None = None) -> list[Notice]:
+    time = 0.01 * np.arange(next(iter(values.values())).size)
+    signals = {name: (time, x) for name, x in values.items()}
+    return list(check_mapping(signals, {}, 100.0, lines or {}).refused)
+
+
+def accused(found: list[Notice]) -> list[tuple[str, ...]]:
+    return [one.values["lines"] for one in found]
+
+
+def test_radians_pass() -> None:
+    for size, noise in ((1e-3, 0.0), (1e-3, 0.3), (0.03, 0.1), (0.3, 0.3), (1.0, 0.0), (1.0, 0.3)):
+        assert check(maneuver(size, noise)) == [], (size, noise)
+    values = maneuver(0.3)
+    values["theta"][::500] = 1e9  # some wild samples prove nothing
+    assert check(values) == []
+    for x in (np.full(50, np.nan), np.zeros(50), np.zeros(1)):
+        assert check({"phi": x, "p": x}) == []
+
+
+@pytest.mark.parametrize("size", [0.02, 0.3])
+def test_one_channel_in_degrees_is_accused(size: float) -> None:
+    for name, unit in (("phi", "deg"), ("theta", "deg"), ("p", "deg/s"), ("q", "deg/s")):
+        values = maneuver(size, noise=0.01)
+        values[name] = values[name] * DEG
+        (found,) = check(values, {name: Line("m.toml", f"variables.{name}", "rad")})
+        assert found.values["lines"] == (name,)
+        assert found.values["suggestion"] == f'write unit = "{unit}" for variables.{name} in m.toml'
+
+
+def test_several_channels_in_degrees() -> None:
+    for size, names, lines in (
+        (1.0, ("elevator",), [("elevator",)]),  # beyond any angle
+        (1.0, ("alpha",), [("alpha",)]),
+        (1.0, ("psi",), [("psi",)]),
+        (0.02, ("phi", "theta", "psi"), [("phi", "theta", "psi")]),  # of one sensor: one finding
+    ):
+        values = maneuver(size)
+        assert accused(check(values | {name: values[name] * DEG for name in names})) == lines
+    found = accused(check({name: x * DEG for name, x in maneuver(0.3).items()}))
+    assert {name for names in found for name in names} == {*maneuver()}
+    (one,) = check({"theta": np.full(100, 12.0)})
+    assert one.values["suggestion"] == 'write unit = "deg" for theta in a mapping (see stoop map)'
+
+
+def test_siblings_in_the_mapping_show_which_of_two_units_is_wrong() -> None:
+    """The attitude is 57 times too fast for rates that are said to be in deg/s, as only p is of its sensor."""
+    values = maneuver(0.02)
+    values["p"] = values["p"] / DEG
+    units = {"phi": "rad", "theta": "rad", "psi": "rad", "p": "deg/s", "q": "rad/s", "r": "rad/s"}
+    (found,) = check(values, {name: Line("m.toml", name, unit) for name, unit in units.items()})
+    assert found.values["suggestion"] == 'write unit = "rad/s" for p in m.toml'
+
+
+def test_a_heading_counted_through_turns_is_no_heading_in_degrees() -> None:
+    time = np.arange(0.0, 60.0, 0.01)
+    rate = 0.5 + 0.2 * np.sin(time)
+    heading = np.cumsum(rate) * 0.01
+    assert check({"psi": heading, "r": rate}) == []
+    assert check({"psi": wrap(heading), "r": rate}) == []
+    assert accused(check({"psi": wrap(heading) * DEG, "r": rate})) == [("psi",)]

@@ -9,8 +9,6 @@ from typing import Any
 import numpy as np
 import pytest
 import xarray as xr
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from scipy.interpolate import CubicSpline
 from scipy.signal import lfilter
 
@@ -75,11 +73,7 @@ def specific_force(truth: Truth, t: Array, beta: Callable[[Array], Array], h: fl
 def weathercock(truth: Truth) -> Callable[[Array], Array]:
     """Sideslip that obeys a_y = V^2 beta / kappa: dv/dt = a_y - r u + p w + g cos(theta) sin(phi)."""
     t = np.arange(-1.0, truth.duration + 1.0, 0.005)
-    rotation, speed, alpha = (
-        matrices_of(quaternions_of(truth.attitude(t))),
-        truth.speed(t),
-        truth.alpha(t),
-    )
+    rotation, speed, alpha = matrices_of(quaternions_of(truth.attitude(t))), truth.speed(t), truth.alpha(t)
     spin = np.einsum("nji,njk->nik", rotation, np.gradient(rotation, t, axis=0))
     p, r, push = spin[:, 2, 1], spin[:, 1, 0], rotation[:, 2, 1] * 9.80665
     faster, slip = np.gradient(speed, t), np.zeros_like(t)
@@ -99,41 +93,27 @@ def fly(
     t = np.arange(0.0, truth.duration, 1.0 / RATE)
     beta = beta or truth.free_beta
     angles = truth.attitude(t) - np.array([0.0, 0.0, truth.heading_error])
-    force = (
-        specific_force(truth, t, beta)
-        + np.array(truth.bias)
-        + truth.force_noise * rng.normal(size=(t.size, 3))
-    )
+    force = specific_force(truth, t, beta) + truth.bias + truth.force_noise * rng.normal(size=(t.size, 3))
     native = np.arange(0.03, truth.duration, 0.1)
     logged = ground_velocity(truth, native - truth.delay, beta)
     logged += truth.velocity_noise * rng.normal(size=logged.shape)
-    velocity = np.column_stack([np.interp(t, native, c) for c in logged.T])
     memory = np.exp(-1.0 / RATE)
     gust = lfilter([np.sqrt(1 - memory**2)], [1.0, -memory], rng.normal(size=t.size)) * truth.gust
     felt = truth.speed(t) + gust / truth.slope
     columns = {
         **dict(zip(("q0", "q1", "q2", "q3"), quaternions_of(angles).T, strict=True)),
         **dict(zip(("ax", "ay", "az"), force.T, strict=True)),
-        **dict(zip(("vn", "ve", "vd"), velocity.T, strict=True)),
+        **{name: np.interp(t, native, c) for name, c in zip(("vn", "ve", "vd"), logged.T, strict=True)},
         "airspeed_pitot": truth.slope * felt + truth.offset + truth.pitot_noise * rng.normal(size=t.size),
     }
     if gaps:
-        hole = holes(t)
+        begun = np.arange(11.3, t[-1], 13.7)[:, None]
+        hole = ((t > begun) & (t < begun + 0.3 + 0.05 * (begun % 7))).any(axis=0)
         columns = {name: np.where(hole, np.nan, x) for name, x in columns.items()}
     exact = {"V": felt, "alpha": truth.alpha(t), "beta": beta(t)}
     exact["velocity"] = ground_velocity(truth, t, beta)
-    return dataset(1000.0 + t, columns), exact
-
-
-def holes(t: Array) -> Array:
-    hole = np.zeros(t.size, dtype=bool)
-    for start in np.arange(11.3, t[-1], 13.7):
-        hole |= (t > start) & (t < start + 0.3 + 0.05 * (start % 7))
-    return hole
-
-
-def dataset(time: Array, columns: dict[str, Array]) -> xr.Dataset:
-    return xr.Dataset({name: ("time", x) for name, x in columns.items()}, coords={"time": time})
+    data = {name: ("time", x) for name, x in columns.items()}
+    return xr.Dataset(data, coords={"time": 1000.0 + t}), exact
 
 
 def reconstruct(data: xr.Dataset) -> tuple[xr.Dataset, AirData]:
@@ -157,7 +137,7 @@ def within(estimate: float, std: float, truth: float, sigmas: float = 3.0) -> bo
 # ---------------------------------------------------------------- recovery
 
 
-@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("seed", [1, 2])
 def test_known_wind_pitot_and_bias_are_recovered(seed: int) -> None:
     truth = Truth()
     data, exact = fly(truth, seed)
@@ -167,11 +147,9 @@ def test_known_wind_pitot_and_bias_are_recovered(seed: int) -> None:
     assert within(air.wind_e, air.wind_e_std, truth.wind[1])
     assert within(air.pitot_scale, air.pitot_scale_std, 1.0 / truth.slope)
     assert within(air.pitot_offset, air.pitot_offset_std, truth.offset)
-    for estimate, std, bias in zip(
-        air.accelerometer_bias, air.accelerometer_bias_std, truth.bias, strict=True
-    ):
-        assert within(estimate, std, bias)
-        assert std < 0.1
+    biases = zip(air.accelerometer_bias, air.accelerometer_bias_std, truth.bias, strict=True)
+    assert all(within(*one) for one in biases)
+    assert max(air.accelerometer_bias_std) < 0.1
     assert max(air.wind_n_std, air.wind_e_std) < 0.3
     assert rms(out["V"].to_numpy() - exact["V"]) < 0.3
     assert rms(out["alpha"].to_numpy() - exact["alpha"]) < 0.3 * DEG
@@ -209,25 +187,21 @@ def test_standard_errors_cover_the_truth() -> None:
     for seed in range(30):
         fresh, _ = fly(replace(truth, force_noise=0.0, velocity_noise=0.0), 100 + seed, gaps=False)
         _, air = reconstruct(data.assign(airspeed_pitot=fresh["airspeed_pitot"]))
-        scores.append(
-            ((air.wind_n - truth.wind[0]) / air.wind_n_std, (air.wind_e - truth.wind[1]) / air.wind_e_std)
-        )
+        scores += [
+            (air.wind_n - truth.wind[0]) / air.wind_n_std,
+            (air.wind_e - truth.wind[1]) / air.wind_e_std,
+        ]
     assert 0.6 < rms(np.array(scores)) < 1.5
 
 
-@pytest.mark.parametrize("delay", [0.06, 0.2, 0.3, 0.4, 0.5, -0.05])
+@pytest.mark.parametrize("delay", [0.5, 0.2, 0.0, -0.05])
 def test_a_late_velocity_is_found_and_corrected(delay: float) -> None:
     data, exact = fly(Truth(delay=delay, duration=60.0), 5)
     out, air = reconstruct(data)
     assert air.velocity_delay == pytest.approx(delay, abs=0.01)
     assert rms(out["ve_smooth"].to_numpy() - exact["velocity"][:, 1]) < 0.15
-    assert ("velocity-late" if delay > 0.0 else "velocity-early") in codes(air)
-
-
-def test_a_velocity_that_is_not_late_is_left_alone() -> None:
-    _, air = reconstruct(fly(Truth(duration=60.0), 6)[0])
-    assert abs(air.velocity_delay) < 0.01
-    assert not codes(air) & {"velocity-late", "velocity-early"}
+    told = {"velocity-late"} if delay > 0.0 else {"velocity-early"} if delay < 0.0 else set()
+    assert codes(air) & {"velocity-late", "velocity-early"} == told
 
 
 def test_a_wrong_heading_is_reported_and_not_corrected() -> None:
@@ -267,13 +241,9 @@ def test_without_a_pitot_sideslip_tells_the_wind() -> None:
     assert np.isnan(air.pitot_scale)
     assert rms(out["beta"].to_numpy() - exact["beta"]) < 1.0 * DEG
     assert any("no pitot" in str(found.values.get("source")) for found in air.notices)
-
-
-def test_pitot_and_sideslip_agree() -> None:
-    truth = Truth()
-    _, air = reconstruct(fly(truth, 10, beta=weathercock(truth))[0])
-    assert air.method == "pitot"
-    assert "sideslip-wind-agrees" in codes(air)
+    _, with_pitot = reconstruct(data)
+    assert with_pitot.method == "pitot"
+    assert "sideslip-wind-agrees" in codes(with_pitot)
 
 
 def test_a_log_wind_serves_a_straight_flight_without_pitot() -> None:
@@ -309,26 +279,21 @@ def test_straight_flight_holds_the_pitot_scale_and_says_so() -> None:
     assert within(air.wind_e, air.wind_e_std, truth.wind[1])
 
 
-@pytest.mark.parametrize("missing", ["velocity", "attitude", "flight", "all", "short"])
-def test_without_the_essentials_the_data_come_back_unchanged(missing: str) -> None:
+def test_without_the_essentials_the_data_come_back_unchanged() -> None:
     data, _ = fly(Truth(duration=20.0), 14)
-    if missing == "velocity":
-        data = data.drop_vars(["vn", "ve", "vd"])
-    elif missing == "attitude":
-        data = data.drop_vars(["q0", "q1", "q2", "q3"])
-    elif missing == "flight":
-        data = data.assign(
-            {name: 0.0 * data[name] for name in ("vn", "ve", "vd", "ax", "ay", "airspeed_pitot")}
-        )
-    elif missing == "all":
-        data = data.map(lambda x: x * np.nan)
-    else:
-        data = data.isel(time=slice(0, 5))
-    out, air = reconstruct(data)
-    assert out.identical(data)
-    assert air.method == "none"
-    assert np.isnan(air.wind_n)
-    assert air.notices[0].code.startswith("no-air-data")
+    still = {name: 0.0 * data[name] for name in ("vn", "ve", "vd", "ax", "ay", "airspeed_pitot")}
+    cases = {
+        "no velocity": data.drop_vars(["vn", "ve", "vd"]),
+        "no attitude": data.drop_vars(["q0", "q1", "q2", "q3"]),
+        "no flight": data.assign(still),
+        "nothing": data.map(lambda x: x * np.nan),
+        "too short": data.isel(time=slice(0, 5)),
+    }
+    for case, incomplete in cases.items():
+        out, air = reconstruct(incomplete)
+        assert out.identical(incomplete), case
+        assert (air.method, np.isnan(air.wind_n)) == ("none", True), case
+        assert air.notices[0].code.startswith("no-air-data"), case
 
 
 def test_without_accelerometers_the_velocity_is_taken_as_logged() -> None:
@@ -372,43 +337,32 @@ def test_nothing_is_given_on_the_ground() -> None:
 # ---------------------------------------------------------------- invariance and reference
 
 
-@settings(max_examples=8, deadline=None)
-@given(turn=st.floats(-np.pi, np.pi), shift=st.floats(-1e4, 1e4))
+@pytest.mark.parametrize(("turn", "shift"), [(0.7, 0.0), (-2.9, 1e4)])
 def test_turning_the_world_turns_the_wind_only(turn: float, shift: float) -> None:
     data, _ = fly(Truth(duration=40.0), 19)
+    c, s, hc, hs = np.cos(turn), np.sin(turn), np.cos(turn / 2.0), np.sin(turn / 2.0)
+    q0, q1, q2, q3 = (data[f"q{i}"] for i in range(4))
+    turned = data.assign(
+        vn=c * data["vn"] - s * data["ve"], ve=s * data["vn"] + c * data["ve"],
+        q0=hc * q0 - hs * q3, q1=hc * q1 - hs * q2, q2=hc * q2 + hs * q1, q3=hc * q3 + hs * q0,
+    )  # fmt: skip
     out, air = reconstruct(data)
-    turned_out, turned = reconstruct(turn_world(data, turn).assign_coords(time=data["time"] + shift))
-    c, s = np.cos(turn), np.sin(turn)
-    assert turned.wind_n == pytest.approx(c * air.wind_n - s * air.wind_e, abs=1e-5)
-    assert turned.wind_e == pytest.approx(s * air.wind_n + c * air.wind_e, abs=1e-5)
-    assert turned.pitot_scale == pytest.approx(air.pitot_scale, abs=1e-6)
+    turned_out, turned_air = reconstruct(turned.assign_coords(time=data["time"] + shift))
+    assert turned_air.wind_n == pytest.approx(c * air.wind_n - s * air.wind_e, abs=1e-5)
+    assert turned_air.wind_e == pytest.approx(s * air.wind_n + c * air.wind_e, abs=1e-5)
+    assert turned_air.pitot_scale == pytest.approx(air.pitot_scale, abs=1e-6)
     for name in ("V", "alpha", "beta"):
         np.testing.assert_allclose(turned_out[name], out[name], atol=1e-5)
-
-
-def turn_world(data: xr.Dataset, angle: float) -> xr.Dataset:
-    c, s = np.cos(angle), np.sin(angle)
-    q0, q1, q2, q3 = (data[f"q{i}"] for i in range(4))
-    hc, hs = np.cos(angle / 2.0), np.sin(angle / 2.0)
-    return data.assign(
-        vn=c * data["vn"] - s * data["ve"],
-        ve=s * data["vn"] + c * data["ve"],
-        q0=hc * q0 - hs * q3,
-        q1=hc * q1 - hs * q2,
-        q2=hc * q2 + hs * q1,
-        q3=hc * q3 + hs * q0,
-    )
 
 
 def test_smoother_equals_one_big_least_squares_problem() -> None:
     """The same model with a state at every sample, solved at once by dense normal equations."""
     truth = Truth(duration=1.5)
     data, _ = fly(truth, 20, gaps=False)
-    columns = [
-        np.column_stack([data[n] for n in names]) for names in (("ax", "ay", "az"), ("vn", "ve", "vd"))
-    ]
     rotation = matrices_of(np.column_stack([data[f"q{i}"] for i in range(4)]))
-    force, velocity = columns
+    force, velocity = (
+        np.column_stack([data[n + i] for i in ends]) for n, ends in (("a", "xyz"), ("v", "ned"))
+    )
     force[70:80] = np.nan  # a gap
     velocity[:3] = velocity[70:80] = np.nan
     found = smooth_velocity(data["time"].to_numpy(), rotation, force, velocity, 10.0)

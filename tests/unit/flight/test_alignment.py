@@ -9,6 +9,7 @@ import pytest
 
 from stoop.base.arrays import FloatArray
 from stoop.errors import FlightError, LogError
+from stoop.exporters.log_bytes import Topic, ulog
 from stoop.flight import load
 from stoop.flight.alignment import Lag, attitude_delay, find_lag, quantities, with_drift
 from stoop.flight.gridding import Channels
@@ -43,18 +44,14 @@ def lag_of(shift: float, noise: float = 0.0, rate: float = 50.0, seed: int = 0, 
     return with_drift(found, moving, reference) if drift else found
 
 
-@pytest.mark.parametrize("shift", [0.0, 3.21, -2.4567, 1.0e6 + 0.123, 0.0037])
+@pytest.mark.parametrize("shift", [0.0, 3.21, -2.4567, 1.0e6 + 0.123])
 def test_a_shift_comes_back_to_a_fraction_of_a_sample(shift: float) -> None:
     found = lag_of(shift)
     assert found.shift == pytest.approx(shift, abs=5e-4)
     assert found.correlation > 0.99
     assert found.trusted
     assert found.using == ("psi_dot",)
-
-
-@pytest.mark.parametrize("rate", [12.0, 30.0, 120.0])
-def test_slow_streams(rate: float) -> None:
-    assert lag_of(0.3456, rate=rate).shift == pytest.approx(0.3456, abs=0.004)
+    assert lag_of(shift, rate=12.0).shift == pytest.approx(shift, abs=0.004)
 
 
 def test_the_error_is_as_large_as_it_says() -> None:
@@ -105,11 +102,8 @@ def test_the_largest_shift_is_kept_to() -> None:
     assert abs(near.shift) <= 2.0
     assert far is not None
     assert far.shift == pytest.approx(8.0, abs=1e-3)
-
-
-def test_records_that_hardly_meet() -> None:
-    t = np.arange(0.0, 3.0, 0.01)
-    assert find_lag({"r": (t, yaw_rate(t))}, {"r": (t, yaw_rate(t))}) is None
+    brief = {"r": (t[:300], yaw_rate(t[:300]))}
+    assert find_lag(brief, brief) is None
 
 
 def test_attitude_tells_the_rates_whatever_the_form() -> None:
@@ -117,18 +111,16 @@ def test_attitude_tells_the_rates_whatever_the_form() -> None:
     t = np.arange(0.0, 10.0, 0.002)
     phi, theta, psi = 0.5 * np.sin(t), 0.3 * np.cos(1.3 * t), 0.7 * t
     dphi, dtheta, dpsi = 0.5 * np.cos(t), -0.39 * np.sin(1.3 * t), 0.7 + 0 * t
-    p = dphi - dpsi * np.sin(theta)
-    q = dtheta * np.cos(phi) + dpsi * np.sin(phi) * np.cos(theta)
-    r = -dtheta * np.sin(phi) + dpsi * np.cos(phi) * np.cos(theta)
+    truth = {
+        "p": dphi - dpsi * np.sin(theta),
+        "q": dtheta * np.cos(phi) + dpsi * np.sin(phi) * np.cos(theta),
+        "r": -dtheta * np.sin(phi) + dpsi * np.cos(phi) * np.cos(theta),
+        "psi_dot": dpsi,
+    }
+    truth["turning"] = np.sqrt(truth["p"] ** 2 + truth["q"] ** 2 + truth["r"] ** 2)
     found = quantities([Channels("a", t, {"phi": phi, "theta": theta, "psi": psi})])
-    for name, truth in (
-        ("p", p),
-        ("q", q),
-        ("r", r),
-        ("psi_dot", dpsi),
-        ("turning", np.sqrt(p**2 + q**2 + r**2)),
-    ):
-        np.testing.assert_allclose(found[name][1][2:-2], truth[2:-2], atol=2e-5)
+    for name, rate in truth.items():
+        np.testing.assert_allclose(found[name][1][2:-2], rate[2:-2], atol=2e-5)
 
 
 def test_velocity_and_specific_force_have_the_load_in_common() -> None:
@@ -138,20 +130,17 @@ def test_velocity_and_specific_force_have_the_load_in_common() -> None:
     assert quantities([Channels("h", t, {"altitude": 3.0 * t})])["vd"][1] == pytest.approx(-3.0)
 
 
-@pytest.mark.parametrize(
-    ("entry", "words"),
-    [
+def test_mistakes() -> None:
+    for entry, words in (
         ({"with": "a", "gain": 1}, r"align\.m\.gain: unknown key"),
         ({}, r"align\.m\.with: missing"),
         ({"with": "m"}, "cannot be aligned with itself"),
         ({"with": "a", "using": ["yaw"]}, r"align\.m\.using\.0: it must be 'p', 'q', 'r'"),
         ({"with": "a", "longest": -1}, r"align\.m\.longest: it must be greater than 0"),
         ("a", r"align\.m: this must be a table"),
-    ],
-)
-def test_mistakes(entry: object, words: str) -> None:
-    with pytest.raises(LogError, match=words):
-        flight_mapping("m.toml", {"extends": "px4", "align": {"m": entry}})
+    ):
+        with pytest.raises(LogError, match=words):
+            flight_mapping("m.toml", {"extends": "px4", "align": {"m": entry}})
 
 
 MAPPING = """[time]
@@ -163,55 +152,40 @@ psi = {stream = "mocap.csv", column = "yaw", unit = "deg"}
 """
 
 
-def two_files(folder: Path, shift: float) -> Path:
-    t = np.arange(0.0, 60.0, 0.01)
-    s = np.arange(0.0, 40.0, 0.02)
-    for name, head, rows in (
-        ("autopilot", "t,gz", [t, yaw_rate(t)]),
-        ("mocap", "t,yaw", [s, np.degrees(heading(s + shift))]),
-    ):
-        np.savetxt(folder / f"{name}.csv", np.column_stack(rows), delimiter=",", header=head, comments="")
-    return folder
+ALIGN = '[align."mocap.csv"]\nwith = "autopilot.csv"\n'
+
+
+def table(folder: Path, name: str, **columns: FloatArray) -> None:
+    rows, head = np.column_stack([*columns.values()]), ",".join(columns)
+    np.savetxt(folder / name, rows, delimiter=",", header=head, comments="")
 
 
 def test_from_two_files_to_one_clock(tmp_path: Path) -> None:
-    folder = two_files(tmp_path, 7.4321)
-    (folder / "mapping.toml").write_text(MAPPING)
-    (advice,) = (found for found in load(folder).notices if found.code == "clocks-disagree")
+    t, s = np.arange(0.0, 60.0, 0.01), np.arange(0.0, 40.0, 0.02)
+    table(tmp_path, "autopilot.csv", t=t, gz=yaw_rate(t))
+    table(tmp_path, "mocap.csv", t=s, yaw=np.degrees(heading(s + 7.4321)))
+    mapping = tmp_path / "mapping.toml"
+    mapping.write_text(MAPPING)
+    (advice,) = (found for found in load(tmp_path).notices if found.code == "clocks-disagree")
     sign = 1.0 if advice.values["reference"] == "mocap.csv" else -1.0
     assert advice.values["shift"] == pytest.approx(sign * 7.432, abs=5e-4)
-    (folder / "mapping.toml").write_text(MAPPING + '[align."mocap.csv"]\nwith = "autopilot.csv"\n')
-    flight = load(folder)
+    mapping.write_text(MAPPING + ALIGN)
+    flight = load(tmp_path)
     (found,) = (found for found in flight.notices if found.code == "clock-aligned")
     assert (found.subject, found.values["using"]) == ("mocap.csv", ("psi_dot",))
     assert found.values["shift"] == pytest.approx(7.4321, abs=1e-3)
     assert found.values["correlation"] == pytest.approx(1.0, abs=5e-3)
     inside = np.isfinite(flight.column("psi"))
     np.testing.assert_allclose(flight.column("psi")[inside], heading(flight.time[inside]), atol=2e-3)
-
-
-def test_nothing_in_common(tmp_path: Path) -> None:
-    folder = two_files(tmp_path, 1.0)
-    align = '[align."mocap.csv"]\nwith = "autopilot.csv"\n'
-    (folder / "mapping.toml").write_text(MAPPING.replace("psi =", "theta =") + align)
-    with pytest.raises(FlightError, match=r"nothing in common .* autopilot.csv holds r, psi_dot"):
-        load(folder)
-    (folder / "mapping.toml").write_text(MAPPING + align.replace('"mocap', '"film'))
-    with pytest.raises(
-        FlightError, match=r"'film\.csv' is not in the log; it holds autopilot\.csv, mocap\.csv"
-    ):
-        load(folder)
-
-
-def test_other_motion_is_refused(tmp_path: Path) -> None:
-    folder = two_files(tmp_path, 1.0)
-    rng = np.random.default_rng(5)
-    s = np.arange(0.0, 40.0, 0.02)
-    rows = np.column_stack([s, np.cumsum(rng.normal(size=s.size))])
-    np.savetxt(folder / "mocap.csv", rows, delimiter=",", header="t,yaw", comments="")
-    (folder / "mapping.toml").write_text(MAPPING + '[align."mocap.csv"]\nwith = "autopilot.csv"\n')
-    with pytest.raises(FlightError, match="do not show the same motion"):
-        load(folder)
+    table(tmp_path, "mocap.csv", t=s, yaw=np.cumsum(np.random.default_rng(5).normal(size=s.size)))
+    for text, words in (
+        (MAPPING + ALIGN, "do not show the same motion"),
+        (MAPPING.replace("psi =", "theta =") + ALIGN, r"nothing in common .* autopilot.csv holds r, psi_dot"),
+        (MAPPING + ALIGN.replace('"mocap', '"film'), r"'film\.csv' is not in the log; it holds autopilot\.csv, mocap\.csv"),
+    ):  # fmt: skip
+        mapping.write_text(text)
+        with pytest.raises(FlightError, match=words):
+            load(tmp_path)
 
 
 def test_a_late_attitude_is_told() -> None:
@@ -226,25 +200,22 @@ def test_a_late_attitude_is_told() -> None:
 
 
 def test_a_file_of_another_kind_beside_the_log(tmp_path: Path) -> None:
-    """A MATLAB log, and the CSV of a motion-capture system on a clock of its own."""
-    from scipy.io import savemat
-
+    """A ULog, and the CSV of a motion-capture system on a clock of its own."""
     t, s = np.arange(0.0, 60.0, 0.01), np.arange(0.0, 40.0, 0.02)
-    savemat(tmp_path / "f.mat", {"t": t, "gz": yaw_rate(t)})
-    rows = np.column_stack([1e3 * s, np.degrees(heading(s + 3.7))])
-    np.savetxt(tmp_path / "mocap.csv", rows, delimiter=",", header="ms,yaw", comments="")
+    (tmp_path / "f.ulg").write_bytes(ulog([Topic("data", t, {"gz": yaw_rate(t)})]))
+    table(tmp_path, "mocap.csv", ms=1e3 * s, yaw=np.degrees(heading(s + 3.7)))
     text = (
         '[files]\nmocap = "mocap.csv"\n[clock.mocap]\ncolumn = "ms"\nunit = "ms"\n[align.mocap]\nwith = "data"\n'
         '[variables]\nr = {stream = "data", column = "gz", unit = "rad/s"}\n'
         'psi = {stream = "mocap", column = "yaw", unit = "deg"}\n'
     )
-    (tmp_path / "f.mat.toml").write_text(text)
-    flight = load(tmp_path / "f.mat")
+    (tmp_path / "f.ulg.toml").write_text(text)
+    flight = load(tmp_path / "f.ulg")
     (found,) = (found for found in flight.notices if found.code == "clock-aligned")
     assert found.values["shift"] == pytest.approx(3.7, abs=5e-3)
     inside = np.isfinite(flight.column("psi"))
     np.testing.assert_allclose(flight.column("psi")[inside], heading(flight.time[inside]), atol=2e-3)
     for wrong in ("film.csv", "../mocap.csv"):
-        (tmp_path / "f.mat.toml").write_text(text.replace("mocap.csv", wrong))
+        (tmp_path / "f.ulg.toml").write_text(text.replace("mocap.csv", wrong))
         with pytest.raises(LogError, match=r"files\.mocap = .* put it beside the log"):
-            load(tmp_path / "f.mat")
+            load(tmp_path / "f.ulg")

@@ -1,4 +1,4 @@
-"""The attitude on the grid against SciPy's Slerp."""
+"""The attitude on the grid against SciPy's Slerp, and an attitude that follows the rates between slow samples."""
 
 from __future__ import annotations
 
@@ -7,9 +7,10 @@ import pytest
 from scipy.spatial.transform import Rotation, Slerp
 
 from stoop.base.arrays import FloatArray
-from stoop.base.rotations import wrap
-from stoop.base.variables import EULER, QUATERNION
-from stoop.flight.gridding import Channels, grid_channels
+from stoop.base.notices import Notice
+from stoop.base.rotations import continuous, euler_angles, product, quaternions_of, wrap
+from stoop.base.variables import EULER, QUATERNION, RATES
+from stoop.flight.gridding import Channels, grid_channels, integrate_rates, interpolate_by_rates
 
 
 def scalar_first(rotation: Rotation) -> FloatArray:
@@ -20,7 +21,7 @@ def rotation_of(quaternions: FloatArray) -> Rotation:
     return Rotation.from_quat(np.roll(quaternions, -1, axis=-1))
 
 
-@pytest.mark.parametrize("recorded_rate", [10.0, 57.0, 100.0, 178.0])
+@pytest.mark.parametrize("recorded_rate", [10.0, 100.0, 178.0])
 def test_the_gridded_attitude_follows_slerp_through_any_sign(recorded_rate: float) -> None:
     rng = np.random.default_rng(7)
     time = np.arange(0.0, 6.0, 1.0 / recorded_rate)
@@ -43,17 +44,78 @@ def test_the_gridded_attitude_follows_slerp_through_any_sign(recorded_rate: floa
 
 def test_recorded_euler_angles_are_not_interpolated_through_the_turn_of_heading() -> None:
     time = np.arange(0.0, 4.0, 0.03)
-    heading = wrap(2.5 + 0.8 * time)
-    level = np.zeros_like(time)
-    channels = Channels("att", time, {"phi": level, "theta": level, "psi": heading})
-    grid, data, sources = grid_channels([channels], 100.0, "f")
-    np.testing.assert_allclose(np.exp(1j * data["psi"]), np.exp(1j * (2.5 + 0.8 * grid.time)), atol=1e-4)
-    assert np.max(np.abs(data["phi"])) < 1e-9
-    assert sources["psi"].source == "att"
+    heading, level = wrap(2.5 + 0.8 * time), np.zeros_like(time)
+    for angles in ({"phi": level, "theta": level, "psi": heading}, {"psi": heading}):
+        grid, data, sources = grid_channels([Channels("att", time, angles)], 100.0, "f")
+        np.testing.assert_allclose(np.exp(1j * data["psi"]), np.exp(1j * (2.5 + 0.8 * grid.time)), atol=1e-4)
+        assert np.all((data["psi"] > -np.pi) & (data["psi"] <= np.pi))
+        assert np.max(np.abs(data.get("phi", level))) < 1e-9
+        assert sources["psi"].source == "att"
 
 
-def test_a_heading_alone_is_unwrapped_too() -> None:
-    time = np.arange(0.0, 4.0, 0.03)
-    grid, data, _ = grid_channels([Channels("att", time, {"psi": wrap(2.5 + 0.8 * time)})], 100.0, "f")
-    np.testing.assert_allclose(np.exp(1j * data["psi"]), np.exp(1j * (2.5 + 0.8 * grid.time)), atol=1e-6)
-    assert np.all((data["psi"] > -np.pi) & (data["psi"] <= np.pi))
+def wobbling(t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return Euler angles (n, 3) and body rates (n, 3) of a quick motion."""
+    phi, theta, psi = 0.4 * np.sin(9.0 * t), 0.3 * np.cos(7.0 * t), 0.8 * t
+    phi_dot, theta_dot, psi_dot = 3.6 * np.cos(9.0 * t), -2.1 * np.sin(7.0 * t), 0.8
+    p = phi_dot - psi_dot * np.sin(theta)
+    q = theta_dot * np.cos(phi) + psi_dot * np.sin(phi) * np.cos(theta)
+    r = -theta_dot * np.sin(phi) + psi_dot * np.cos(phi) * np.cos(theta)
+    return np.column_stack([phi, theta, psi]), np.column_stack([p, q, r])
+
+
+def recorded(slow: np.ndarray, fast: np.ndarray, bias: float = 0.0) -> list[Channels]:
+    angles, rates = wobbling(slow)[0], wobbling(fast)[1] + bias
+    parts = continuous(quaternions_of(angles))
+    return [
+        Channels("estimator", slow, {f"q{i}": x for i, x in enumerate(parts.T)}),
+        Channels("gyro", fast, dict(zip(RATES, rates.T, strict=True))),
+    ]
+
+
+def off(channels: list[Channels], follow: bool) -> tuple[float, list[Notice]]:
+    """Return the largest error of phi and theta on the grid, rad, and the notices."""
+    grid, data, sources = grid_channels(channels, 100.0, "test")
+    notices: list[Notice] = []
+    if follow:
+        data, notices = interpolate_by_rates(grid, data, sources, channels)
+    truth = wobbling(grid.time)[0]
+    there = np.isfinite(data["q0"]) & np.isfinite(data["p"])
+    found = np.column_stack([data["phi"], data["theta"]])
+    return float(np.max(np.abs(found - truth[:, :2])[there])), notices
+
+
+def test_rates_are_integrated() -> None:
+    t = np.arange(0.0, 10.0, 0.01)
+    angles, rates = wobbling(t)
+    turned = product(np.repeat(quaternions_of(angles[:1]), len(t), axis=0), integrate_rates(rates, 100.0))
+    np.testing.assert_allclose(euler_angles(turned)[:, :2], angles[:, :2], atol=2e-3)
+
+
+def test_quick_motion_between_slow_samples() -> None:
+    channels = recorded(np.arange(0.0, 20.0, 0.2), np.arange(0.0, 20.0, 0.004), bias=0.01)
+    before, after = off(channels, False)[0], off(channels, True)
+    assert before > 0.1
+    assert after[0] < 0.03, "the ends of filtered rates are the worst"
+    assert [(n.code, n.values["rate"]) for n in after[1]] == [("attitude-follows-rates", pytest.approx(5.0))]
+
+
+def test_holes_stay() -> None:
+    slow, fast = np.arange(0.0, 20.0, 0.2), np.arange(0.0, 20.0, 0.004)
+    slow = slow[(slow < 6.0) | (slow > 7.5)]
+    fast = fast[(fast < 12.0) | (fast > 13.0)]
+    channels = recorded(slow, fast)
+    grid, data, sources = grid_channels(channels, 100.0, "test")
+    after, _ = interpolate_by_rates(grid, data, sources, channels)
+    np.testing.assert_array_equal(np.isnan(after["q0"]), np.isnan(data["q0"]))
+    np.testing.assert_array_equal(np.isnan(after["phi"]), np.isnan(data["phi"]))
+    assert off(channels, True)[0] < 0.03
+
+
+def test_fast_attitudes_and_slow_rates_are_left() -> None:
+    fast = recorded(np.arange(0.0, 5.0, 0.02), np.arange(0.0, 5.0, 0.004))
+    slow = recorded(np.arange(0.0, 5.0, 0.1), np.arange(0.0, 5.0, 0.1))
+    for channels in (fast, slow, slow[:1], slow[1:]):
+        grid, data, sources = grid_channels(channels, 100.0, "test")
+        after, notices = interpolate_by_rates(grid, data, sources, channels)
+        assert notices == []
+        assert all(after[name] is data[name] for name in data)

@@ -78,16 +78,17 @@ def test_weights_and_outputs_of_two_clocks() -> None:
     assert notices == []
 
 
-def test_leaving_the_table_is_told() -> None:
+def test_leaving_the_table_and_missing_outputs_are_told() -> None:
     text = f"[calibration.pwm_3]\n{POINTS}[surface.elevator]\nfrom = {{pwm_3 = 1}}\n"
     groups = [Channels("a", np.arange(4.0), {"pwm_3": np.array([1500.0, 1500.0, 1500.0, 2000.0])})]
     _, (found,) = surfaces(text).deflections(groups)
     assert found == notice("output-beyond-calibration", "pwm_3", low=1100.0, high=1900.0, share=0.25)
+    with pytest.raises(LogError, match="mixed from pwm_3, which this log does not hold; it holds pwm_1"):
+        made(text, pwm_1=np.zeros(5))
 
 
-@pytest.mark.parametrize(
-    ("text", "words"),
-    [
+def test_tables_that_cannot_be() -> None:
+    for text, words in (
         ("[calibration.pwm_3]\npoints = [[1100, -0.4]]", r"calibration\.pwm_3\.points: list should have at least 2 items"),
         ("[calibration.pwm_3]\npoints = [[1100, -0.4], [1500]]", r"points\.1: list should have at least 2 items"),
         ("[calibration.pwm_3]\npoints = [[1100, -0.4], [1500, 0.2], [1900, 0.1]]", "points turn back: the deflection must"),
@@ -102,19 +103,11 @@ def test_leaving_the_table_is_told() -> None:
         ("[calibration.pwm_3]\n" + POINTS + "[surface.wing]\nfrom = {pwm_3 = 1}", "leads to one of elevator"),
         ("[calibration.pwm_3]\n" + POINTS + "[mixer.a]\nkind = 'x'\nleft = 'pwm_3'\nright = 'pwm_4'", r"kind: it must be"),
         ("[calibration.pwm_3]\n" + POINTS + "[mixer.a]\nkind = 'elevon'\nleft = 'pwm_3'\nright = 'pwm_3'", "name two"),
-    ],
-)  # fmt: skip
-def test_tables_that_cannot_be(text: str, words: str) -> None:
-    with pytest.raises(LogError, match=words) as caught:
-        surfaces(text)
-    assert "\n" not in str(caught.value)
-    assert str(caught.value).startswith("m.toml: ")
-
-
-def test_an_output_that_was_not_recorded() -> None:
-    text = f"[calibration.pwm_3]\n{POINTS}[surface.elevator]\nfrom = {{pwm_3 = 1}}\n"
-    with pytest.raises(LogError, match="mixed from pwm_3, which this log does not hold; it holds pwm_1"):
-        made(text, pwm_1=np.zeros(5))
+    ):  # fmt: skip
+        with pytest.raises(LogError, match=words) as caught:
+            surfaces(text)
+        assert "\n" not in str(caught.value)
+        assert str(caught.value).startswith("m.toml: ")
 
 
 def test_from_a_table_to_a_flight(tmp_path: Path) -> None:

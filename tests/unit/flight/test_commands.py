@@ -1,4 +1,4 @@
-"""What was commanded about each axis, and where a vehicle flies, told from outputs alone."""
+"""What was commanded about each axis, where a vehicle flies, and which pulses are motors, told from outputs alone."""
 
 from __future__ import annotations
 
@@ -8,8 +8,11 @@ from scipy.signal import lfilter
 
 from stoop.base.arrays import FloatArray
 from stoop.flight import Flight, find_maneuvers, from_columns
-from stoop.flight.airborne import airborne, carried_by_rotors, flying, lift_command, motors_ran
+from stoop.flight.airborne import airborne, carried_by_rotors, flying, lift_command, motors_ran, rotor_pulses
 from stoop.flight.maneuvers import commands, directions
+from stoop.simulation.fly import simulate_flight
+from stoop.simulation.maneuver import parse_maneuver
+from stoop.vehicle.builtin import resolve_vehicle
 
 RATE = 100.0
 TIME = 60.0 + np.arange(9000) / RATE
@@ -40,39 +43,26 @@ def hover(seed: int = 0, **extra: FloatArray) -> Flight:
     return from_columns("hover", TIME, {**columns, "vn": still, "ve": still, "vd": still, **extra})
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(2))
 def test_the_axes_of_motors_are_found_by_what_they_turn(seed: int) -> None:
-    found = find_maneuvers(hover(seed))
+    flight = hover(seed)
+    found = find_maneuvers(flight)
     assert [(m.axis, m.variable) for m in found] == [(axis, "motor_1..4") for axis in AXES]
     for i, m in enumerate(found):
         assert m.start <= 75.0 + 15.0 * i
         assert m.stop >= 75.8 + 15.0 * i
         assert m.stop - m.start < 4.0
+    more = {"motor_5": np.full(TIME.size, 0.1), "motor_6": flight.column("motor_1")}  # dead, and doubled
+    assert [c.axis for c in directions(hover(seed, **more), [f"motor_{n}" for n in range(1, 7)])] == [*AXES]
+    silent = from_columns("f", TIME, {n: flight.column(n) for n in ("motor_1", "motor_2", "motor_3", "vn")})
+    assert commands(silent) == find_maneuvers(silent) == []
 
 
 def test_a_direction_is_the_acceleration_that_it_gives() -> None:
     flight = hover()
     for command, power in zip(commands(flight), POWER, strict=True):
         assert float(np.ptp(command.u)) == pytest.approx(0.12 * power, rel=0.35)
-
-
-def test_dead_and_doubled_outputs_drop_out() -> None:
-    flight = hover()
-    more = {"motor_5": np.full(TIME.size, 0.1), "motor_6": flight.column("motor_1")}
-    found = directions(hover(**more), [f"motor_{n}" for n in range(1, 7)])
-    assert [c.axis for c in found] == list(AXES)
-
-
-def test_without_rates_no_direction_has_a_name() -> None:
-    flight = hover()
-    silent = from_columns("f", TIME, {n: flight.column(n) for n in ("motor_1", "motor_2", "motor_3", "vn")})
-    assert commands(silent) == []
-    assert find_maneuvers(silent) == []
-
-
-def test_a_hover_counts_as_flight_though_nothing_moves() -> None:
-    flight = hover()
-    assert carried_by_rotors(flight)
+    assert carried_by_rotors(flight)  # a hover counts as flight though nothing moves
     assert flying(flight).all()
     assert not airborne(flight).any()
 
@@ -93,11 +83,7 @@ def test_motors_off(value: float) -> None:
     told = lift_command(flight)
     assert told is None or not np.nan_to_num(told).any()
     assert commands(flight) == []
-
-
-def test_motors_that_only_idle_never_ran() -> None:
-    crawl = {f"motor_{n}": np.full(TIME.size, 0.01) for n in range(1, 5)}
-    assert not motors_ran(hover(**crawl))
+    assert not motors_ran(hover(**{f"motor_{n}": np.full(TIME.size, 0.01) for n in range(1, 5)}))  # idling
     assert motors_ran(hover())
 
 
@@ -112,3 +98,88 @@ def test_pulses_are_read_above_idle() -> None:
     assert told is not None
     assert float(np.median(told)) == pytest.approx(0.45, abs=0.02)
     assert [m.variable for m in find_maneuvers(flight)] == ["pwm_1..4"] * 4
+
+
+INPUT = '[[input]]\ncontrol = "{}"\nshape = "doublet"\nstart = {}\nstep = 0.2\namplitude = {}\n'
+FLOWN = parse_maneuver(
+    "duration = 20.0\nwind = [2.0, 1.0, 0.0]\n"
+    + "".join(INPUT.format(*one) for one in (("roll", 3, 8.0), ("pitch", 9, 8.0), ("yaw", 15, 1.0))),
+    "flown.toml",
+)
+
+
+def pulsed(flight: Flight) -> Flight:
+    """Return a flight in which nothing is left of motors but pulses in whole microseconds."""
+    columns = {str(name): flight.column(str(name)) for name in flight.data.data_vars}
+    motors = {
+        n.replace("motor_", "pwm_"): np.round(1e3 + 1e3 * x) for n, x in columns.items() if "motor_" in n
+    }
+    return from_columns(
+        "pulsed", flight.time, {n: x for n, x in columns.items() if "motor_" not in n} | motors
+    )
+
+
+@pytest.fixture(scope="module", params=["quad-x", "hexa-x"])
+def copter(request: pytest.FixtureRequest) -> Flight:
+    return pulsed(simulate_flight(resolve_vehicle(request.param), FLOWN, seed=3, name="f"))
+
+
+def test_a_flight_shorter_than_a_block_shows_no_motors() -> None:
+    for samples in (2, 3, 9, 10):
+        ripple = np.sin(np.arange(samples) + np.arange(6)[:, None])
+        pulses = {f"pwm_{n}": 1500.0 + 20.0 * ripple[n - 1] for n in range(1, 5)}
+        brief = from_columns("brief", 0.01 * np.arange(samples), {**pulses, "p": ripple[4], "q": ripple[5]})
+        assert rotor_pulses(brief) == [], samples
+        assert not carried_by_rotors(brief), samples
+
+
+def test_pulses_that_turn_a_copter_are_motors(copter: Flight) -> None:
+    """Also in gusts, where motors explain a few hundredths of the angular accelerations, filtered to 0.1 s."""
+    motors = [str(name) for name in copter.data.data_vars if str(name).startswith("pwm_")]
+    assert rotor_pulses(copter) == motors
+    assert carried_by_rotors(copter)
+    assert flying(copter).all()
+    assert [m.axis for m in find_maneuvers(copter)] == ["roll", "pitch", "yaw"]
+    rng, n = np.random.default_rng(1), copter.time.size
+    columns = {str(name): copter.column(str(name)) for name in copter.data.data_vars}
+    gusts = {rate: columns[rate] + 0.04 * np.repeat(rng.normal(size=n // 10 + 1), 10)[:n] for rate in "pq"}
+    assert rotor_pulses(from_columns("g", copter.time, {**columns, **gusts})) == motors
+
+
+def test_a_gimbal_and_a_dead_output_are_no_motors(copter: Flight) -> None:
+    gimbal, dead = 1130.0 + 30.0 * np.sin(copter.time), np.full(copter.time.size, 1000.0)
+    columns = {str(name): copter.column(str(name)) for name in copter.data.data_vars}
+    more = from_columns("f", copter.time, {**columns, "pwm_9": 120.0 + gimbal, "pwm_10": dead})
+    assert rotor_pulses(more) == rotor_pulses(copter)
+    told = lift_command(more)
+    assert told is not None
+    pulses = np.median([copter.column(x) for x in rotor_pulses(copter)])
+    assert np.median(told) == pytest.approx(pulses / 1e3 - 1.0, rel=0.01)
+
+
+def test_four_surfaces_that_answer_a_plane_in_the_hand_are_none() -> None:
+    """Two ailerons and two elevators at mid-travel, held against the attitude of a plane that is carried about."""
+    rng, t = np.random.default_rng(0), np.arange(6000) / 100.0
+    tones = rng.random((2, 5, 3)) * [0.2, 4.0, 1.0]
+    phi, theta = (sum(a * np.sin(w * t + 6.0 * b) for a, w, b in one) for one in tones)
+    p, q = np.gradient(phi, t), np.gradient(theta, t)
+    law = ((-1, phi, p), (-1, phi, p), (1, theta, q), (-1, theta, q))
+    pulses = {f"pwm_{i}": np.round(1500.0 - s * 400.0 * (x + 0.2 * v)) for i, (s, x, v) in enumerate(law, 1)}
+    noise = 0.01 * rng.normal(size=(2, t.size))
+    motion = {"p": p + noise[0], "q": q + noise[1], "r": 0.0 * t, "az": 0.0 * t - 9.8}
+    plane = from_columns("p", t, {**pulses, **motion})
+    assert rotor_pulses(plane) == []
+    assert not carried_by_rotors(plane)
+
+
+def test_surfaces_of_any_effect_are_no_motors() -> None:
+    """Four to seven outputs at mid-travel, each of which may turn the vehicle by any amount."""
+    t = np.arange(4000) / 100.0
+    for seed in range(10):
+        rng = np.random.default_rng(seed)
+        waves = rng.normal(size=(rng.integers(4, 8), t.size))
+        moved = np.array([np.convolve(x, np.full(15, 1 / 15), "same") for x in waves])
+        effect = rng.normal(size=(2, len(moved))) * (rng.random((2, len(moved))) < 0.5)
+        p, q = 5e-4 * np.cumsum(effect @ moved, axis=1) + 2e-3 * rng.normal(size=(2, t.size))
+        pulses = {f"pwm_{i + 1}": np.round(1500.0 + 300.0 * x) for i, x in enumerate(moved)}
+        assert rotor_pulses(from_columns("p", t, {**pulses, "p": p, "q": q})) == [], seed

@@ -49,12 +49,12 @@ def test_each_maneuver_is_found_once_under_its_axis() -> None:
     assert found[1].window == f"{found[1].start:g}:{found[1].stop:g}"
 
 
-def test_control_checks_on_the_ground_are_no_maneuvers() -> None:
-    assert find_maneuvers(flight(elevator=signal((65.0, "doublet", 0.5), (175.0, "3211", 0.5)))) == []
-
-
-def test_a_step_is_no_maneuver() -> None:
-    assert find_maneuvers(flight(aileron=np.where(TIME > 120.0, 0.3, 0.0))) == []
+def test_what_is_no_maneuver() -> None:
+    """Control checks on the ground, a step, and nothing that moves; take-off and landing are left alone."""
+    checks = signal((65.0, "doublet", 0.5), (175.0, "3211", 0.5))
+    for u in (checks, np.where(TIME > 120.0, 0.3, 0.0), np.zeros(TIME.size), np.full(TIME.size, np.nan)):
+        assert find_maneuvers(flight(elevator=u)) == []
+    assert airborne(flight()).sum() == pytest.approx((170.0 - 80.0 - 6.0) * 100.0, abs=5)
 
 
 def test_holes_inside_are_counted() -> None:
@@ -64,40 +64,24 @@ def test_holes_inside_are_counted() -> None:
     assert 0.8 < maneuver.whole < 0.95
 
 
-@pytest.mark.parametrize("u", [np.zeros(TIME.size), np.full(TIME.size, np.nan)])
-def test_nothing_moves(u: FloatArray) -> None:
-    assert find_maneuvers(flight(elevator=u)) == []
-
-
 def test_without_a_speed_everything_may_be_flight() -> None:
     flown = from_columns("f", TIME, {"elevator": signal((65.0, "doublet", 0.5))})
     assert airborne(flown).all()
     assert len(find_maneuvers(flown)) == 1
 
 
-def test_take_off_and_landing_are_left_alone() -> None:
-    flying = airborne(flight())
-    assert flying.sum() == pytest.approx((170.0 - 80.0 - 6.0) * 100.0, abs=5)
-
-
 def test_description() -> None:
     u = signal((100.0, "doublet", 0.5))
     u[:1200] = np.nan
-    summary = describe(flight(elevator=u))
+    summary = describe(flight(elevator=u, rudder=np.full(TIME.size, np.nan)))
     assert (summary.flight.name, summary.flight.time[0], summary.flight.rate) == ("f", 60.0, 100.0)
-    assert [row.variable for row in summary.rows] == ["vn", "ve", "vd", "elevator"]
-    row = summary.rows[-1]
-    assert (row.unit, row.source) == ("rad", "simulation")
-    assert row.missing == pytest.approx(0.1)
+    assert [row.variable for row in summary.rows] == ["vn", "ve", "vd", "elevator", "rudder"]
+    row, empty = summary.rows[-2:]
+    assert (row.unit, row.source, row.missing) == ("rad", "simulation", pytest.approx(0.1))
     assert row.minimum < -0.4
     assert row.maximum > 0.4
     assert len(summary.maneuvers) == 1
-
-
-def test_description_of_an_empty_channel() -> None:
-    summary = describe(flight(elevator=np.full(TIME.size, np.nan)))
-    assert np.isnan(summary.rows[-1].median)
-    assert summary.rows[-1].missing == 1.0
+    assert (np.isnan(empty.median), empty.missing) == (True, 1.0)
 
 
 @pytest.mark.parametrize("command", [0.0, 0.6])
@@ -122,15 +106,15 @@ def test_what_an_autopilot_answers_to_a_gust_is_no_maneuver() -> None:
     assert len(find_maneuvers(flight(elevator=burst, q=-2.0 * burst + 0.1 * calm))) == 1
 
 
-@pytest.mark.parametrize("width", [1, 2, 5, 6, 29, 30, 99])
-def test_running_means_are_those_of_each_window(width: int) -> None:
-    rng = np.random.default_rng(width)
-    x = rng.standard_normal((30, 2))
-    x[rng.random(x.shape) < 0.3] = np.nan
-    found, used = _running_means(_running_sums(x), width, 0.5), min(width, 30)
-    for k in range(30):
-        first = max(k - used // 2, 0)
-        for column, mean in zip(x[first : first + used].T, found[k], strict=True):
-            known = column[np.isfinite(column)]
-            expected = known.mean() if known.size and known.size >= 0.5 * column.size else np.nan
-            np.testing.assert_allclose(mean, expected, atol=1e-12)
+def test_running_means_are_those_of_each_window() -> None:
+    for width in (1, 2, 5, 6, 29, 30, 99):
+        rng = np.random.default_rng(width)
+        x = rng.standard_normal((30, 2))
+        x[rng.random(x.shape) < 0.3] = np.nan
+        found, used = _running_means(_running_sums(x), width, 0.5), min(width, 30)
+        for k in range(30):
+            first = max(k - used // 2, 0)
+            for column, mean in zip(x[first : first + used].T, found[k], strict=True):
+                known = column[np.isfinite(column)]
+                expected = known.mean() if known.size and known.size >= 0.5 * column.size else np.nan
+                np.testing.assert_allclose(mean, expected, atol=1e-12)

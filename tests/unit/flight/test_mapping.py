@@ -112,17 +112,14 @@ def test_an_attitude_of_one_form_takes_the_place_of_the_other(tmp_path: Path) ->
     assert set(group.values) == {"phi", "theta", "psi"}  # in one group: they are interpolated as a quaternion
 
 
-def test_an_empty_wind_and_unused_outputs_are_left_out() -> None:
+def test_ready_mappings_name_only_what_there_is() -> None:
+    """An empty wind and unused outputs are left out."""
     streams = {"RCOU": stream(C1=1500.0, C2=0.0), "XKF2": stream(VWN=0.0, VWE=0.0)}
     found = apply_mapping(ready("ardupilot"), Recording(Path("l"), "dataflash", streams))
     assert set(values(found)) == {"pwm_1"}
-
-
-@pytest.mark.parametrize("name", sorted(set(READY.values())))
-def test_ready_mappings_name_only_what_there_is(name: str) -> None:
-    known = ready(name)
-    assert known.groups
-    assert not known.surfaces.mixes
+    for name in set(READY.values()):
+        assert ready(name).groups
+        assert not ready(name).surfaces.mixes
 
 
 def test_ardupilot() -> None:
@@ -159,13 +156,7 @@ def test_crazyflie() -> None:
         "gyro.x": 180.0, "gyro.y": 180.0, "gyro.z": 180.0, "acc.x": 0.0, "acc.y": 0.5, "acc.z": 1.0,
         "stateEstimate.roll": 10.0, "stateEstimate.pitch": 5.0, "stateEstimate.yaw": 90.0, "rpm.m2": 60.0,
     })  # fmt: skip
-    found = {
-        name: x[0]
-        for name, x in values(
-            apply_mapping(ready("crazyflie"), Recording(Path("l"), "crazyflie", {"any": card}))
-        ).items()
-    }
-    g = 9.80665
+    found, g = first("crazyflie", "crazyflie", {"any": card}), 9.80665
     expected = {
         "vn": 2.0, "ve": 1.0, "vd": -3.0, "ad": -g, "motor_1": 1.0, "motor_2": 0.0, "voltage": 3.7, "p": math.pi,
         "q": -math.pi, "r": -math.pi, "ay": -0.5 * g, "az": -g, "phi": math.radians(10), "theta": math.radians(5),
@@ -184,9 +175,7 @@ def test_betaflight_and_inav() -> None:
         "axisSum[0]": 0.0, "axisSum[1]": 500.0, "axisSum[2]": 0.0,
         "vbat": 15.5,
     })  # fmt: skip
-    log = Recording(Path("l"), "blackbox", {"main": main})
-    found = {name: x[0] for name, x in values(apply_mapping(ready("betaflight"), log)).items()}
-    g = 9.80665
+    found, g = first("betaflight", "blackbox", {"main": main}), 9.80665
     expected = {
         "p": math.pi, "q": -math.pi, "r": -math.pi, "ax": 0.1 * g, "ay": -0.5 * g, "az": -g, "phi": math.radians(10),
         "theta": math.radians(5), "psi": math.radians(90), "motor_1": 0.6, "vn": 1.0, "ve": 2.0, "vd": -3.0,
@@ -195,16 +184,9 @@ def test_betaflight_and_inav() -> None:
     }  # fmt: skip
     assert {name: found[name] for name in expected} == pytest.approx(expected, abs=1e-12)
     half = math.sqrt(0.5)  # nose up by a right angle turns about the left axis by minus that
-    up = {
-        "imuQuaternion[w]": half,
-        "imuQuaternion[0]": 0.0,
-        "imuQuaternion[1]": -half,
-        "imuQuaternion[2]": 0.0,
-    }
-    turned = values(
-        apply_mapping(ready("betaflight"), Recording(Path("l"), "blackbox", {"main": stream(**up)}))
-    )
-    assert abs(turned["q0"][0] * half + turned["q2"][0] * half) == pytest.approx(1.0)  # either sign
+    up = {f"imuQuaternion[{part}]": x for part, x in (("w", half), (0, 0.0), (1, -half), (2, 0.0))}
+    turned = first("betaflight", "blackbox", {"main": stream(**up)})
+    assert abs(turned["q0"] * half + turned["q2"] * half) == pytest.approx(1.0)  # either sign
 
 
 def test_px4_of_a_hovering_vehicle() -> None:
@@ -213,13 +195,11 @@ def test_px4_of_a_hovering_vehicle() -> None:
         "esc_status": stream(**{"esc[0].esc_rpm": 3000.0, "esc[1].esc_rpm": 0.0}),
         "rpm": stream(rpm_estimate=9.0),
     }
-    found = values(apply_mapping(ready("px4"), Recording(Path("l"), "ulog", streams)))
-    assert found["control_throttle"][0] == pytest.approx(0.6)
-    assert found["rotor_1"][0] == pytest.approx(100.0 * math.pi)
+    found = first("px4", "ulog", streams)
+    assert found["control_throttle"] == pytest.approx(0.6)
+    assert found["rotor_1"] == pytest.approx(100.0 * math.pi)
     still = {**streams, "vehicle_thrust_setpoint": stream(**{f"xyz[{i}]": 0.0 for i in range(3)})}
-    assert (
-        values(apply_mapping(ready("px4"), Recording(Path("l"), "ulog", still)))["control_throttle"] == 0.0
-    ).all()
+    assert first("px4", "ulog", still)["control_throttle"] == 0.0
 
 
 def test_a_unit_that_the_file_contradicts_is_told(tmp_path: Path) -> None:
@@ -234,9 +214,8 @@ def test_a_unit_that_the_file_contradicts_is_told(tmp_path: Path) -> None:
 GOOD = '[variables]\np = {stream = "g", column = "x", unit = "rad/s"}\n'
 
 
-@pytest.mark.parametrize(
-    ("text", "words"),
-    [
+def test_each_mistake_is_one_line(tmp_path: Path) -> None:
+    for text, words in (
         (GOOD.replace("p =", "pp ="), r"variables\.pp is no variable of stoop"),
         (GOOD.replace('"x"', '"xx"'), r"variables\.p\.column = 'xx' is not in g; did you mean x\? its columns are x, y"),
         (GOOD.replace('"g"', '"h"'), r"variables\.p\.stream = 'h' is not in the log; it holds g, k"),
@@ -257,14 +236,9 @@ GOOD = '[variables]\np = {stream = "g", column = "x", unit = "rad/s"}\n'
         ("[group]\na = 1", r"group\.a: this must be a table"),
         ('[clock.g]\ncolumn = "t"\nunit = "s"\n' + GOOD, r"clock\.g\.column = 't' is not in g"),
         ('[time]\ncolumn = "t"\nunit = "h"\n' + GOOD, r"time\.unit: it must be 's', 'ms'"),
-    ],
-)  # fmt: skip
-def test_each_mistake_is_one_line(tmp_path: Path, text: str, words: str) -> None:
-    with pytest.raises(StoopError, match=words) as caught:
-        mapped(tmp_path, text, g=stream(x=1.0, y=2.0), k=stream(x=1.0))
-    assert "\n" not in str(caught.value)
-
-
-def test_a_missing_file(tmp_path: Path) -> None:
+    ):  # fmt: skip
+        with pytest.raises(StoopError, match=words) as caught:
+            mapped(tmp_path, text, g=stream(x=1.0, y=2.0), k=stream(x=1.0))
+        assert "\n" not in str(caught.value)
     with pytest.raises(LogError, match="cannot read the mapping file"):
         read_flight_mapping(tmp_path / "no.toml")

@@ -59,8 +59,10 @@ def test_a_scale_that_stands_there_is_kept(tmp_path: Path) -> None:
 
 
 def test_one_variable_of_a_group_is_turned_and_the_others_stay(tmp_path: Path) -> None:
+    """In a mapping with a mark of its encoding."""
     truth = flown()
     path, mapping = written(tmp_path, {**truth, "q": -truth["q"]}, MAPPING + GROUPED)
+    mapping.write_text(mapping.read_text(), "utf-8-sig")
     made = corrected_mapping(path, mapping)
     (source,) = tomllib.loads(made.text)["group"]["gyro"]["sources"]
     assert source == {"columns": ["p", "q", "r"], "scale": [1.0, -1.0, 1.0]}
@@ -93,11 +95,6 @@ def test_what_the_data_do_not_decide_is_left(tmp_path: Path) -> None:
     assert [one.code for one in made.left] == ["mapping-ambiguous"]
 
 
-def test_changes_are_refused_that_are_none() -> None:
-    with pytest.raises(ValueError, match="no change"):
-        with_changes(MAPPING, ["everything"])
-
-
 def test_the_verb_writes_the_mapping_and_says_what_it_did(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -113,24 +110,19 @@ def test_the_verb_writes_the_mapping_and_says_what_it_did(
     assert capsys.readouterr().out == other.read_text()
 
 
-@pytest.mark.parametrize(
-    ("entry", "names"),
-    [
-        ('columns = ["g[{0..2}]"]', "pqr"),
-        ('columns = "g[{0..2}]"', "pqr"),
-        ('columns = ["p", "q", "r"]\nframe = "flu"', "pqr"),
-        ('columns = [{p = 1.0, q = -1.0}, "q", "r"]', "pqr"),
-    ],
-)
-def test_columns_that_are_not_plain_get_advice_without_changes(
-    tmp_path: Path, entry: str, names: str
-) -> None:
+def test_columns_that_are_not_plain_get_advice_without_changes(tmp_path: Path) -> None:
     place = tmp_path / "m.toml"
-    place.write_text(f'[group.gyro]\nvariables = ["p", "q", "r"]\nunit = "rad/s"\n{entry}\n')
-    lines = read_lines(dict.fromkeys(names, f"{place}: group.gyro.sources[0]"))
-    for edit in (*mapping_edits(dict.fromkeys(names, (T, T)), names, lines, {}), *frame_edits(lines)):
-        assert edit.changes(lines) == ()
-        assert "group.gyro" in edit.advice(lines)
+    for entry in (
+        'columns = ["g[{0..2}]"]',
+        'columns = "g[{0..2}]"',
+        'columns = ["p", "q", "r"]\nframe = "flu"',
+        'columns = [{p = 1.0, q = -1.0}, "q", "r"]',
+    ):
+        place.write_text(f'[group.gyro]\nvariables = ["p", "q", "r"]\nunit = "rad/s"\n{entry}\n')
+        lines = read_lines(dict.fromkeys("pqr", f"{place}: group.gyro.sources[0]"))
+        for edit in (*mapping_edits(dict.fromkeys("pqr", (T, T)), "pqr", lines, {}), *frame_edits(lines)):
+            assert edit.changes(lines) == ()
+            assert "group.gyro" in edit.advice(lines)
 
 
 def test_an_exchange_writes_names_of_any_kind_and_only_within_a_stream(tmp_path: Path) -> None:
@@ -142,27 +134,11 @@ def test_an_exchange_writes_names_of_any_kind_and_only_within_a_stream(tmp_path:
     )
     place.write_text("[variables]\n" + "".join(odd))
     lines = read_lines({name: f"{place}: variables.{name}" for name in "pqr"})
-    every = {
-        edit.lines: edit
-        for edit in mapping_edits(dict.fromkeys("pqr", (T, T)), "pqr", lines, {})
-        if edit.kind == "exchange"
-    }
+    edits = mapping_edits(dict.fromkeys("pqr", (T, T)), "pqr", lines, {})
+    every = {edit.lines: edit for edit in edits if edit.kind == "exchange"}
     text = with_changes(place.read_text(), [*map(str, every["p", "q"].changes(lines))])
     assert tomllib.loads(text)["variables"]["q"] == {"column": 'a"b', "unit": "rad/s"}
     assert every["q", "r"].changes(lines) == ()  # the flag goes with its column
-
-
-def test_a_mapping_with_a_mark_of_its_encoding_is_read(tmp_path: Path) -> None:
-    truth = flown()
-    path, mapping = written(tmp_path, {**truth, "q": -truth["q"]}, MAPPING + GROUPED)
-    mapping.write_text(mapping.read_text(), "utf-8-sig")
-    assert len(corrected_mapping(path, mapping).applied) == 1
-
-
-def test_an_error_names_the_mapping_and_not_a_copy(tmp_path: Path) -> None:
-    path, mapping = written(tmp_path, flown(), MAPPING + SINGLE.replace('"p"', '"zz"'))
-    with pytest.raises(StoopError, match=r"m\.toml: variables\.p"):
-        corrected_mapping(path, mapping)
 
 
 def test_what_a_draft_doubted_is_not_said_of_a_corrected_line() -> None:
@@ -170,20 +146,21 @@ def test_what_a_draft_doubted_is_not_said_of_a_corrected_line() -> None:
     assert with_changes(text, ['variables.q.unit = "deg"']).endswith('"deg"}  # mine\n')
 
 
-@pytest.mark.parametrize(
-    ("text", "words"),
-    [
+def test_what_is_no_mapping_is_told(tmp_path: Path) -> None:
+    variables = "[variables]\n" + SINGLE
+    for text, words in (
         ('name = "twin"\n[mass]\nmass = 1.0\n', "no mapping but a file of name, mass; a mapping has"),
         ("t,p,q\n1,2,3\n", "not valid TOML"),
-        (SINGLE.join(["[variables]\n", ""]).replace("rad/s", "dps"), 'is unknown; write "deg/s"'),
+        (variables.replace("rad/s", "dps"), 'is unknown; write "deg/s"'),
+        (variables.replace("rad/s", "kotz"), "is unknown; choose from|is unknown; the nearest"),
+        (variables.replace('column = "q"', 'column = "altitud"'), "did you mean altitude"),
         (
-            "[variables]\n" + SINGLE.replace("rad/s", "kotz"),
-            "is unknown; choose from|is unknown; the nearest",
-        ),
-        ("[variables]\n" + SINGLE.replace('column = "q"', 'column = "altitud"'), "did you mean altitude"),
-    ],
-)
-def test_what_is_no_mapping_is_told(tmp_path: Path, text: str, words: str) -> None:
-    path, mapping = written(tmp_path, flown(), text)
-    with pytest.raises(StoopError, match=words):
-        corrected_mapping(path, mapping)
+            MAPPING + SINGLE.replace('"p"', '"zz"'),
+            r"m\.toml: variables\.p",
+        ),  # the mapping, and not a copy of it
+    ):
+        path, mapping = written(tmp_path, flown(), text)
+        with pytest.raises(StoopError, match=words):
+            corrected_mapping(path, mapping)
+    with pytest.raises(ValueError, match="no change"):
+        with_changes(MAPPING, ["everything"])

@@ -36,27 +36,20 @@ def waves(count: int) -> dict[str, FloatArray]:
 def test_parameters_say_which_output_is_which_motor() -> None:
     made = draft_of(logged(waves(4), {**QUAD, "MOT_PWM_MIN": 1100.0, "MOT_PWM_MAX": 1940.0}))
     found = tomllib.loads(made.text)["variables"]
-    assert {name: line["column"] for name, line in found.items()} == {
-        "motor_3": "C1",
-        "motor_1": "C2",
-        "motor_4": "C3",
-        "motor_2": "C4",
-    }
+    order = {"motor_3": "C1", "motor_1": "C2", "motor_4": "C3", "motor_2": "C4"}
+    assert {name: line["column"] for name, line in found.items()} == order
     for line in found.values():
         assert 1100.0 * line["scale"] + line["offset"] == pytest.approx(0.0, abs=1e-7)
         assert 1940.0 * line["scale"] + line["offset"] == pytest.approx(1.0)
     assert "by MOT_PWM_MIN and MOT_PWM_MAX" in made.text
     assert "surface" not in made.text
     assert made.unsure == 0
-
-
-def test_a_range_that_no_parameter_of_motors_says_is_unsure() -> None:
-    made = draft_of(
+    unsure = draft_of(
         logged(waves(4), {**QUAD, "MOT_PWM_MIN": 0.0, "SERVO2_MIN": 1200.0, "SERVO2_MAX": 1800.0})
     )
-    assert "# unsure: 0 at 1200 us, 1 at 1800 us, by SERVO2_MIN and SERVO2_MAX" in made.text
-    assert made.text.count("# unsure: 0 at 1000 us, 1 at 2000 us, as is usual: write your own") == 3
-    assert made.unsure == 4
+    assert "# unsure: 0 at 1200 us, 1 at 1800 us, by SERVO2_MIN and SERVO2_MAX" in unsure.text
+    assert unsure.text.count("# unsure: 0 at 1000 us, 1 at 2000 us, as is usual: write your own") == 3
+    assert unsure.unsure == 4
 
 
 def test_parameters_say_which_surface_an_output_moves() -> None:
@@ -71,12 +64,9 @@ def test_parameters_say_which_surface_an_output_moves() -> None:
 
 
 def test_a_quadplane_has_motors_and_surfaces() -> None:
-    use = {
-        "SERVO1_FUNCTION": 4.0,
-        **{f"SERVO{n}_FUNCTION": 28.0 + n for n in (5, 6, 7, 8)},
-        "Q_M_PWM_MIN": 1000.0,
-    }
-    text = draft_of(logged(waves(8), {**use, "Q_M_PWM_MAX": 2000.0})).text
+    motors = {f"SERVO{n}_FUNCTION": 28.0 + n for n in (5, 6, 7, 8)}
+    use = {"SERVO1_FUNCTION": 4.0, **motors, "Q_M_PWM_MIN": 1000.0, "Q_M_PWM_MAX": 2000.0}
+    text = draft_of(logged(waves(8), use)).text
     assert sorted(tomllib.loads(text)["variables"]) == [f"motor_{n}" for n in (1, 2, 3, 4)]
     assert "# from = {pwm_1 = 1.0}" in text
     assert "pwm_5 =" not in text

@@ -2,17 +2,26 @@
 
 from __future__ import annotations
 
+import tomllib
 from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from stoop.base.arrays import FloatArray
 from stoop.base.rotations import euler_angles, quaternions_of
 from stoop.base.variables import VARIABLES
 from stoop.flight import Flight, load
+from stoop.flight.apply_mapping import apply_mapping
 from stoop.flight.gridding import Channels
+from stoop.flight.mapping import flight_mapping
+from stoop.flight.mapping_draft import draft_of
 from stoop.flight.pose import motion, without_jumps
+from stoop.logs import Recording, Stream
+from stoop.simulation.fly import simulate_flight
+from stoop.simulation.maneuver import parse_maneuver
+from stoop.vehicle.builtin import resolve_vehicle
 
 RATE = 100.0
 SPEED, RADIUS = 8.0, 20.0
@@ -87,18 +96,12 @@ def test_where_tracking_jumps_the_pose_is_lost(tmp_path: Path, lost: tuple[int, 
     assert known[min(last, 560) + 20 :].all()
 
 
-def test_a_sound_pose_has_no_jumps() -> None:
-    noisy = np.random.default_rng(4)
-    values = {n: x + 0.002 * noisy.standard_normal(len(x)) for n, x in POSE.items()}
-    group = Channels("room", TIME, values)
-    assert without_jumps(group) == (group, [])
-
-
 @pytest.mark.parametrize("seconds", [1.0, 0.06])
 def test_a_receiver_that_is_held_in_fast_rows_does_not_jump(tmp_path: Path, seconds: float) -> None:
     held = np.minimum((TIME / seconds).astype(int) * round(seconds * RATE), len(TIME) - 1)
     noisy = np.random.default_rng(6)
     columns = {n: x + 0.002 * noisy.standard_normal(len(x)) for n, x in POSE.items()}
+    assert without_jumps(Channels("room", TIME, columns))[1] == []
     columns |= {n: columns[n][held] for n in ("pn", "pe", "pd")}
     flight = recorded(tmp_path, columns)
     assert "pose-jumps" not in [n.code for n in flight.notices]
@@ -111,3 +114,32 @@ def test_a_position_that_an_estimator_resets_beside_accelerometers_stays(tmp_pat
     flight = recorded(tmp_path, columns)
     assert "pose-jumps" not in [n.code for n in flight.notices]
     assert np.isfinite(flight.column("phi")).all()
+
+
+STEPS = '[[input]]\ncontrol = "{}"\nshape = "doublet"\nstart = {}\nstep = 2.0\namplitude = 3.0\n'
+
+
+def test_a_pose_in_a_bag_of_ros_comes_out_north_east_down() -> None:
+    """A draft takes the axes of ROS, forward-left-up and east-north-up, unless what it shows speaks against them."""
+    frames = {"body frame": "flu", "world frame": "enu"}
+    enu, flu = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]]), np.diag([1.0, -1.0, -1.0])
+    steps = parse_maneuver("duration = 15.0\n" + STEPS.format("north", 1) + STEPS.format("east", 7), "m.toml")
+    flown = simulate_flight(resolve_vehicle("quad-x"), steps, seed=1, name="f")
+    attitude = Rotation.from_euler("ZYX", np.column_stack([flown.column(n) for n in ("psi", "theta", "phi")]))
+    motors = {f"data[{i}]": flown.column(f"motor_{i + 1}") for i in range(4)}
+    for world, body, framed in ((enu, flu, True), (np.eye(3), np.eye(3), False)):
+        place = np.column_stack([flown.column(n) for n in ("pn", "pe", "pd")]) @ world.T
+        turn = (Rotation.from_matrix(world) * attitude * Rotation.from_matrix(body)).as_quat()
+        columns = {f"pose.position.{axis}": x for axis, x in zip("xyz", place.T, strict=True)}
+        columns |= {f"pose.orientation.{axis}": x for axis, x in zip("xyzw", turn.T, strict=True)}
+        streams = {"/quad/pose": Stream(flown.time, columns), "/motors": Stream(flown.time, motors)}
+        log = Recording(Path("bag"), "rosbag", streams, info=frames)
+        text = draft_of(log).text
+        assert ('frame = ["flu", "enu"]' in text) is framed
+        channels = apply_mapping(flight_mapping("m.toml", tomllib.loads(text)), log).channels
+        found = {name: (group.time, x) for group in channels for name, x in group.values.items()}
+        for name in ("pn", "pe", "pd", "motor_3"):
+            time, x = found[name]
+            np.testing.assert_allclose(x, np.interp(time, flown.time, flown.column(name)), atol=1e-9)
+        ours = Rotation.from_quat(np.column_stack([found[f"q{i}"][1] for i in (1, 2, 3, 0)]))
+        assert np.max((ours * attitude.inv()).magnitude()) < 1e-6

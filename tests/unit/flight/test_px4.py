@@ -40,47 +40,30 @@ GYRO = ("xyz[0]", "xyz[1]", "xyz[2]")
 COMBINED = ("gyro_rad[0]", "gyro_rad[1]", "gyro_rad[2]", *(f"accelerometer_m_s2[{i}]" for i in range(3)))
 
 
-def test_the_first_source_is_trusted() -> None:
+def test_the_first_source_is_trusted_unless_a_later_one_is_much_faster() -> None:
     found = named(vehicle_angular_velocity=stream(400, *GYRO), sensor_combined=stream(200, *COMBINED))
     assert found["q"][0] == "vehicle_angular_velocity"
     assert found["az"][0] == "sensor_combined"
     assert found["az"][1][0] == 5.0
-
-
-def test_unless_a_later_one_is_much_faster() -> None:
-    found = named(vehicle_angular_velocity=stream(50, *GYRO), sensor_combined=stream(200, *COMBINED))
-    assert found["q"][0] == "sensor_combined"
-
-
-def test_a_topic_that_lacks_a_column_supplies_nothing() -> None:
-    assert named(vehicle_angular_velocity=stream(50, *GYRO[:2])) == {}
-
-
-def test_invalid_samples_are_missing() -> None:
-    size = stream(10).time.size
-    flag = np.arange(size) % 2.0
-    found = named(vehicle_local_position=stream(10, "vx", "vy", "vz", v_xy_valid=flag))
-    assert np.array_equal(np.isnan(found["ve"][1]), flag == 0.0)
-
-
-def test_a_wind_without_variance_was_not_estimated() -> None:
-    variance = np.array([0.0, 0.0, 0.1, 0.1])
-    wind = stream(1, "windspeed_north", "windspeed_east", variance_north=variance)
-    assert np.isnan(named(wind_estimate=wind)["wind_n"][1]).tolist() == [True, True, False, False]
+    faster = named(vehicle_angular_velocity=stream(50, *GYRO), sensor_combined=stream(200, *COMBINED))
+    assert faster["q"][0] == "sensor_combined"
+    assert named(vehicle_angular_velocity=stream(50, *GYRO[:2])) == {}, "it lacks a column"
 
 
 GPS = ("vel_n_m_s", "vel_e_m_s", "vel_d_m_s")
 
 
-@pytest.mark.parametrize("void", ["v_xy_valid", "v_z_valid"])
-def test_a_source_that_is_never_valid_gives_way(void: str) -> None:
+@pytest.mark.parametrize(("void", "lost", "kept"), [("v_xy_valid", "vn", "vd"), ("v_z_valid", "vd", "vn")])
+def test_a_source_that_is_never_valid_gives_way(void: str, lost: str, kept: str) -> None:
     flags = {"v_xy_valid": np.ones(40), "v_z_valid": np.ones(40), void: np.zeros(40)}
     local = stream(10, "vx", "vy", "vz", **flags)
     found = named(vehicle_local_position=local, vehicle_gps_position=stream(5, *GPS))
     assert {found[name][0] for name in ("vn", "ve", "vd")} == {"vehicle_gps_position"}
     alone = named(vehicle_local_position=local)
-    assert np.isnan(alone["vd"][1] if void == "v_z_valid" else alone["vn"][1]).all()
-    assert np.isfinite(alone["vn"][1] if void == "v_z_valid" else alone["vd"][1]).all()
+    assert np.isnan(alone[lost][1]).all()
+    assert np.isfinite(alone[kept][1]).all()
+    at_times = stream(10, "vx", "vy", "vz", **{**flags, void: np.arange(40) % 2.0})
+    assert np.array_equal(np.isnan(named(vehicle_local_position=at_times)[lost][1]), np.arange(40) % 2 == 0)
 
 
 def test_a_source_without_a_value_supplies_nothing() -> None:
@@ -89,14 +72,11 @@ def test_a_source_without_a_value_supplies_nothing() -> None:
     slow = stream(1, true_airspeed_m_s=np.ones(4))
     found = named(airspeed=stream(10, true_airspeed_m_s=nothing), airspeed_validated=slow)
     assert found["airspeed_pitot"][0] == "airspeed_validated"
-
-
-def test_the_vertical_has_a_flag_of_its_own() -> None:
-    flag = np.arange(40) % 2.0
-    local = stream(10, "vx", "vy", "vz", v_xy_valid=np.ones(40), v_z_valid=flag)
-    found = named(vehicle_local_position=local)
-    assert np.isfinite(found["vn"][1]).all()
-    assert np.array_equal(np.isnan(found["vd"][1]), flag == 0.0)
+    variance = np.array([0.0, 0.0, 0.1, 0.1])  # without one the wind was not estimated
+    wind = stream(1, "windspeed_north", "windspeed_east", variance_north=variance)
+    assert np.isnan(named(wind_estimate=wind)["wind_n"][1]).tolist() == [True, True, False, False]
+    columns = {"true_airspeed_m_s": np.ones(40), "air_temperature_celsius": np.full(40, 20.0)}
+    assert named(airspeed=stream(10, **columns))["temperature"][1][0] == 293.15
 
 
 def test_altitude_counts_from_the_sea() -> None:
@@ -109,18 +89,10 @@ def test_altitude_counts_from_the_sea() -> None:
     assert named(vehicle_local_position=lost, vehicle_air_data=barometer)["altitude"][1][0] == 33.0
 
 
-def test_pulses_of_driven_outputs_only() -> None:
-    size = stream(10).time.size
-    outputs = {
-        "output[0]": np.full(size, 1500.0),
-        "output[1]": np.zeros(size),
-        "output[4]": np.full(size, 1000.0),
-    }
-    assert set(named(actuator_outputs=stream(10, **outputs))) == {"pwm_1", "pwm_5"}
-
-
 def test_pulses_of_the_instance_that_moves_most() -> None:
     t = stream(10).time
+    driven = {f"output[{i}]": np.full(t.size, x) for i, x in ((0, 1500.0), (1, 0.0), (4, 1000.0))}
+    assert set(named(actuator_outputs=Stream(t, driven))) == {"pwm_1", "pwm_5"}
     still = Stream(t, {f"output[{i}]": np.full(t.size, 1500.0) for i in range(8)})
     moved = Stream(t, {"output[0]": 1500.0 + 200.0 * np.sin(t), "output[1]": np.full(t.size, np.nan)})
     idle = Stream(t, {"output[0]": np.zeros(t.size)})
@@ -128,8 +100,8 @@ def test_pulses_of_the_instance_that_moves_most() -> None:
     found = named(**streams)
     assert set(found) == {"pwm_1"}
     assert found["pwm_1"][0] == "actuator_outputs/1"
-    (found,) = notices(Recording(Path("log"), "ulog", streams))
-    assert (found.code, found.subject) == ("instance-left-out", "actuator_outputs")
+    (left,) = notices(Recording(Path("log"), "ulog", streams))
+    assert (left.code, left.subject) == ("instance-left-out", "actuator_outputs")
     assert named(**{"actuator_outputs/1": moved}).keys() == {"pwm_1"}
     assert notices(Recording(Path("log"), "ulog", {"actuator_outputs/1": moved})) == []
     assert notices(Recording(Path("log"), "ulog", {"actuator_outputs": idle})) == []
@@ -150,13 +122,6 @@ def test_commands_of_either_generation() -> None:
     names = {"control_roll", "control_pitch", "control_yaw", "control_throttle"}
     assert set(old) == set(new) == names
     assert [old[name][1][0] for name in ("control_roll", "control_throttle")] == [0.0, 3.0]
-
-
-def test_temperature_is_in_kelvin() -> None:
-    found = named(
-        airspeed=stream(10, true_airspeed_m_s=np.ones(40), air_temperature_celsius=np.full(40, 20.0))
-    )
-    assert found["temperature"][1][0] == 293.15
 
 
 def test_the_stamp_of_the_sample_counts_where_it_can_be_believed() -> None:

@@ -15,16 +15,16 @@ from stoop.flight.gridding import Channels
 from stoop.flight.repeated_readings import at_own_rates, regular
 
 RATE = 50.0
-TIME: FloatArray = np.arange(3000) / RATE
 
 
 def motion(seed: int, noise: float, period: float = 7.0) -> FloatArray:
     """Return a smooth motion over the rows with white noise."""
     rng = np.random.default_rng(seed)
-    phase = rng.uniform(0.0, 2.0 * np.pi)
-    return np.asarray(
-        5.0 * np.sin(2.0 * np.pi * TIME / period + phase) + noise * rng.standard_normal(TIME.size)
-    )
+    swing = np.sin(2.0 * np.pi * TIME / period + rng.uniform(0.0, 2.0 * np.pi))
+    return np.asarray(5.0 * swing + noise * rng.standard_normal(TIME.size))
+
+
+TIME: FloatArray = np.arange(3000) / RATE
 
 
 def readings(every: float, phase: float) -> IntArray:
@@ -121,31 +121,22 @@ def test_commands_and_parts_of_an_attitude_stay_as_they_are() -> None:
 
 def test_a_table_with_a_held_receiver_is_laid_on_the_grid_of_its_fast_sensors(tmp_path: Path) -> None:
     """The reading lies between rows of the table no more: between its own it is interpolated smoothly."""
-    truth, rows = motion(4, 0.0), readings(5.0, 0.0)
+    truth, units = motion(4, 0.0), {"p": "rad/s", "vn": "m/s", "V": "m/s"}
     columns = {
-        "time": TIME,
         "p": motion(5, 0.01) / 10.0,
-        "vn": hold(truth, rows),
+        "vn": hold(truth, readings(5.0, 0.0)),
         "V": motion(6, 0.05) + 20.0,
     }
-    text = "\n".join(
-        [
-            ",".join(columns),
-            *(",".join(map(repr, map(float, row))) for row in zip(*columns.values(), strict=True)),
-        ]
-    )
-    (tmp_path / "log.csv").write_text(text + "\n")
-    names = {"p": "rad/s", "vn": "m/s", "V": "m/s"}
-    lines = [f'{name} = {{column = "{name}", unit = "{unit}"}}' for name, unit in names.items()]
-    (tmp_path / "log.csv.toml").write_text(
-        '[time]\ncolumn = "time"\nunit = "s"\n[variables]\n' + "\n".join(lines) + "\n"
-    )
+    rows, head = np.column_stack([TIME, *columns.values()]), ",".join(["time", *columns])
+    np.savetxt(tmp_path / "log.csv", rows, "%.17g", ",", header=head, comments="")
+    lines = [f'{name} = {{column = "{name}", unit = "{unit}"}}\n' for name, unit in units.items()]
+    text = '[time]\ncolumn = "time"\nunit = "s"\n[variables]\n' + "".join(lines)
+    (tmp_path / "log.csv.toml").write_text(text)
     flight = load(tmp_path / "log.csv")
     assert flight.rate == RATE
     assert flight.sources["vn"].rate == pytest.approx(10.0)
     assert flight.sources["p"].rate == pytest.approx(RATE)
-    at = np.searchsorted(TIME, flight.time)
-    inside = slice(10, -10)
+    at, inside = np.searchsorted(TIME, flight.time), slice(10, -10)
     np.testing.assert_allclose(flight.column("vn")[inside], truth[at][inside], atol=5e-3)
     assert [n.code for n in flight.notices].count("readings-repeated") == 1
 

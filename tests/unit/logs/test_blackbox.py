@@ -4,18 +4,17 @@ from __future__ import annotations
 
 from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from stoop.errors import LogError
 from stoop.exporters import blackbox_bytes as writer
 from stoop.exporters.blackbox_bytes import Field, Rows
-from stoop.logs import blackbox, read
+from stoop.logs import blackbox, blackbox_units, read
 from stoop.logs import blackbox_walk as walk
 from stoop.logs.blackbox import parse_blackbox
 
@@ -95,9 +94,8 @@ def by_hand(encoding: int, body: bytes, predictor: int = 0, count: int = 1, vers
     return [int(found[f"x{k}"][0]) for k in range(count)]
 
 
-@pytest.mark.parametrize(
-    ("encoding", "body", "values"),
-    [
+def test_encodings_as_published() -> None:
+    for encoding, body, values in (
         (0, b"\x00", [0]), (0, b"\x01", [-1]), (0, b"\x02", [1]), (0, b"\xd8\x04", [300]),
         (0, b"\xff\xff\xff\xff\x0f", [-(2**31)]), (1, b"\xac\x02", [300]), (3, b"\x05", [-5]),
         (3, b"\xfb\x7f", [5]), (6, b"\x05\x02\x01", [1, 0, -1]), (7, b"\x1b", [1, -2, -1]),
@@ -108,28 +106,17 @@ def by_hand(encoding: int, body: bytes, predictor: int = 0, count: int = 1, vers
         (8, b"\x00", [0, 0, 0, 0]), (8, b"\x02\x80", [-128, 0, 0, 0]),
         (10, b"\x1b", [1, -2, -1]), (10, b"\x5f\x0f", [15, -16, -1]),
         (10, b"\xbf\xe0\x3f", [-1, -64, 63]), (10, b"\xc0\x01\x02\x03", [1, 2, 3]),
-    ],
-)  # fmt: skip
-def test_encodings_as_published(encoding: int, body: bytes, values: list[int]) -> None:
-    assert by_hand(encoding, body, count=len(values)) == values
-
-
-def test_first_version_of_four_numbers() -> None:
-    """A byte of widths, then whole bytes: two numbers of 4 bits in one, low half first; 16 bits low byte first."""
+    ):  # fmt: skip
+        assert by_hand(encoding, body, count=len(values)) == values, (encoding, body)
+    # version 1: a byte of widths, then whole bytes: two numbers of 4 bits in one, low half first; 16 bits low byte first
     assert by_hand(8, b"\xe5\x21\xff\x34\x12", count=4, version=1) == [1, 2, -1, 0x1234]
-
-
-@pytest.mark.parametrize(("predictor", "added"), [(4, 1150), (8, 1500), (9, 430), (11, 48)])
-def test_constants_of_predictors(predictor: int, added: int) -> None:
-    assert by_hand(0, b"\x14", predictor) == [added + 10]
-
-
-def test_comes_back_to_the_number() -> None:
-    known, found = numbers(), raw(log())
-    assert all(np.array_equal(found[name], known[name]) for name in known)
+    for predictor, added in ((4, 1150), (8, 1500), (9, 430), (11, 48)):
+        assert by_hand(0, b"\x14", predictor) == [added + 10]
 
 
 def test_an_independent_decoder_reads_the_same(tmp_path: Path) -> None:
+    known, found = numbers(), raw(log())
+    assert all(np.array_equal(found[name], known[name]) for name in known)
     orangebox = pytest.importorskip("orangebox")
     (tmp_path / "a.bbl").write_bytes(blackbox_bytes(FIELDS, numbers(), HEADER))
     parser = orangebox.Parser.load(str(tmp_path / "a.bbl"))
@@ -171,43 +158,43 @@ def test_units() -> None:
     assert gps["GPS_north"][3] == pytest.approx(6371008.8 * np.radians(3e-4), rel=1e-6)
 
 
-@pytest.mark.parametrize(
-    ("lines", "raw_value", "share"),
-    [
-        ({"motorOutput": "1070,2000"}, 1535, 0.5),
-        ({"motorOutput": "48,2047"}, 0, 0.0),
-        ({"motorOutput": "158,1847"}, 1447, 1399.0 / 1999.0),  # limited to 90 %
-        ({"motorOutput": "48,2047"}, 2047, 1.0),
-        ({"Firmware revision": "INAV 7.1.0 (1) X", "motorOutput": "1070,2000"}, 2000, 1.0),
-    ],
-)
-def test_motors(lines: dict[str, str], raw_value: int, share: float) -> None:
-    values = numbers() | {"motor[0]": np.full(N, raw_value)}
-    content = blackbox_bytes(FIELDS, values, HEADER | lines)
-    motor = parse_blackbox(PATH, content).streams["main"].columns["motor[0]"]
-    np.testing.assert_allclose(motor, share, atol=1e-6)
+def test_places_on_either_side_of_the_date_line() -> None:
+    raw = {
+        "GPS_coord[0]": np.array([0, 600_000_000]),
+        "GPS_coord[1]": np.array([1_799_999_000, -1_799_999_000]),
+    }
+    columns, units, _ = blackbox_units._position(raw, SimpleNamespace(firmware=("", 0.0)))  # type: ignore[arg-type]
+    meters = 6371008.8 * np.radians([2e-4, 60.0])  # east at the latitude of the first fix, north
+    assert (columns["GPS_east"][1], columns["GPS_north"][1]) == pytest.approx(tuple(meters), rel=1e-6)
+    assert units["GPS_east"] == "m"
 
 
-@pytest.mark.parametrize(
-    ("firmware", "volts"),
-    [("Betaflight 4.5.1 x", 24.0), ("Betaflight 3.5.7 x", 240.0), ("INAV 7.1.0 x", 24.0)],
-)
-def test_volts_by_version(firmware: str, volts: float) -> None:
-    values = numbers() | {"vbatLatest": np.full(N, 2400)}
-    content = blackbox_bytes(FIELDS, values, HEADER | {"Firmware revision": firmware})
-    assert parse_blackbox(PATH, content).streams["main"].columns["vbatLatest"][5] == pytest.approx(volts)
+def test_motors_and_volts_by_version() -> None:
+    inav = {"Firmware revision": "INAV 7.1.0 (1) X"}
+    for lines, name, logged, share in (
+        ({"motorOutput": "1070,2000"}, "motor[0]", 1535, 0.5),
+        ({"motorOutput": "48,2047"}, "motor[0]", 0, 0.0),
+        ({"motorOutput": "158,1847"}, "motor[0]", 1447, 1399.0 / 1999.0),  # limited to 90 %
+        ({"motorOutput": "48,2047"}, "motor[0]", 2047, 1.0),
+        ({**inav, "motorOutput": "1070,2000"}, "motor[0]", 2000, 1.0),
+        ({"Firmware revision": "Betaflight 4.5.1 x"}, "vbatLatest", 2400, 24.0),
+        ({"Firmware revision": "Betaflight 3.5.7 x"}, "vbatLatest", 2400, 240.0),
+        (inav, "vbatLatest", 2400, 24.0),
+    ):
+        content = blackbox_bytes(FIELDS, numbers() | {name: np.full(N, logged)}, HEADER | lines)
+        found = parse_blackbox(PATH, content).streams["main"].columns[name]
+        np.testing.assert_allclose(found, share, atol=1e-6, err_msg=str(lines))
 
 
 def test_every_sixteenth_iteration() -> None:
     """P interval 16: iterations between frames are not logged, and add up in those that are."""
     iterations = [256, 272, 288]
-    head = (
-        "H Product:Blackbox flight data recorder by Nicholas Sherlock\nH Data version:2\nH I interval:256\n"
-    )
-    head += (
-        "H P interval:16\nH Field I name:loopIteration,time\nH Field I signed:0,0\nH Field I predictor:0,0\n"
-    )
-    head += "H Field I encoding:1,1\nH Field P predictor:6,2\nH Field P encoding:9,0\n"
+    lines = (
+        "Product:Blackbox flight data recorder by Nicholas Sherlock", "Data version:2", "I interval:256", "P interval:16",
+        "Field I name:loopIteration,time", "Field I signed:0,0", "Field I predictor:0,0", "Field I encoding:1,1",
+        "Field P predictor:6,2", "Field P encoding:9,0",
+    )  # fmt: skip
+    head = "".join(f"H {line}\n" for line in lines)
     frames = b"I" + writer.unsigned_vb(256) + writer.unsigned_vb(1000)
     frames += b"P" + writer.signed_vb(2000) + b"P" + writer.signed_vb(0)
     assert raw(head.encode() + frames)["loopIteration"].tolist() == iterations
@@ -227,6 +214,8 @@ def test_a_pause_of_the_log() -> None:
     assert recording.defects == ()
     assert recording.streams["main"].time.size == N
     assert np.max(np.diff(recording.streams["main"].time)) == pytest.approx(0.701, abs=1e-4)
+    erased = log().removesuffix(writer.GOODBYE) + b"\xff" * 1000  # flash behind a log without end
+    assert parse_blackbox(PATH, erased).streams["main"].time.size >= N - 1
 
 
 def test_several_logs_of_a_file() -> None:
@@ -259,37 +248,6 @@ def test_damage_costs_what_builds_on_it() -> None:
         np.testing.assert_allclose(main.columns[name], whole[name][at] * scale, rtol=1e-6)
 
 
-def test_erased_flash_behind_a_log_without_end() -> None:
-    content = log().removesuffix(writer.GOODBYE) + b"\xff" * 1000
-    recording = parse_blackbox(PATH, content)
-    assert recording.streams["main"].time.size >= N - 1
-
-
-@pytest.mark.parametrize("end", range(60, 2400, 290))
-def test_cut_anywhere(end: int) -> None:
-    content = log()[: -2400 + end]
-    recording = parse_blackbox(PATH, content)
-    assert 0 < recording.streams["main"].time.size <= N
-
-
-@settings(max_examples=40, deadline=None)
-@given(
-    edits=st.lists(st.tuples(st.integers(0, 5000), st.binary(max_size=40), st.integers(0, 40)), max_size=4),
-    end=st.integers(0, 6000),
-)
-def test_damage_anywhere(edits: list[tuple[int, bytes, int]], end: int) -> None:
-    content = log()[: 6000 - end] if end else log()
-    for at, piece, lost in edits:
-        content = content[:at] + piece + content[at + lost :]
-    try:
-        recording = parse_blackbox(PATH, content)
-    except LogError:
-        return
-    for stream in recording.streams.values():
-        assert np.all(np.diff(stream.time) > 0.0)
-        assert all(column.shape == stream.time.shape for column in stream.columns.values())
-
-
 def test_fields_that_take_no_bytes_do_not_fill_memory() -> None:
     """250 fields of no bytes: a frame is one letter."""
     names = ["time", *(f"x{k}" for k in range(250))]
@@ -297,55 +255,44 @@ def test_fields_that_take_no_bytes_do_not_fill_memory() -> None:
     head = "H Product:Blackbox flight data recorder by Nicholas Sherlock\n"
     head += "".join(f"H Field I {key}:{','.join(map(str, row))}\n" for key, row in lines.items())
     head += "".join(
-        f"H Field P {key}:{','.join(['0' if key == 'predictor' else '9'] * 251)}\n"
-        for key in ("predictor", "encoding")
+        f"H Field P {key}:{','.join([x] * 251)}\n" for key, x in (("predictor", "0"), ("encoding", "9"))
     )
     recording = parse_blackbox(PATH, head.encode() + b"I" * 60_000)
     assert "more numbers" in " ".join(map(str, recording.defects))
 
 
-@pytest.mark.parametrize(
-    ("wrong", "word"),
-    [
+def test_what_cannot_be_read(tmp_path: Path) -> None:
+    whole = log()
+    for wrong, word in (
         (b"", "not a blackbox log"),
-        (log()[:900], "no frame"),
-        (log().replace(b"Field I encoding:1", b"Field I encoding:5"), "unknown encoding"),
-        (log().replace(b",time,", b",tame,"), "no field 'time'"),
-        (log().replace(b"H Field P encoding:9,", b"H Field P encoding:"), "values of encoding"),
-    ],
-)
-def test_what_cannot_be_read(wrong: bytes, word: str) -> None:
-    with pytest.raises(LogError, match=word):
-        parse_blackbox(PATH, wrong)
+        (whole[:900], "no frame"),
+        (whole.replace(b"Field I encoding:1", b"Field I encoding:5"), "unknown encoding"),
+        (whole.replace(b",time,", b",tame,"), "no field 'time'"),
+        (whole.replace(b"H Field P encoding:9,", b"H Field P encoding:"), "values of encoding"),
+    ):
+        with pytest.raises(LogError, match=word):
+            parse_blackbox(PATH, wrong)
+    for name in ("a.bbl", "a.BFL", "LOG00001.TXT", "noending"):  # told by its first bytes
+        (tmp_path / name).write_bytes(whole)
+        assert read(tmp_path / name).format == "blackbox"
 
 
-@pytest.mark.parametrize("name", ["a.bbl", "a.BFL", "LOG00001.TXT", "noending"])
-def test_told_by_its_first_bytes(name: str, tmp_path: Path) -> None:
-    (tmp_path / name).write_bytes(log())
-    assert read(tmp_path / name).format == "blackbox"
+def rows(values: dict[str, npt.NDArray[Any]], apart: str = ",") -> str:
+    return "\n".join(apart.join(map(str, row)) for row in zip(*values.values(), strict=True)) + "\n"
 
 
 def explorer(values: dict[str, npt.NDArray[Any]]) -> str:
     """Return a table as Blackbox Explorer exports it."""
-    lines = [
-        '"Firmware revision","Betaflight 4.5.1 (1) X"',
-        '"acc_1G",2048',
-        '"gyroScale",1.7453292519943295e-8',
-    ]
-    lines += ['"motorOutput","158,2047"', '"motor_poles",14', ",".join(f'"{name}"' for name in values)]
-    return (
-        "\n".join([*lines, *(",".join(map(str, row)) for row in zip(*values.values(), strict=True))]) + "\n"
-    )
+    lines = ('"Firmware revision","Betaflight 4.5.1 (1) X"', '"acc_1G",2048', '"gyroScale",1.7453292519943295e-8',
+             '"motorOutput","158,2047"', '"motor_poles",14', ",".join(f'"{name}"' for name in values))  # fmt: skip
+    return "\n".join([*lines, rows(values)])
 
 
 def decoded(values: dict[str, npt.NDArray[Any]]) -> str:
     """Return a table as blackbox_decode writes it."""
     units = {"time": "time (us)", "vbatLatest": "vbatLatest (V)", "amperageLatest": "amperageLatest (A)"}
     table = values | {name: values[name] / 100.0 for name in ("vbatLatest", "amperageLatest")}
-    lines = [", ".join(units.get(name, name) for name in table)]
-    return (
-        "\n".join([*lines, *(", ".join(map(str, row)) for row in zip(*table.values(), strict=True))]) + "\n"
-    )
+    return ", ".join(units.get(name, name) for name in table) + "\n" + rows(table, ", ")
 
 
 @pytest.mark.parametrize(("table", "assumed"), [(explorer, 0), (decoded, 3)])
@@ -362,9 +309,7 @@ def test_decoded_tables_are_the_raw_log(table: Any, assumed: int, tmp_path: Path
 
 
 def test_a_mapping_with_a_clock_makes_it_a_table(tmp_path: Path) -> None:
-    (tmp_path / "a.csv").write_text(
-        explorer(numbers()).partition('158,2047"\n')[2].partition("\n")[2], encoding="utf-8"
-    )
+    (tmp_path / "a.csv").write_text(",".join(numbers()) + "\n" + rows(numbers()), encoding="utf-8")
     mapping = (
         '[time]\ncolumn = "time"\nunit = "us"\n[variables]\np = { column = "gyroADC[0]", unit = "deg/s" }\n'
     )

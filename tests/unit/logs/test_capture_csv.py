@@ -49,13 +49,8 @@ def motive(
 def vicon(components: str = "RX,RY,RZ,RW,TX,TY,TZ") -> str:
     """Return the same flight of one body, z up and turned to the left about z."""
     values = {"RX": 0.0, "RY": 0.0, "RZ": LEFT[1], "RW": LEFT[3]}
-    rows = [
-        "Objects",
-        f"{RATE:g}",
-        ",,Global Angle Quad:Quad,,,,,,",
-        f"Frame,Sub Frame,{components}",
-        ",,,,,,mm,mm,mm",
-    ]
+    head = f",,Global Angle Quad:Quad,,,,,,\nFrame,Sub Frame,{components}\n,,,,,,mm,mm,mm"
+    rows = ["Objects", f"{RATE:g}", head]
     for k in range(1, 301):
         values |= {"TX": 1e3 * k / RATE, "TY": -3e3 * k / RATE, "TZ": 2e3 * k / RATE}
         rows.append(f"{k},0," + ",".join(f"{values[c]:.6f}" for c in components.split(",")))
@@ -68,33 +63,18 @@ def written(folder: Path, text: str) -> Path:
     return path
 
 
-@pytest.mark.parametrize(
-    "text",
-    [
-        motive({"Quad": 0}),
-        motive({"Quad, 1": 0}, unit="Meters", parent=True),
-        "\ufeff" + motive({"Q": 0}),
-        vicon(),
-    ],
-)
-def test_a_pose_comes_out_north_east_down(tmp_path: Path, text: str) -> None:
-    path = written(tmp_path, text)
-    mapping = tmp_path / "mapping.toml"
-    mapping.write_text(draft(path).text, encoding="utf-8")
-    flight = load(path, mapping, rate=RATE)
-    for name, speed in (("pn", 1.0), ("pe", 3.0), ("pd", -2.0)):
-        x, t = flight.column(name), flight.time
-        assert np.polyfit(t[np.isfinite(x)], x[np.isfinite(x)], 1)[0] == pytest.approx(speed, abs=1e-4)
-    psi = flight.column("psi")[20]
-    assert psi == pytest.approx(np.radians(-30.0), abs=1e-4)
-    assert flight.column("phi")[20] == pytest.approx(0.0, abs=1e-4)
-
-
-def test_hidden_markers_are_no_readings(tmp_path: Path) -> None:
-    columns, _ = read_table(written(tmp_path, motive({"Quad": 0})))
-    assert list(columns) == ["time [s]", "pos_n [m]", "pos_e [m]", "pos_d [m]", "qw", "qx", "qy", "qz"]
-    assert np.flatnonzero(np.isnan(columns["qw"])).tolist() == list(range(7, 300, 50))
-    assert columns["time [s]"][-1] == pytest.approx(2.99)
+def test_a_pose_comes_out_north_east_down(tmp_path: Path) -> None:
+    metres = motive({"Quad, 1": 0}, unit="Meters", parent=True)
+    for text in (motive({"Quad": 0}), metres, "\ufeff" + motive({"Q": 0}), vicon()):
+        path, mapping = written(tmp_path, text), tmp_path / "mapping.toml"
+        mapping.write_text(draft(path).text, encoding="utf-8")
+        flight = load(path, mapping, rate=RATE)
+        for name, speed in (("pn", 1.0), ("pe", 3.0), ("pd", -2.0)):
+            known = np.isfinite(flight.column(name))
+            slope = np.polyfit(flight.time[known], flight.column(name)[known], 1)[0]
+            assert slope == pytest.approx(speed, abs=1e-4)
+        assert flight.column("psi")[20] == pytest.approx(np.radians(-30.0), abs=1e-4)
+        assert flight.column("phi")[20] == pytest.approx(0.0, abs=1e-4)
 
 
 def test_each_body_has_its_name(tmp_path: Path) -> None:
@@ -102,36 +82,30 @@ def test_each_body_has_its_name(tmp_path: Path) -> None:
     assert columns["Quad.pos_n [m]"][0] == 0.0
     assert columns["Gate.pos_n [m]"][0] == 5.0
     assert len(columns) == 1 + 2 * 7
+    alone, _ = read_table(written(tmp_path, motive({"Quad": 0})))
+    assert list(alone) == ["time [s]", "pos_n [m]", "pos_e [m]", "pos_d [m]", "qw", "qx", "qy", "qz"]
+    assert np.flatnonzero(np.isnan(alone["qw"])).tolist() == list(range(7, 300, 50)), "markers were hidden"
+    assert alone["time [s]"][-1] == pytest.approx(2.99)
 
 
-@pytest.mark.parametrize(
-    "text",
-    [
-        motive({"Quad": 0}, rotation="XYZ"),
-        motive({}),
-        vicon("RX,RY,RZ,TX,TY,TZ"),
-        ABOUT + "\n\nFrame,Time (Seconds),X\n0,0,1\n",
-    ],
-)
-def test_without_a_quaternion_there_is_no_attitude(tmp_path: Path, text: str) -> None:
-    with pytest.raises(LogError, match="with rotations as quaternions") as error:
-        read_table(written(tmp_path, text))
-    assert "\n" not in str(error.value)
+def test_without_a_quaternion_there_is_no_attitude(tmp_path: Path) -> None:
+    bare = ABOUT + "\n\nFrame,Time (Seconds),X\n0,0,1\n"
+    for text in (motive({"Quad": 0}, rotation="XYZ"), motive({}), vicon("RX,RY,RZ,TX,TY,TZ"), bare):
+        with pytest.raises(LogError, match="with rotations as quaternions") as error:
+            read_table(written(tmp_path, text))
+        assert "\n" not in str(error.value)
+    for text in ("", "t,p\n0,1\n", "Objects\n100\n", "a\nx\n\nFrame,Sub Frame,RX\n1,2,3\n", '"' * 9):
+        assert export_of(tmp_path / "x.csv", text.encode()) is None  # another table
 
 
-@pytest.mark.parametrize("cells", [1, 2, 5, 8])
-def test_lines_that_lack_cells_lack_readings(tmp_path: Path, cells: int) -> None:
+def test_lines_that_lack_cells_lack_readings(tmp_path: Path) -> None:
     head, _, rows = motive({"Quad": 0}).partition("Frame,")
     first, *lines = rows.splitlines()
-    short = [",".join(line.split(",")[:cells]) for line in lines]
-    columns, _ = read_table(written(tmp_path, f"{head}Frame,{first}\n" + "\n".join(short) + "\n"))
-    assert np.isnan(columns["pos_e [m]"]).all()
-    assert np.isnan(columns["time [s]"]).all() == (cells < 2)
-
-
-def test_other_tables_are_none(tmp_path: Path) -> None:
-    for text in ("", "t,p\n0,1\n", "Objects\n100\n", "a\nx\n\nFrame,Sub Frame,RX\n1,2,3\n", '"' * 9):
-        assert export_of(tmp_path / "x.csv", text.encode()) is None
+    for cells in (1, 2, 5, 8):
+        short = [",".join(line.split(",")[:cells]) for line in lines]
+        columns, _ = read_table(written(tmp_path, f"{head}Frame,{first}\n" + "\n".join(short) + "\n"))
+        assert np.isnan(columns["pos_e [m]"]).all()
+        assert np.isnan(columns["time [s]"]).all() == (cells < 2)
 
 
 def test_commands_stand_in_a_file_beside_it(tmp_path: Path) -> None:

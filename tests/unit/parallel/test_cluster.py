@@ -33,30 +33,17 @@ class Cluster:
     def address(self) -> str:
         return f"tcp://127.0.0.1:{self.port}"
 
-    def scheduler(self) -> subprocess.Popen[bytes]:
-        return self.start([], "scheduler", "--host", "127.0.0.1", "--port", str(self.port))
+    def scheduler(self) -> None:
+        self.start((), "scheduler", "--host", "127.0.0.1", "--port", str(self.port))
 
     def worker(self, *, path: str = str(TESTS), python: tuple[str, ...] = ()) -> subprocess.Popen[bytes]:
-        return self.start(
-            python,
-            "worker",
-            self.address,
-            "--no-nanny",
-            "--nthreads",
-            "2",
-            "--local-directory",
-            ".",
-            path=path,
-        )
+        words = ("--no-nanny", "--nthreads", "2", "--local-directory", ".")
+        return self.start(python, "worker", self.address, *words, path=path)
 
-    def start(self, python: object, *words: str, path: str = str(TESTS)) -> subprocess.Popen[bytes]:
-        assert isinstance(python, tuple | list)
-        process = subprocess.Popen(
-            [sys.executable, *python, "-m", "dask", *words, "--no-dashboard"],
-            cwd=self.folder,
-            env={**os.environ, "PYTHONPATH": path},
-            stderr=subprocess.DEVNULL,
-        )
+    def start(self, python: tuple[str, ...], *words: str, path: str = str(TESTS)) -> subprocess.Popen[bytes]:
+        command = [sys.executable, *python, "-m", "dask", *words, "--no-dashboard"]
+        environment = {**os.environ, "PYTHONPATH": path}
+        process = subprocess.Popen(command, cwd=self.folder, env=environment, stderr=subprocess.DEVNULL)
         self.processes.append(process)
         return process
 
@@ -73,23 +60,6 @@ def cluster(folder: Path) -> Iterator[Cluster]:
         for process in found.processes:
             process.kill()
             process.wait()
-
-
-@pytest.mark.parametrize(
-    "address",
-    ["nonsense", "nonsense://x:1", "127.0.0.1:8786", "tcp://127.0.0.1", "tcp://:1", "tcp://a:0", "tcp://a:99999", "tcp://a b:1",
-     "tcp://[::1:1", "tcp://a:1/", ""],
-)  # fmt: skip
-def test_what_is_no_address(address: str) -> None:
-    with pytest.raises(
-        CampaignError, match=rf"^scheduler {re.escape(repr(address))}: is no address; give tcp://"
-    ):
-        Dask(address)
-
-
-@pytest.mark.parametrize("address", ["tcp://[::1]:8786", "tls://10.0.0.1:1", "tcp://node-3.cluster:65535"])
-def test_what_is_an_address(address: str) -> None:
-    assert Dask(address).address == address
 
 
 @contextmanager
@@ -122,16 +92,15 @@ def out_of_reach(folder: Path, address: str) -> None:
     assert "\n" not in caught.value.args[0]
 
 
-@pytest.mark.parametrize("address", ["tcp://127.0.0.1:1", "tls://[::1]:1", "tcp://no.such.host.invalid:8786"])
-def test_a_scheduler_out_of_reach(tmp_path: Path, address: str) -> None:
-    out_of_reach(tmp_path, address)
-
-
-def test_something_else_that_hangs_up_or_says_nothing(tmp_path: Path) -> None:
-    with stranger(b"", hangs_up=True) as address:
+def test_a_scheduler_out_of_reach(tmp_path: Path) -> None:
+    """Nobody, something else that hangs up, and something else that says nothing; then the right command is taken."""
+    for address in ("tcp://127.0.0.1:1", "tls://[::1]:1", "tcp://no.such.host.invalid:8786"):
         out_of_reach(tmp_path, address)
-    with stranger(b"") as address:
-        out_of_reach(tmp_path, address)
+    for hangs_up in (True, False):
+        with stranger(b"", hangs_up) as address:
+            out_of_reach(tmp_path, address)
+    other = replace(walks(tmp_path / "log", 1), settings={"map": "tent"})
+    assert list(execute(other, tmp_path / "s", LocalProcesses(1))) == ["000/None"]
 
 
 def test_there_is_one_line_and_nothing_after_it(tmp_path: Path) -> None:
@@ -150,12 +119,6 @@ def test_there_is_one_line_and_nothing_after_it(tmp_path: Path) -> None:
             )  # fmt: skip
             assert done.stderr.startswith("scheduler "), done.stderr
             assert len(done.stderr.splitlines()) == 1, done.stderr
-
-
-def test_after_a_wrong_address_the_right_command_is_taken(tmp_path: Path) -> None:
-    out_of_reach(tmp_path, "tcp://127.0.0.1:1")
-    other = replace(walks(tmp_path / "log", 1), settings={"map": "tent"})
-    assert list(execute(other, tmp_path / "s", LocalProcesses(1))) == ["000/None"]
 
 
 def test_without_the_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -198,29 +161,13 @@ def test_one_cluster_from_its_beginning_to_its_end(tmp_path: Path) -> None:
                 c.worker()
             notes.append(tally.note)
 
-        with callback_that_does_not_end(c.address):
-            assert execute(plan, tmp_path / "s", Dask(c.address), watch) == reference
+        assert execute(plan, tmp_path / "s", Dask(c.address), watch) == reference
         assert notes[-1] == ""
         assert f"waiting for a worker to join {c.address}" in notes
         assert len(log.read_text().splitlines()) == 10
         with pytest.raises(CampaignError, match=r"^run bad: ValueError: first;"):
             execute(failing("plain", log), tmp_path / "f", Dask(c.address))
         lose_scheduler(c, tmp_path)
-
-
-@contextmanager
-def callback_that_does_not_end(address: str) -> Iterator[None]:
-    """Hold the one thread for callbacks that Dask has in a process, as a client that closes at the wrong time does."""
-    from distributed import Client
-
-    end = threading.Event()
-    with Client(address, set_as_default=False) as other:
-        task = other.submit(int)
-        task.add_done_callback(lambda _: end.wait())
-        try:
-            yield
-        finally:
-            end.set()
 
 
 def lose_scheduler(c: Cluster, folder: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import io
+import re
 import sys
 from pathlib import Path
 
@@ -14,7 +15,7 @@ from stoop.base.text import duration
 from stoop.base.verbs import shared_options
 from stoop.cli.options import add_options
 from stoop.cli.progress import QUIET, Display, pool, run_campaign
-from stoop.parallel import Dask, LocalProcesses, Tally
+from stoop.parallel import CampaignError, Dask, LocalProcesses, Tally
 
 
 class Terminal(io.StringIO):
@@ -35,12 +36,19 @@ def test_where_the_runs_are_done() -> None:
     assert pool(parsed("--workers", "3")) == LocalProcesses(3)
     assert pool(parsed()) == LocalProcesses()
     assert pool(parsed("--scheduler", "tcp://a:1")) == Dask("tcp://a:1")
-
-
-@pytest.mark.parametrize("words", [("--workers", "0"), ("--workers", "2", "--scheduler", "tcp://a:1")])
-def test_options_that_make_no_sense(words: tuple[str, ...]) -> None:
-    with pytest.raises(argparse.ArgumentError):
-        parsed(*words)
+    for words in (("--workers", "0"), ("--workers", "2", "--scheduler", "tcp://a:1")):
+        with pytest.raises(argparse.ArgumentError):
+            parsed(*words)
+    for address in ("tcp://[::1]:8786", "tls://10.0.0.1:1", "tcp://node-3.cluster:65535"):
+        assert Dask(address).address == address
+    for address in (
+        "nonsense", "nonsense://x:1", "127.0.0.1:8786", "tcp://127.0.0.1", "tcp://:1", "tcp://a:0", "tcp://a:99999",
+        "tcp://a b:1", "tcp://[::1:1", "tcp://a:1/", "",
+    ):  # fmt: skip
+        with pytest.raises(
+            CampaignError, match=f"^scheduler {re.escape(repr(address))}: is no address; give tcp://"
+        ):
+            Dask(address)
 
 
 def test_a_log_gets_a_line_now_and_then(capsys: pytest.CaptureFixture[str]) -> None:
@@ -71,13 +79,8 @@ def test_a_terminal_gets_a_live_line(monkeypatch: pytest.MonkeyPatch) -> None:
         display.see(Tally(3, 10, 0, 1.0, 5000.0))
         display._status._live.refresh()
     assert "[bold]\\x1b: 3 of 10 runs, 1:23:20 left" in terminal.getvalue()
-
-
-@pytest.mark.parametrize(
-    ("seconds", "text"), [(0.4, "0:00"), (59.6, "1:00"), (750.0, "12:30"), (11100.0, "3:05:00")]
-)
-def test_duration(seconds: float, text: str) -> None:
-    assert duration(seconds) == text
+    texts = {0.4: "0:00", 59.6: "1:00", 750.0: "12:30", 11100.0: "3:05:00"}
+    assert {seconds: duration(seconds) for seconds in texts} == texts
 
 
 def test_a_campaign_from_the_command_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -88,28 +91,20 @@ def test_a_campaign_from_the_command_line(tmp_path: Path, capsys: pytest.Capture
     assert capsys.readouterr().err.startswith("walks: 0 of 3 runs\n")
 
 
-@pytest.mark.parametrize(
-    ("done", "words"),
-    [
-        (7, "interrupted; 7 runs are safe in {}: give the same command to do the others"),
-        (1, "interrupted; 1 run is safe in {}: give the same command to do the others"),
-        (0, "interrupted before any run was done; give the same command to begin again"),
-    ],
-)
-def test_ctrl_c(
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-    done: int,
-    words: str,
-) -> None:
-    def press(self: Display, tally: Tally) -> None:
-        self.done = done
-        raise KeyboardInterrupt
+def test_ctrl_c(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    store, again = tmp_path / "runs.sqlite", "give the same command to"
+    for done, words in (
+        (7, f"interrupted; 7 runs are safe in {store}: {again} do the others"),
+        (1, f"interrupted; 1 run is safe in {store}: {again} do the others"),
+        (0, f"interrupted before any run was done; {again} begin again"),
+    ):
 
-    monkeypatch.setattr(Display, "see", press)
-    store = tmp_path / "runs.sqlite"
-    with pytest.raises(SystemExit) as leaving:
-        run_campaign(parsed("--workers", "1"), walks(tmp_path / "log", 3), store)
-    assert leaving.value.code == 130
-    assert capsys.readouterr().err == f"stoop: {words.format(store)}\n"
+        def press(self: Display, tally: Tally, done: int = done) -> None:
+            self.done = done
+            raise KeyboardInterrupt
+
+        monkeypatch.setattr(Display, "see", press)
+        with pytest.raises(SystemExit) as leaving:
+            run_campaign(parsed("--workers", "1"), walks(tmp_path / "log", 3), store)
+        assert leaving.value.code == 130
+        assert capsys.readouterr().err == f"stoop: {words}\n"

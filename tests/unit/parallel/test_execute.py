@@ -19,17 +19,7 @@ from typing import Any
 import pytest
 from unit.parallel.works import HERE, failing, walks
 
-from stoop.parallel import (
-    CampaignError,
-    Given,
-    LocalProcesses,
-    Plan,
-    Pool,
-    Run,
-    Tally,
-    environment,
-    execute,
-)
+from stoop.parallel import CampaignError, Given, LocalProcesses, Plan, Pool, Run, Tally, environment, execute
 from stoop.parallel.loop import MAX_LOSSES
 from stoop.parallel.plan import Task
 from stoop.parallel.worker import Report, perform
@@ -79,54 +69,51 @@ def threads():  # type: ignore[no-untyped-def]
 
 
 def test_whoever_does_it_the_bytes_are_the_same(tmp_path: Path, log: Path) -> None:
-    plan = walks(log, 6, (None, 3, 7))
+    plan, tables = walks(log, 4, (None, 3, 7)), []
     with threads() as given:
-        pools: list[Pool] = [Here(), given, LocalProcesses(1), LocalProcesses(2)]
+        pools: list[Pool] = [Here(), given, LocalProcesses(2)]
         texts = [str(list(execute(plan, tmp_path / f"{i}.sqlite", p).items())) for i, p in enumerate(pools)]
     assert len(set(texts)) == 1
     assert texts[0].startswith("[('000/3', {'step': 3, 'x': ")
-    stored = [sqlite3.connect(tmp_path / f"{i}.sqlite") for i in range(4)]
-    tables = [s.execute("SELECT * FROM runs ORDER BY key").fetchall() for s in stored]
-    assert tables[0] == tables[1] == tables[2] == tables[3]
-    for s in stored:
-        s.close()
+    for i in range(3):
+        with closing(sqlite3.connect(tmp_path / f"{i}.sqlite")) as stored:
+            tables.append(stored.execute("SELECT * FROM runs ORDER BY key").fetchall())
+    assert tables[0] == tables[1] == tables[2]
 
 
-def test_a_prefix_is_computed_once(tmp_path: Path, log: Path) -> None:
+def test_a_prefix_is_computed_once_and_more_runs_extend_a_store(tmp_path: Path, log: Path) -> None:
     found = execute(walks(log, 2, (7, None, 3)), tmp_path / "s", Here())
     assert lines(log) == ["0 [3, 7, None]", "1 [3, 7, None]"]
     assert list(found) == ["000/3", "000/7", "000/None", "001/3", "001/7", "001/None"]
     assert [found[f"000/{stop}"]["step"] for stop in (3, 7, None)] == [3, 7, 100]  # type: ignore[call-overload,index]
-
-
-def test_more_runs_extend_a_store(tmp_path: Path, log: Path) -> None:
-    first = execute(walks(log, 2, (3,)), tmp_path / "s", Here())
-    more = execute(walks(log, 3, (3, 7)), tmp_path / "s", Here())
+    log.unlink()
+    first = execute(walks(log, 2, (3,)), tmp_path / "t", Here())
+    seen: list[Tally] = []
+    more = execute(walks(log, 3, (3, 7)), tmp_path / "t", Here(), seen.append)
     assert lines(log) == ["0 [3]", "0 [7]", "1 [3]", "1 [7]", "2 [3, 7]"]
     assert first.items() <= more.items()
+    assert (seen[0].done, seen[0].total, seen[0].restored, seen[0].seconds_left) == (2, 6, 2, None)
+    assert (seen[-1].done, seen[-1].seconds_left) == (6, 0.0)
+    assert all(a.done <= b.done and a.seconds <= b.seconds for a, b in pairwise(seen))
+    for tally in seen[1:-1]:  # at the pace of those that were done now
+        left = tally.seconds / (tally.done - 2) * (6 - tally.done) if tally.done > 2 else None
+        assert tally.seconds_left == (left and pytest.approx(left))
     idle = Here()
-    assert execute(walks(log, 2, (3,)), tmp_path / "s", idle) == first
+    assert execute(walks(log, 2, (3,)), tmp_path / "t", idle) == first
+    with pytest.raises(Exception, match="other settings"):
+        execute(replace(walks(log, 2), settings={"map": "tent"}), tmp_path / "t", idle)
     assert not idle.submitted
 
 
 def test_few_tasks_are_under_way_at_once(tmp_path: Path, log: Path) -> None:
-    under_way: list[int] = []
-
+    queued: list[int] = []
     with ThreadPoolExecutor(1) as executor:
         given = Given(executor, ahead=4)
-        execute(
-            walks(log, 30), tmp_path / "s", given, lambda _: under_way.append(executor._work_queue.qsize())
-        )
-    assert max(under_way) <= 4
-
-
-def test_tallies(tmp_path: Path, log: Path) -> None:
-    execute(walks(log, 2), tmp_path / "s", Here())
-    seen: list[Tally] = []
-    execute(walks(log, 5), tmp_path / "s", Here(), seen.append)
-    assert (seen[0].done, seen[0].total, seen[0].restored, seen[0].seconds_left) == (2, 5, 2, None)
-    assert (seen[-1].done, seen[-1].seconds_left) == (5, 0.0)
-    assert all(a.done <= b.done and a.seconds <= b.seconds for a, b in pairwise(seen))
+        execute(walks(log, 30), tmp_path / "s", given, lambda _: queued.append(executor._work_queue.qsize()))
+        with suppress(CampaignError):
+            execute(failing("plain", log), tmp_path / "f", given)
+        assert executor.submit(threading.active_count).result(), "the caller's executor stays open"
+    assert max(queued) <= 4
 
 
 @pytest.mark.parametrize("kind", [signal.SIGINT, signal.SIGTERM])
@@ -214,30 +201,23 @@ def enough(tally: Tally) -> None:
         raise EnoughError
 
 
-@pytest.mark.parametrize(
-    ("how", "what"),
-    [
+def test_a_failure_names_the_run_and_costs_nothing_else(tmp_path: Path, log: Path) -> None:
+    for how, what in (
         ("stoop", "^run bad: elevator: does not move; choose another; correct that"),
         ("plain", "^run bad: ValueError: first; correct that"),
         ("leave", "^run bad: SystemExit: 3;"),
         ("array", r"^run bad: result 0: a ndarray is not JSON"),
         ("short", "^run bad: unit.parallel.works:fail must return a list of 1 results"),
-    ],
-)
-def test_a_failure_names_the_run_and_costs_nothing_else(
-    tmp_path: Path, log: Path, how: str, what: str
-) -> None:
-    with pytest.raises(CampaignError, match=what) as caught:
-        execute(failing(how, log, 5), tmp_path / "s", Here())
-    assert "\n" not in "".join(map(str, caught.value.args))
-    assert len(execute(walks(log, 5), tmp_path / "s", Here())) == 5
-    assert len(lines(log)) == 5
-
-
-@pytest.mark.parametrize("work", ["nowhere:f", f"{HERE}:nothing", "no colon", ""])
-def test_work_that_is_not_there(tmp_path: Path, work: str) -> None:
-    with pytest.raises(CampaignError, match=r"^run a: "):
-        execute(Plan("p", {}, (Run("a", work, {}),)), tmp_path / "s", Here())
+    ):
+        with pytest.raises(CampaignError, match=what) as caught:
+            execute(failing(how, log, 5), tmp_path / how, Here())
+        assert "\n" not in "".join(map(str, caught.value.args))
+        assert len(execute(walks(log, 5), tmp_path / how, Here())) == 5
+        assert len(lines(log)) == 5
+        log.unlink()
+    for work in ("nowhere:f", f"{HERE}:nothing", "no colon", ""):
+        with pytest.raises(CampaignError, match=r"^run a: "):
+            execute(Plan("p", {}, (Run("a", work, {}),)), tmp_path / "s", Here())
 
 
 def test_a_worker_with_another_library_is_refused(tmp_path: Path, log: Path) -> None:
@@ -280,18 +260,3 @@ def test_a_broken_or_closed_executor(tmp_path: Path, log: Path) -> None:
         execute(walks(log, 1), tmp_path / "s", Given(executor))
     with ProcessPoolExecutor(1) as processes, pytest.raises(CampaignError, match="executor broke"):
         execute(failing("die", log), tmp_path / "s", Given(processes))
-
-
-def test_the_callers_executor_stays_open(tmp_path: Path, log: Path) -> None:
-    with ThreadPoolExecutor(1) as executor:
-        with suppress(CampaignError):
-            execute(failing("plain", log), tmp_path / "s", Given(executor))
-        assert executor.submit(threading.active_count).result()
-
-
-def test_another_plan_is_refused_before_anything_is_done(tmp_path: Path, log: Path) -> None:
-    execute(walks(log, 1), tmp_path / "s", Here())
-    idle = Here()
-    with pytest.raises(Exception, match="other settings"):
-        execute(replace(walks(log, 2), settings={"map": "tent"}), tmp_path / "s", idle)
-    assert not idle.submitted

@@ -16,6 +16,8 @@ from unit.parallel.works import HERE, failing, walks
 
 from stoop.parallel import CampaignError, LocalProcesses, Plan, Run, execute
 
+ENVIRONMENT = {**os.environ, "PYTHONPATH": os.pathsep.join([str(Path(__file__).parents[2]), *sys.path])}
+
 
 def test_one_thread_each_and_the_driver_keeps_its_own(tmp_path: Path) -> None:
     before = dict(os.environ)
@@ -57,21 +59,16 @@ SCRIPT = """
 import sys
 from pathlib import Path
 from stoop.parallel import LocalProcesses, Plan, Run, execute
-{guard}
-runs = tuple(Run(str(i), "unit.parallel.works:sleep", {{"seconds": 0.2, "i": i}}) for i in range(200))
-execute(Plan("t", {{}}, runs), Path(sys.argv[1]), LocalProcesses(2))
+runs = tuple(Run(str(i), "unit.parallel.works:sleep", {"seconds": 0.2, "i": i}) for i in range(200))
+execute(Plan("t", {}, runs), Path(sys.argv[1]), LocalProcesses(2))
 """
 
 
 def test_a_script_without_a_guard_is_told(tmp_path: Path) -> None:
     script = tmp_path / "script.py"
-    script.write_text(SCRIPT.format(guard=""))
-    done = subprocess.run(
-        [sys.executable, str(script), str(tmp_path / "s")],
-        env={**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])},
-        capture_output=True,
-        text=True,
-    )
+    script.write_text(SCRIPT)
+    command = [sys.executable, str(script), str(tmp_path / "s")]
+    done = subprocess.run(command, env=ENVIRONMENT, capture_output=True, text=True)
     assert done.returncode == 1
     assert "__name__ == '__main__'" in done.stderr.splitlines()[-1]
 
@@ -101,12 +98,9 @@ def group_lives(group: int) -> bool:
 def test_ctrl_c_of_a_whole_group_says_one_line_and_leaves(tmp_path: Path) -> None:
     """As a terminal does it: driver and workers get the signal."""
     store = tmp_path / "s"
+    command = [sys.executable, "-c", COMMAND, str(store)]
     driver = subprocess.Popen(
-        [sys.executable, "-c", COMMAND, str(store)],
-        env={**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])},
-        stderr=subprocess.PIPE,
-        text=True,
-        start_new_session=True,
+        command, env=ENVIRONMENT, stderr=subprocess.PIPE, text=True, start_new_session=True
     )
     with driver:
         assert driver.stderr is not None

@@ -1,4 +1,4 @@
-"""Which sources a work function is made of, and that driver, worker and store hold on to them."""
+"""Which sources, versions and processor results depend on, and that driver, worker and store hold on to them."""
 
 from __future__ import annotations
 
@@ -6,12 +6,13 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 from unit.parallel.test_execute import Here
 
 from stoop.errors import OutputError
-from stoop.parallel import CampaignError, Plan, Run, execute, worker
-from stoop.parallel.worker import source_files, work_sources
+from stoop.parallel import CampaignError, Plan, Run, environment, execute, source_digest, worker
+from stoop.parallel.worker import differences, source_files, work_sources
 
 WORK = "herd.far.graze:graze"
 FILES = {
@@ -55,47 +56,20 @@ def test_a_module_and_what_it_imports_count_and_nothing_else(herd: Path) -> None
     assert "herd" not in sys.modules, "looked at, not imported"
 
 
-def test_one_entry_per_module(herd: Path) -> None:
-    (herd.parent / "alone.py").write_text("import herd\n")
-    found = work_sources(["alone:f", "alone:g", WORK, "nowhere:f", "no colon", "", "__main__:f", "math:sin"])
-    assert sorted(found) == ["sources of alone", "sources of herd.far.graze"]
-    (herd / "grass.py").write_text("not python")
-    assert work_sources([WORK]) != found
-
-
-@pytest.mark.parametrize("room", ["optimize", "base", "vehicle"])
-def test_every_room_that_makes_numbers_is_in_the_environment(room: str) -> None:
-    assert room in worker.ROOMS
-
-
-@pytest.mark.parametrize(
-    "work", ["stoop_studies.search", "stoop_studies.reproduce.noise", "stoop_studies.compare.race"]
-)
-def test_a_study_counts_problems_and_no_pages(work: str) -> None:
-    files = source_files(work)
-    assert {f"{work}.py", "stoop_studies.problems.paper.py"} <= set(files)
-    assert not {name for name in files if ".report." in name or "page" in name or ".optimize." in name}
-
-
-@pytest.mark.parametrize(
-    ("work", "own"),
-    [
-        (
-            "stoop_studies.verify.design",
-            {"stoop_studies.verify.scenes.py", "stoop.input_design.optimization.py"},
-        ),
-        (
-            "stoop_studies.verify.delays",
-            {"stoop_studies.verify.scenes.py", "stoop.reconstruction.compatibility.py"},
-        ),
-    ],
-)
-def test_a_study_counts_what_it_imports_of_stoop(work: str, own: set[str]) -> None:
+def test_a_study_counts_what_it_imports_and_no_pages() -> None:
     """Rooms of stoop that every environment has are not counted again."""
-    files = set(source_files(work))
-    assert {f"{work}.py", *own} <= files
+    assert {"optimize", "base", "vehicle"} <= set(worker.ROOMS)
     rooms = {name.removesuffix(".py") for name in worker.ROOMS}
-    assert not {name for name in files if name.startswith("stoop.") and name.split(".")[1] in rooms}
+    for work, counted in (
+        ("search", "stoop_studies.problems.paper.py"),
+        ("compare.race", "stoop_studies.problems.paper.py"),
+        ("verify.design", "stoop.input_design.optimization.py"),
+        ("verify.delays", "stoop.reconstruction.compatibility.py"),
+    ):
+        files = set(source_files(f"stoop_studies.{work}"))
+        assert {f"stoop_studies.{work}.py", counted} <= files
+        assert not {name for name in files if name.startswith("stoop.") and name.split(".")[1] in rooms}
+        assert not {name for name in files if ".report." in name or "page" in name}
 
 
 def test_what_a_package_imports_of_stoop_counts(herd: Path) -> None:
@@ -103,6 +77,11 @@ def test_what_a_package_imports_of_stoop_counts(herd: Path) -> None:
     (herd / "grass.py").write_text("from stoop.input_design.inputs import Frame\n")
     assert "stoop.input_design.inputs.py" in source_files("herd.far.graze")
     assert work_sources([WORK]) != before
+    (herd.parent / "alone.py").write_text("import herd\n")  # one entry per module
+    found = work_sources(["alone:f", "alone:g", WORK, "nowhere:f", "no colon", "", "__main__:f", "math:sin"])
+    assert sorted(found) == ["sources of alone", "sources of herd.far.graze"]
+    (herd / "grass.py").write_text("not python")
+    assert work_sources([WORK]) != found
 
 
 def graze(herd: Path, store: str, before: Callable[[], None] = lambda: None) -> dict[str, object]:
@@ -125,3 +104,31 @@ def test_a_store_of_other_sources_is_refused(herd: Path) -> None:
     (herd / "grass.py").write_text("GREEN = 1\n")
     with pytest.raises(OutputError, match=r"another environment \(sources of herd.far.graze\)"):
         graze(herd, "s")
+
+
+def test_versions_processor_and_sources() -> None:
+    found = environment()
+    assert found["numpy"] == np.__version__
+    names = {"Python", "stoop", "scipy", "numba", "processor", "processor's features", "sources of stoop"}
+    assert names <= set(found)
+    assert all(isinstance(value, str) for value in found.values())
+
+
+def test_differences_name_what_both_have() -> None:
+    assert not differences({"numpy": "2.1", "cma": "4.0"}, {"numpy": "2.1"})
+    assert differences({"numpy": "2.1", "x": "1"}, {"numpy": "2.0", "x": "1"}) == "numpy 2.1 here, 2.0 there"
+    assert differences({"features": "a" * 99}, {"features": "b"}) == "features"
+
+
+def test_digest_sees_content_names_and_nothing_else(tmp_path: Path) -> None:
+    (tmp_path / "room").mkdir()
+    source = tmp_path / "room" / "a.py"
+    source.write_text("one")
+    before = source_digest(tmp_path / "room")
+    (tmp_path / "room" / "a.pyc").write_text("compiled")
+    assert source_digest(tmp_path / "room") == before
+    source.write_text("two")
+    changed = source_digest(tmp_path / "room")
+    source.rename(source.with_name("b.py"))
+    renamed, alone = source_digest(tmp_path / "room"), source_digest(tmp_path / "room" / "b.py")
+    assert len({before, changed, renamed, alone}) == 4

@@ -65,14 +65,8 @@ def threads(arguments: Mapping[str, Any], stops: Sequence[int | None]) -> list[A
     from stoop.kernels.kernel import thread_count
 
     blas = [pool["num_threads"] for pool in threadpoolctl.threadpool_info()]
-    return [
-        {
-            "kernels": thread_count(),
-            "blas": blas,
-            "pid": os.getpid(),
-            "env": os.environ.get("OMP_NUM_THREADS"),
-        }
-    ]
+    env = os.environ.get("OMP_NUM_THREADS")
+    return [{"kernels": thread_count(), "blas": blas, "pid": os.getpid(), "env": env}]
 
 
 def walks(log: Path, seeds: int, stops: Sequence[int | None] = (None,)) -> Plan:
@@ -86,11 +80,8 @@ def walks(log: Path, seeds: int, stops: Sequence[int | None] = (None,)) -> Plan:
 
 def failing(how: str, log: Path, others: int = 0) -> Plan:
     """Return a plan whose last run fails."""
-    return Plan(
-        "walks",
-        {"map": "logistic"},
-        (*walks(log, others).runs, Run("bad", f"{HERE}:fail", {"how": how, "log": str(log)})),
-    )
+    bad = Run("bad", f"{HERE}:fail", {"how": how, "log": str(log)})
+    return Plan("walks", {"map": "logistic"}, (*walks(log, others).runs, bad))
 
 
 def sleep(arguments: Mapping[str, Any], stops: Sequence[int | None]) -> list[Any]:

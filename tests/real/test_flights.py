@@ -1,0 +1,218 @@
+"""Real flights: channels, windows, faults, unfit logs that must warn, and fits that must not be trusted."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+from real import simulated
+
+from stoop.checks.kinematics import check_rates
+from stoop.checks.mapping import check_mapping
+from stoop.checks.vehicle import inertia_notices
+from stoop.errors import FlightError, VehicleError
+from stoop.estimate.fit import Options
+from stoop.flight import OUTPUTS, Flight, load, save, segments, without_faults
+from stoop.flight.faults import Fault
+from stoop.logs import read
+from stoop.vehicle import load_vehicle
+from stoop.vehicle.load import parse_vehicle
+from stoop.workflow import identify
+
+BUDGET = Options(budget=400.0)
+CONTROLS = ("control_roll", "control_pitch", "control_yaw", "control_throttle")
+ANGLES = {
+    "alpha": "alpha",
+    "beta": "beta",
+    "phi": "phi",
+    "theta": "theta",
+    "psi": "psi",
+    "elevator": "de",
+    "aileron": "da",
+}
+A430_MAPPING = (
+    '[time]\ncolumn = "Systime"\nunit = "s"\n[variables]\nV = {column = "vt", unit = "m/s"}\n'
+    + "".join(
+        f'{name} = {{column = "{column}", unit = "{unit}"}}\n'
+        for columns, unit in ((ANGLES, "deg"), ({n: n for n in "pqr"}, "deg/s"))
+        for name, column in columns.items()
+    )
+)
+FILES = {
+    "euler": {"phi": ("phi_rad", "rad"), "theta": ("theta_rad", "rad"), "psi": ("psi_rad", "rad")},
+    "bodyrate": {n: (f"{n}_rps", "rad/s") for n in "pqr"},
+    "actuators": {**{n: (n, "1") for n in ("aileron", "elevator", "rudder")}, "thrust": ("thrust_N", "N")},
+}  # fmt: skip
+STANFORD_MAPPING = '[time]\ncolumn = "t_s"\nunit = "s"\n[variables]\n' + "".join(
+    f'{name} = {{column = "{column}", unit = "{unit}", file = "plane_{file}.csv"}}\n'
+    for file, columns in FILES.items()
+    for name, (column, unit) in columns.items()
+)
+SKYWALKER = """
+format = "stoop-vehicle/1"
+name = "Skywalker"
+mass = { mass = 2.47, inertia = { xx = 0.110, yy = 0.2, zz = 0.258 } }
+reference = { area = 0.39, chord = 0.22, span = 1.8, airspeed = 14.0 }
+environment = { density = 1.2 }
+propulsion = { kind = "channel" }
+controls = { elevator = {}, aileron = {}, rudder = {} }
+"""
+A430 = """
+format = "stoop-vehicle/1"
+name = "A430"
+mass = { mass = 0.1, inertia = { xx = 0.00400, yy = 0.00732, zz = 0.01093, xz = 0.00014 } }
+reference = { area = 0.040809, chord = 0.09781, span = 0.43, airspeed = 6.0 }
+environment = { density = 1.2 }
+controls = { elevator = {}, aileron = {} }
+"""
+
+
+def mapped(log: Path, folder: Path, text: str) -> Flight:
+    (folder / "m.toml").write_text(text)
+    return load(log, folder / "m.toml")
+
+
+def test_channels_and_windows_of_the_v_tail(vtail_flight: Flight, shared_data: Path, tmp_path: Path) -> None:
+    flight = vtail_flight
+    wanted = {*OUTPUTS, *CONTROLS, *(f"pwm_{n}" for n in range(1, 6)), "vn", "ve", "vd", "pn", "pe", "pd"}
+    wanted |= {"airspeed_pitot", "wind_n", "wind_e", "altitude", "density", "temperature", "voltage", "q0"}
+    assert wanted <= set(flight.data.data_vars)
+    assert (flight.name, flight.rate) == ("flight2", 100.0)
+    assert 68.0 < flight.time[0] < 69.0
+    stream = read(shared_data / "altlnt-vtail-8kg-px4" / "flight2").streams["vehicle_angular_velocity"]
+    taken = stream.columns["timestamp_sample"] * 1e-6
+    window = (taken > 160.0) & (taken < 168.0)
+    grid, recorded = (
+        np.interp(taken[window], flight.time, flight.column("p")),
+        stream.columns["xyz[0]"][window],
+    )
+    assert np.corrcoef(grid, recorded)[0, 1] > 0.98
+    assert abs(np.mean(grid - recorded)) < 1e-3
+    spans = {}
+    for start, stop, told in ((140.0, 145.0, 2), (146.0, 152.0, 1), (160.0, 168.3, 0), (187.0, 196.0, 0)):
+        found, notes = segments(flight, start, stop, CONTROLS, OUTPUTS)
+        spans[start] = [(round(float(s.t[0]), 2), round(float(s.t[-1]), 2)) for s in found]
+        assert all(np.isfinite(s.u).all() for s in found)
+        assert np.mean([np.isfinite(s.z).mean() for s in found]) > 0.95
+        assert len(notes) == told
+    assert spans == {140.0: [(140.14, 142.46), (142.76, 144.99)], 146.0: [(146.08, 152.0)],
+                     160.0: [(160.0, 168.3)], 187.0: [(187.0, 196.0)]}  # fmt: skip
+    save(flight, tmp_path / "flight2.nc")
+    back = load(tmp_path / "flight2.nc")
+    assert back.data.identical(flight.data)
+    for name in ("air", "sources", "notices", "faults"):
+        assert getattr(back, name) == getattr(flight, name)
+
+
+def test_other_logs_of_px4(shared_data: Path) -> None:
+    mapping = Path(__file__).parents[2] / "examples" / "hexacopter_mapping.toml"
+    for log, text in (("altlnt-hexacopter-px4", mapping), ("mit-solar-surfer-px4csv", None)):
+        flight = load(shared_data / log, text)
+        assert {"p", "q", "r", "ax", "phi", "vn", "control_roll"} <= set(flight.data.data_vars)
+        quaternion = np.column_stack([flight.column(f"q{k}") for k in range(4)])
+        known = np.isfinite(quaternion).all(axis=1)
+        np.testing.assert_allclose(np.linalg.norm(quaternion[known], axis=1), 1.0, atol=1e-12)
+        if text:  # a hexacopter has no wing that tells the wind
+            assert not {"V", "alpha", "beta"} & set(flight.data.data_vars)
+            assert not any("wind" in str(found) or "air data" in str(found) for found in flight.notices)
+    flight = load(shared_data / "px4-ulog-reader-samples" / "sample_log_small.ulg")
+    assert {"p", "ax", "phi", "control_roll", "pwm_1"} <= set(flight.data.data_vars)
+    assert 6.0 < flight.time[-1] - flight.time[0] < 7.0
+    assert any(found.values.get("kind") == "dropout" for found in flight.notices)
+
+
+def test_motion_capture_in_degrees(shared_data: Path, tmp_path: Path) -> None:
+    folder = shared_data / "a430-micro-fixedwing-mocap"
+    for log in sorted(folder.glob("*.csv"))[::3]:
+        assert np.nanmax(np.abs(mapped(log, tmp_path, A430_MAPPING).column("theta"))) < 1.6
+        for wrong in ("deg/s", "deg"):
+            with pytest.raises(FlightError, match=r"degrees|deg/s where radians belong"):
+                mapped(log, tmp_path, A430_MAPPING.replace(f'"{wrong}"', f'"{wrong.replace("deg", "rad")}"'))
+    dirty = mapped(folder / "short_straight_4_20230215_133852.csv", tmp_path, A430_MAPPING)
+    kinds = {(fault.kind, fault.variable) for fault in dirty.faults}
+    assert {("clipped", n) for n in "pqr"} | {("stuck", "V"), ("stuck", "psi")} <= kinds
+    assert {name for kind, name in kinds if kind == "inconsistent"} == {*"pqr"}
+    clipped = next(fault for fault in dirty.faults if fault.variable == "p")
+    assert abs(clipped.value) == pytest.approx(2.0, abs=1e-3), "clipped to either side"
+
+
+def test_a_clipped_rate_counts_as_not_measured_and_is_said(shared_data: Path, tmp_path: Path) -> None:
+    log = shared_data / "a430-micro-fixedwing-mocap" / "short_loop_6_20230227_120302.csv"
+    job = identify(parse_vehicle(A430, "a430"), mapped(log, tmp_path, A430_MAPPING), ["3:6"], options=BUDGET)
+    words = " ".join(job.result.warnings)
+    assert "treated as not measured" in words
+    assert "the attitude turns 1.20 times as fast as p indicates" in words
+    assert "implausibly large" in words
+    used = job.flights[0].column("q")
+    assert np.nanmax(used) < 1.995
+    assert np.isnan(used).any()
+
+
+def test_inertia_that_no_body_has(tmp_path: Path) -> None:
+    """Ten times too large for its size; and a moment about y that breaks the triangle of the three."""
+    found = inertia_notices(parse_vehicle(A430, "a430"))
+    assert [one.subject for one in found] == [f"mass.inertia.{axis}" for axis in ("xx", "yy", "zz")]
+    assert {one.code for one in found} == {"inertia-large"}
+    tenth = A430.replace("0.00400", "0.0004").replace("0.00732", "0.000732").replace("0.01093", "0.001093")
+    assert not inertia_notices(parse_vehicle(tenth.replace("0.00014", "0.0"), "a430"))
+    with pytest.raises(VehicleError, match="which no body can have"):
+        parse_vehicle(SKYWALKER.replace("yy = 0.2", "yy = 0.5"), "skywalker")
+
+
+def test_ten_hertz_without_air_data_is_said_and_not_invented(shared_data: Path, tmp_path: Path) -> None:
+    log = shared_data / "stanford-skywalker-10hz"
+    flight = mapped(log, tmp_path, STANFORD_MAPPING)
+    assert not {"V", "alpha", "beta"} & set(flight.data.data_vars)
+    assert {"no-air-data", "slow-rates"} <= {found.code for found in flight.notices}
+    assert "logged at only 10.2 Hz" in " ".join(map(str, flight.notices))
+    _, notices = segments(flight, 60.0, 80.0, ("aileron", "thrust"), OUTPUTS)
+    assert "slow-input" in {found.code for found in notices}
+    result = identify(parse_vehicle(SKYWALKER, "skywalker"), flight, ["121.3:128.7"], options=BUDGET).result
+    words = " ".join(result.warnings)
+    assert "No airspeed was measured" in words
+    assert "Too few samples" in words
+    assert not [p for p in result.parameters.values() if p.identifiable], "306 measurements for 80 unknowns"
+    told = r"phi changes 59\.4 times .*; write unit = \"rad/s\" for variables\.p, "
+    with pytest.raises(FlightError, match=told):
+        mapped(log, tmp_path, STANFORD_MAPPING.replace('"rad/s"', '"deg/s"'))
+
+
+def test_a_window_without_excitation_is_said(vtail_flight: Flight) -> None:
+    vehicle = load_vehicle(simulated.EXAMPLE)
+    with pytest.raises(FlightError, match="choose another window"):
+        identify(vehicle, vtail_flight, ["145:145.4"], options=BUDGET)
+    result = identify(vehicle, vtail_flight, ["115:118"], options=BUDGET).result
+    doubted = [str(n) for n in result.notices if n.code in ("control-still", "contribution-in-doubt")]
+    assert any("rudder" in text for text in doubted)
+    assert result.verdict.grade == "do not use"
+    told = {name: p for name, p in result.parameters.items() if p.identifiable}
+    known = {name for name, p in told.items() if p.std_error < 0.5 * abs(p.estimate)}
+    assert known <= {"Cm0", "Cn0", "propulsion.CT0"}, "at most what balances steady flight"
+    for name, published in (("Cm0", -0.036), ("Cn0", 0.0)):  # docs/vehicle-new.md, docs/handbook.md
+        assert name not in told or told[name].ci95_lower < published < told[name].ci95_upper
+
+
+def check_signs_and_faults(flight: Flight, span: tuple[float, float]) -> None:
+    """Check that a sign or an axis of the rates is found, and that a stuck sensor counts as not measured."""
+    data = {str(name): flight.column(str(name)) for name in flight.data.data_vars}
+    assert check_mapping({}, data, flight.rate, {}).notices == ()
+    assert check_rates(data, flight.rate, {}) == []
+    (turned,) = check_mapping({}, {**data, "q": -data["q"]}, flight.rate, {}).notices
+    assert (turned.code, turned.subject) == ("mapping-sign", "q")
+    (swapped,) = check_mapping({}, {**data, "p": data["q"], "q": data["p"]}, flight.rate, {}).notices
+    assert (swapped.code, swapped.values["lines"]) == ("mapping-exchange", ("p", "q"))
+    fault = Fault("stuck", "r", 0.0, *span, "r stands still")
+    blanked = without_faults(dataclasses.replace(flight, faults=(*flight.faults, fault)))
+    inside = (flight.time >= span[0]) & (flight.time <= span[1])
+    assert np.isnan(blanked.column("r")[inside]).all()
+    assert np.array_equal(blanked.column("r")[~inside], flight.column("r")[~inside], equal_nan=True)
+
+
+def test_signs_and_faults_of_a_simulated_log(simulated_flight: Flight) -> None:
+    check_signs_and_faults(simulated_flight, (150.0, 152.0))
+
+
+def test_signs_and_faults_of_the_v_tail(vtail_flight: Flight) -> None:
+    check_signs_and_faults(vtail_flight, (150.0, 152.0))

@@ -1,0 +1,152 @@
+"""Logs of real autopilots and bags: the numbers that independent readers find, cut anywhere, damaged anywhere."""
+
+from __future__ import annotations
+
+import gzip
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+
+import numpy as np
+import pytest
+from naive.dataflash import same_as_pymavlink
+
+from stoop.errors import LogError
+from stoop.logs import Recording, read, ulog
+from stoop.logs.dataflash import parse_dataflash
+
+SAMPLES = ("sample_log_small.ulg", "sample_appended_multiple.ulg")
+HOVER = {
+    "normal_flight__E8": (44.2e3, 44.8e3),
+    "normal_flight__E9": (44.5e3, 46.8e3),
+    "add_weight_W3": (60e3, 63e3),
+}
+
+
+@pytest.fixture
+def samples(shared_data: Path) -> Path:
+    return shared_data / "px4-ulog-reader-samples"
+
+
+def letters(text: str) -> str:
+    """Leave out what a terminal would obey, and how parts are set apart."""
+    return "".join(c for c in text if c.isprintable() and c != " ")
+
+
+def check_as_pyulog(path: Path) -> None:
+    from pyulog import ULog
+
+    ours, theirs = read(path), ULog(str(path))
+    assert {s.partition("/")[0] for s in ours.streams} == {d.name for d in theirs.data_list}
+    for data in theirs.data_list:
+        stream = ours.streams[f"{data.name}/{data.multi_id}" if data.multi_id else data.name]
+        stamps = data.data["timestamp"] * 1e-6
+        kept = np.flatnonzero(np.isin(stamps, stream.time))[: stream.time.size]
+        if np.all(np.diff(stamps) > 0.0):
+            assert stream.time.size == stamps.size
+            for column in (c for c in data.data if "_padding" not in c and c != "timestamp"):
+                np.testing.assert_array_equal(stream.columns[column], data.data[column][kept])
+    assert ours.parameters == theirs.initial_parameters
+    told = {k: str(v) for k, v in theirs.msg_info_dict.items() if not isinstance(v, bytes) and v != ""}
+    assert told.items() <= ours.info.items()
+    messages = [line.partition("] ")[2] for line in ours.info["messages"].splitlines()]
+    assert messages == [m.message for m in theirs.logged_messages]
+    for key, wholes in theirs.msg_info_multiple_dict.items():
+        assert letters("".join("".join(whole) for whole in wholes)) == letters(ours.info[key])
+    lost = 1e-3 * sum(d.duration for d in theirs.dropouts)
+    dropouts = f"{path.name}: the logger reports {len(theirs.dropouts)} dropouts, {lost:.2f} s in all"
+    assert [str(d) for d in ours.defects if d.kind == "dropout"] == [dropouts] * bool(theirs.dropouts)
+    assert {d.kind for d in ours.defects} <= {"dropout", "time order"}
+
+
+def test_ulogs_hold_what_pyulog_finds(samples: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in SAMPLES:
+        check_as_pyulog(samples / name)
+    monkeypatch.setattr(ulog, "LIMITS", ulog.Limits(small=0))  # compiled
+    check_as_pyulog(samples / SAMPLES[0])
+
+
+def check_cut_and_damaged(path: Path, parse: Callable[[Path, bytes], Recording], rows: int) -> None:
+    """Check that a longer part of a file holds no less, and that damage ends in a recording or one line."""
+    whole, found, rng = path.read_bytes(), [], np.random.default_rng(5)
+    for end in (*range(0, 3000, 151), *np.linspace(3000, len(whole), 25).astype(int)):
+        found.append(0)
+        try:
+            found[-1] = sum(stream.time.size for stream in parse(path, whole[:end]).streams.values())
+        except LogError as error:
+            assert "\n" not in str(error)  # noqa: PT017  both outcomes are right
+    assert found == sorted(found)
+    assert found[-1] >= rows
+    for _ in range(30):
+        content = bytearray(whole)
+        for place in rng.integers(0, len(whole) if rng.random() < 0.5 else 12_000, size=30):
+            content[place] = rng.integers(0, 256)
+        with suppress(LogError):
+            assert parse(path, bytes(content)).defects
+
+
+def test_cut_and_damaged_anywhere(samples: Path, shared_data: Path, tmp_path: Path) -> None:
+    def parse_ulog(path: Path, content: bytes) -> Recording:
+        (tmp_path / "a.ulg").write_bytes(content)
+        return read(tmp_path / "a.ulg")
+
+    for name in SAMPLES:
+        check_cut_and_damaged(samples / name, parse_ulog, 4000)
+    check_cut_and_damaged(shared_data / "ardupilot-dataflash-sample" / "test.BIN", parse_dataflash, 784)
+
+
+def test_a_dataflash_log_holds_what_pymavlink_finds(shared_data: Path) -> None:
+    sample = shared_data / "ardupilot-dataflash-sample" / "test.BIN"
+    recording = read(sample)
+    assert same_as_pymavlink(recording, sample) == 7164
+    assert [str(d) for d in recording.defects] == ["test.BIN byte 65512: the last message is cut"]
+    assert recording.info["firmware"] == "ArduPlane V3.8.2-dev (8178ab40)"
+    assert recording.parameters["ARSPD_FBW_MAX"] == 22.0
+
+
+def test_a_bag_holds_the_tables_that_others_made_of_it(shared_data: Path, tmp_path: Path) -> None:
+    folder, bag = shared_data / "stanford-skywalker-10hz", tmp_path / "a.bag"
+    bag.write_bytes(gzip.decompress((folder / "skywalker_manual_06_30_21.bag.gz").read_bytes()))
+    point = ("point.x", "point.y", "point.z")
+    for name, columns in (
+        ("bodyrate", point),
+        ("euler", point),
+        ("actuators", [f"controls[{i}]" for i in range(4)]),
+    ):
+        topic = f"/plane/{name}"
+        stream = read(bag, topics=frozenset({topic})).streams[topic]
+        theirs = np.loadtxt(folder / f"plane_{name}.csv", delimiter=",", skiprows=1)
+        assert stream.time.size == len(theirs)
+        assert np.abs(stream.time - theirs[:, 0]).max() < 0.2  # theirs is the time of recording
+        for k, column in enumerate(columns):
+            np.testing.assert_allclose(stream.columns[column], theirs[:, k + 1], rtol=1e-6)
+
+
+def test_all_flights_of_crazyflies_are_read_whole(shared_data: Path) -> None:
+    """32 flights with whole, cut and loaded propellers: checksums fit, and hover commands are those of the source."""
+    files = sorted((shared_data / "crazypad-propeller-damage").glob("*.usd"))
+    assert len(files) == 32
+    for path in files:
+        recording = read(path)
+        assert (recording.format, recording.defects, recording.info["checksum"]) == ("crazyflie", (), "fits")
+        stream = recording.streams["fixedFrequency"]
+        assert stream.period == pytest.approx(1.0 / 101.0, rel=0.02)
+        assert 25.5 < stream.time[-1] - stream.time[0] < 26.0
+        assert len(stream.columns) == 20
+        assert 3000.0 < np.median(stream.columns["pm.vbatMV"]) < 4200.0
+        hover = float(np.mean(stream.columns["motor.m3"][stream.columns["stateEstimate.z"] > 0.5]))
+        low, high = next((HOVER[c] for c in HOVER if path.name.startswith(c)), (0.0, 65535.0))
+        assert low < hover < high, path.name
+
+
+def test_a_folder_of_topics_and_a_table_without_a_mapping(shared_data: Path) -> None:
+    recording = read(shared_data / "altlnt-vtail-8kg-px4" / "flight2")
+    assert recording.defects == ()
+    assert len(recording.streams) == 18
+    gyro = recording.streams["vehicle_angular_velocity"]
+    assert gyro.time.size == 63002
+    assert gyro.time[0] == pytest.approx(68.282822, abs=1e-9)
+    assert 1.0 / gyro.period == pytest.approx(400.0, rel=1e-3)
+    with pytest.raises(LogError, match="needs a mapping") as caught:
+        read(shared_data / "a430-micro-fixedwing-mocap" / "short_loop_6_20230227_120302.csv")
+    assert 'column = "Systime"' in str(caught.value)
