@@ -123,7 +123,7 @@ def test_units_of_a_log_without_units(tmp_path: Path) -> None:
         "gx": DEG * flown()["p"], "gy": DEG * flown()["q"], "gz": 0.2 * np.sin(5.0 * T),
         "ch3": 1.5 + 0.1 * np.sin(T), "throttle": 50 + T, "aileron": np.clip(2 * np.sin(T), -1, 1),
         "motor_1": 60.0 + 10.0 * np.sin(T), "motor_5": 0.8 + 0.0 * T, "elev_us": 1500.0 + 200.0 * np.sin(T),
-        "control_roll": 60.0 * np.sin(2 * T), "thr_us": 1600.0 + 0.0 * T,
+        "control_roll": 60.0 * np.sin(2 * T),
     }  # fmt: skip
     text = draft(written(tmp_path, columns)).text
     lines = tomllib.loads(text)["variables"]
@@ -140,8 +140,8 @@ def test_units_of_a_log_without_units(tmp_path: Path) -> None:
     assert "unsure: percent as the others" in text
     assert "unsure: normalized, no angle: name it servo_N and add a calibration" in text
     assert "# [calibration.pwm_3]" in text
-    assert (lines["control_pitch"]["column"], lines["control_pitch"]["scale"]) == ("elev_us", 2e-3)
-    assert (lines["control_throttle"]["column"], lines["control_throttle"]["offset"]) == ("thr_us", -1.0)
+    pulses = lines["control_pitch"]
+    assert (pulses["column"], pulses["scale"], pulses["offset"]) == ("elev_us", 2e-3, -3.0)
 
 
 def test_a_rate_without_a_name_is_found_by_what_it_does(tmp_path: Path) -> None:
