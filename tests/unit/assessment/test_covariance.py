@@ -267,6 +267,7 @@ def test_no_variance_is_negative_however_short_pieces_are():
         none = (np.empty((2, 0)), np.empty((2, 0, 6)))
         covariance = windowed_covariance(pieces, [(0, 40, 80, 120)] * 4, [none] * 4, np.zeros((6, 6)))
         assert covariance is not None
+        np.testing.assert_allclose(covariance, covariance.T, rtol=1e-9, atol=1e-12)
         assert np.linalg.eigvalsh(covariance).min() >= 0.0
 
 
