@@ -66,18 +66,18 @@ def _flight_file(folder: Path) -> Path:
     return folder / "flight.csv"
 
 
-def test_a_flight_is_read_whatever_detector_fails(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    path = _flight_file(tmp_path)
-    sound = load(path)
-    for name in ("recorded_faults", "in_flight", "check_mapping", "check_rates", "rest_faults", "with_air"):
-        with monkeypatch.context() as patch:
-            patch.setattr(importlib.import_module("stoop.flight.load"), name, _empty)
-            flight = load(path)
-        assert [one.code for one in flight.notices].count("detector-failed") == 1, name
-        assert sorted(flight.names) == sorted(sound.names)
-        np.testing.assert_array_equal(flight.column("p"), sound.column("p"))
-    monkeypatch.setattr(importlib.import_module("stoop.flight.maneuvers"), "motors_ran", _empty)
-    assert "detector-failed" in {one.code for one in describe(sound).notices}
+@pytest.mark.parametrize(
+    "name", ["recorded_faults", "in_flight", "check_mapping", "check_rates", "rest_faults", "with_air"]
+)
+def test_a_flight_is_read_whatever_detector_fails(name, tmp_path, monkeypatch):
+    monkeypatch.setattr(importlib.import_module("stoop.flight.load"), name, _empty)
+    flight = load(_flight_file(tmp_path))
+    assert [one.code for one in flight.notices].count("detector-failed") == 1
+    assert {"p", "q", "r"} <= set(flight.names)
+    np.testing.assert_allclose(flight.column("p"), np.sin(flight.time), atol=1e-12)
+    if name == "with_air":
+        monkeypatch.setattr(importlib.import_module("stoop.flight.maneuvers"), "motors_ran", _empty)
+        assert [n.code for n in describe(flight).notices].count("detector-failed") == 2
 
 
 def test_detectors_get_no_channel_without_numbers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
