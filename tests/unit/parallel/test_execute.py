@@ -88,21 +88,27 @@ def test_a_prefix_is_computed_once_and_more_runs_extend_a_store(tmp_path: Path, 
     assert [found[f"000/{stop}"]["step"] for stop in (3, 7, None)] == [3, 7, 100]  # type: ignore[call-overload,index]
     log.unlink()
     first = execute(walks(log, 2, (3,)), tmp_path / "t", Here())
-    seen: list[Tally] = []
-    more = execute(walks(log, 3, (3, 7)), tmp_path / "t", Here(), seen.append)
+    more = execute(walks(log, 3, (3, 7)), tmp_path / "t", Here())
     assert lines(log) == ["0 [3]", "0 [7]", "1 [3]", "1 [7]", "2 [3, 7]"]
     assert first.items() <= more.items()
-    assert (seen[0].done, seen[0].total, seen[0].restored, seen[0].seconds_left) == (2, 6, 2, None)
-    assert (seen[-1].done, seen[-1].seconds_left) == (6, 0.0)
-    assert all(a.done <= b.done and a.seconds <= b.seconds for a, b in pairwise(seen))
-    for tally in seen[1:-1]:  # at the pace of those that were done now
-        left = tally.seconds / (tally.done - 2) * (6 - tally.done) if tally.done > 2 else None
-        assert tally.seconds_left == (left and pytest.approx(left))
     idle = Here()
     assert execute(walks(log, 2, (3,)), tmp_path / "t", idle) == first
     with pytest.raises(Exception, match="other settings"):
         execute(replace(walks(log, 2), settings={"map": "tent"}), tmp_path / "t", idle)
     assert not idle.submitted
+
+
+def test_tallies(tmp_path: Path, log: Path) -> None:
+    execute(walks(log, 2), tmp_path / "s", Here())
+    seen: list[Tally] = []
+    execute(walks(log, 12), tmp_path / "s", Here(), seen.append)
+    first, *others = seen
+    assert (first.done, first.total, first.restored, first.seconds_left) == (2, 12, 2, None)
+    assert len(others) > 3
+    assert all(a.done <= b.done and a.seconds <= b.seconds for a, b in pairwise(seen))
+    for tally in others:  # at the pace of those that were done now
+        pace = tally.seconds / (tally.done - 2) if tally.done > 2 else None
+        assert tally.seconds_left == (pace and pytest.approx(pace * (12 - tally.done)))
 
 
 def test_few_tasks_are_under_way_at_once(tmp_path: Path, log: Path) -> None:
