@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from stoop.base.arrays import FloatArray
+from stoop.flight import from_columns, without_faults
 from stoop.flight.faults import at_rest, recorded_faults, rest_faults
 from stoop.flight.gridding import Channels
 
@@ -43,6 +46,11 @@ def test_clipped_on_both_sides_or_on_one() -> None:
     assert found(p=np.clip(noise(1), -1.5, 1.5)) == [("clipped", "p"), ("clipped", "p")]
     assert found(q=np.minimum(noise(1), 1.0)) == [("clipped", "q")]
     assert found(az=np.maximum(noise(1), -1.0)) == [("clipped", "az")]
+    for x, side in ((np.minimum(noise(1), 1.0), 1.0), (np.maximum(noise(1), -1.0), -1.0)):
+        faults = tuple(recorded_faults([Channels("x", TIME, {"p": x})]))
+        blanked = without_faults(replace(from_columns("f", TIME, {"p": x}), faults=faults)).column("p")
+        assert np.isnan(blanked[x == side]).all()
+        assert np.isnan(blanked).sum() <= np.sum(x == side) + 10  # and what is as good as there
 
 
 def at_standstill(moving: slice, **offsets: float) -> dict[str, FloatArray]:
