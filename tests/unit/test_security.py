@@ -96,6 +96,27 @@ def test_temporary_folders_are_closed_to_others(tmp_path: Path, monkeypatch: pyt
     assert modes == [0o700] * 3
 
 
+def test_environment_variables_are_those_of_the_page() -> None:
+    pattern = re.compile(r"""(?:environ\.get|getenv)\(\s*["']([A-Z_]+)["']""")
+    read = {name for p in PACKAGE.rglob("*.py") for name in pattern.findall(p.read_text(encoding="utf-8"))}
+    page = (Path(__file__).parents[2] / "docs" / "security.md").read_text(encoding="utf-8")
+    assert read == set(re.findall(r"^\| `([A-Z_]+)` \|", page, re.MULTILINE)) - {"TMPDIR"}
+
+
+def test_a_module_beside_a_log_is_not_imported_by_the_child(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from scipy.io import savemat
+
+    from stoop.logs import read
+
+    savemat(tmp_path / "a.mat", {"t": [0.0, 1.0, 2.0], "p": [1.0, 2.0, 3.0]})
+    for name in ("scipy.py", "json.py", "numpy.py"):
+        (tmp_path / name).write_text("raise SystemExit(7)")
+    monkeypatch.chdir(tmp_path)
+    assert read(Path("a.mat")).streams
+
+
 # What a run reaches.
 
 
