@@ -79,12 +79,13 @@ def test_a_log_that_was_read_is_not_read_again_and_a_broken_one_costs_its_row(
     kept = figures(tmp_path)
     assert np.array_equal(kept.sort_index().value, before.sort_index().value), "flights of other logs stay"
     shutil.copy(logs[0], tmp_path / f"{NAMES[4]}.usd")
-    unknown = Path(shutil.copy(logs[1], tmp_path / "unknown.usd"))
+    unknown, fresh = Path(shutil.copy(logs[1], tmp_path / "unknown.usd")), tmp_path / "fresh"
+    fresh.mkdir()
     for sources, said in (
         ([own[0], tmp_path / f"{NAMES[4]}.usd"], "is the same log as"),
         ([own[0], logs[0]], f"2 logs are called {NAMES[0]}"),
         ([unknown], "has no row of flight unknown"),
         ([tmp_path / "none.usd"], "there is no such file"),
     ):
-        assert main(command(tmp_path, sources)) == 2
+        assert main(command(fresh, sources)) == 2
         assert said in capfd.readouterr().err.splitlines()[-1]
