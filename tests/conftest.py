@@ -82,6 +82,11 @@ def pytest_assertrepr_compare(op: str, left: object, right: object) -> list[str]
     return None
 
 
+def pytest_runtest_logstart() -> None:
+    """Leave what came before a test, the collection for one, out of its time."""
+    meter.begin()
+
+
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_makereport() -> Generator[None, pytest.TestReport, pytest.TestReport]:
     """Add the processor time of a phase to its report. In CI a skipped test has failed: nobody would notice it."""

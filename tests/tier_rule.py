@@ -18,19 +18,22 @@ class Meter:
 
     def __init__(self) -> None:
         self.cache = cache_folder()
+        self.own = 0.0  #: s of the present test
+        self.pace = tiers.pace()
+        self.begin()
+
+    def begin(self) -> None:
+        """Begin to count."""
         self.shared = 0.0  #: s since the last report, of fixtures that several tests share
         self.spent = tiers.processor_time()  #: s, at the last report
         self.state = tiers.state(self.cache)
-        self.own = 0.0  #: s of the present test
-        self.pace = tiers.pace()
 
     def read(self, report: pytest.TestReport) -> None:
         """Add to the report of a phase its time, s, and whether kernels were compiled or modules imported in it."""
         before, self.spent = self.spent, tiers.processor_time()
         state, self.state = self.state, tiers.state(self.cache)
-        shared, self.shared = self.shared, 0.0
         report.processor_time = self.spent - before
-        report.own = report.processor_time - shared
+        report.own, self.shared = report.processor_time - self.shared, 0.0
         report.compiled, report.cold = state[0] != self.state[0], state != self.state
         self.own = report.own + (0.0 if report.when == "setup" else self.own)
         if self.own > tiers.LIMIT:

@@ -232,7 +232,6 @@ WORDS: Mapping[str, Mapping[str, str]] = {
         "--problems paper-M": "did you mean paper-W",
         "--problems bbob-99": "bbob-",
         "--problems bbob-01 --first-seed 0": "instance 0",
-        "--problems bbob-01 --optimizers ps-gde-lm": "none of these optimizers",
         "--problems flight": "--flight",
         "--flight log.ulg": "--vehicle and --maneuver",
         "--flight no.ulg --vehicle v.toml --maneuver 1:2": "no.ulg",
