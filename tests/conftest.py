@@ -125,7 +125,6 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         "--tier", choices=(*tiers.TIERS, "all"), default="all",
         help="the tests to run, as tests/tiers.txt has them (default: all)",
     )  # fmt: skip
-    parser.addoption("--screenshots", metavar="DIR", help="keep pictures of the app, at 1280 and 420 px")
     parser.addoption(
         "--durations-file", metavar="FILE", help="write the processor time of each test, s, as JSON"
     )

@@ -123,9 +123,20 @@ def test_healthy_flights_are_accused_as_often_as_stated(quad: Balance, count: in
     assert np.mean(verdicts) < 0.05 + 0.01 + 3.0 * np.sqrt(0.06 / 800)  # 1 % are called odd besides
 
 
+def test_more_are_accused_where_flights_scatter_twice_as_much(quad: Balance) -> None:
+    """The shares are those of docs/propellers.md."""
+    for count, share in ((1, 0.26), (3, 0.23), (8, 0.14)):
+        rng, accused = np.random.default_rng(count), []
+        for _ in range(400):
+            reference = healthy(quad, rng, count, 2.0)
+            verdict = judge(assess(flown(quad, rng, "new", scatter=2.0), reference), 0.05)
+            accused.append(bool(verdict.rotors))
+        assert np.mean(accused) == pytest.approx(share, abs=3.0 * np.sqrt(share * (1.0 - share) / 400)), count
+
+
 def test_a_weak_rotor_is_found_and_its_error_bar_holds(quad: Balance, hexa: Balance) -> None:
     rng, pulls = np.random.default_rng(5), []
-    for k in range(200):
+    for k in range(400):
         rotor = ("M1", "M3")[k % 2]
         found = assess(flown(quad, rng, "new", **{rotor: 0.2}), healthy(quad, rng, 3))
         verdict = judge(found)
