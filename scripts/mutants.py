@@ -103,7 +103,13 @@ class Runner:
         with self._lock:
             self._processes.discard(process)
         found = FAILED.search(output)
-        return found[1] if found and process.returncode in KILLED and not self.stopped else ""
+        if self.stopped:
+            return ""
+        if process.returncode < 0 or "Fatal Python error" in output or "Timeout (" in output:
+            return "a test that crashed or hung"
+        if process.returncode in (3, 4) and not found and "conftest" not in output:
+            raise RuntimeError(f"pytest {' '.join(arguments)} did not run:\n{output[-2000:]}")
+        return found[1] if found and process.returncode in KILLED else ""
 
     def stop(self) -> None:
         """End all processes, and those that they started."""

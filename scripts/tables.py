@@ -12,8 +12,8 @@ A comment before a table of a page says where its rows come from, and gives one 
     | --- | --- | --- | --- |
 
 ``where COLUMN`` keeps rows with an entry there, ``where COLUMN = VALUE`` those with that entry. After a colon stands a
-format of Python for the number; ``%`` in front of it multiplies by 100, ``Nn`` gives N significant digits. A format
-that begins with ``+``, ``%+`` or ends in ``n`` writes a true minus. An empty cell is a dash.
+format of Python for the number; ``%`` in front of it multiplies by 100, ``.Ng`` gives N significant digits. A format
+that begins with ``+`` or ends in ``g`` writes a true minus. An empty cell is a dash.
 """
 
 from __future__ import annotations

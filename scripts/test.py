@@ -12,6 +12,7 @@ from __future__ import annotations
 import argparse
 import os
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
@@ -77,48 +78,66 @@ def _arguments() -> argparse.Namespace:
 
 def _install(folder: Path, extras: str) -> bool:
     """Make the environment and install the package as it is now: by uv where it can be had, otherwise by pip."""
-    if not (folder / "pyvenv.cfg").exists() and not _run(
-        "environment", [sys.executable, "-m", "venv", str(folder)], folder
-    ):
-        return False
-    pip = ["python", "-m", "pip", "install", "--quiet"]
-    python = folder / ("Scripts/python.exe" if WINDOWS else "bin/python")
-    uv = ["uv", "pip", "install", "--quiet", "--python", str(python)]
-    has_uv = bool(shutil.which("uv", path=_path(folder))) or _run("uv", [*pip, "uv"], folder)
+    python = _programs(folder) / ("python.exe" if WINDOWS else "python")
+    if not _works(python):
+        if folder.exists() and any(folder.iterdir()) and not (folder / "pyvenv.cfg").exists():
+            print(
+                f"{folder} is no virtual environment: name another folder by --environment", file=sys.stderr
+            )
+            return False
+        if not _run("environment", [sys.executable, "-m", "venv", "--clear", str(folder)], folder):
+            return False
+    pip = [str(python), "-m", "pip", "install", "--quiet"]
+    uv = shutil.which("uv") or shutil.which("uv", path=str(_programs(folder)))
+    if uv is None and _run("uv", [*pip, "uv"], folder):
+        uv = shutil.which("uv", path=str(_programs(folder)))
     steps = [["--reinstall-package", "stoop", f".[{extras}]"]]
     if "full" in extras:
         steps.append(PYFLYT)
     for step in steps:
+        by_uv = [uv or "", "pip", "install", "--quiet", "--python", str(python), *step]
         by_pip = [*pip, *(w for w in step if w not in ("--reinstall-package", "stoop"))]
-        if not (has_uv and _run("install", [*uv, *step], folder)) and not _run("install", by_pip, folder):
+        if not (uv and _run("install", by_uv, folder)) and not _run("install", by_pip, folder):
             return False
     return True
 
 
-def _path(folder: Path) -> str:
-    """Return the search path with the programs of the environment first."""
-    return os.pathsep.join([str(folder / ("Scripts" if WINDOWS else "bin")), os.environ.get("PATH", "")])
+def _works(python: Path) -> bool:
+    """Return whether the environment is whole."""
+    try:
+        return subprocess.run([python, "-c", "import pip"], capture_output=True, check=False).returncode == 0
+    except OSError:
+        return False
+
+
+def _programs(folder: Path) -> Path:
+    """Return the folder of the environment's programs."""
+    return folder / ("Scripts" if WINDOWS else "bin")
 
 
 def _run(name: str, command: Sequence[str], folder: Path) -> bool:
-    """Run a command with the programs of the environment first, and return whether it succeeded."""
+    """Run a command of the environment, or one with its path, and return whether it succeeded."""
     threads = {
         "OPENBLAS_NUM_THREADS": "1",
         "STOOP_THREADS": "1",
     }  # those of three processes would wait for each other
     print(f"\n=== {name}: {' '.join(command)}", flush=True)
     began = time.monotonic()
-    program = shutil.which(command[0], path=_path(folder)) or command[0]
-    environment: Mapping[str, str] = os.environ | {"PATH": _path(folder)} | threads
+    path = os.pathsep.join([str(_programs(folder)), os.environ.get("PATH", "")])
+    program = shutil.which(command[0], path=str(_programs(folder))) or command[0]
+    environment: Mapping[str, str] = os.environ | {"PATH": path} | threads
     environment = {
         n: v for n, v in environment.items() if n != "PYTHONDONTWRITEBYTECODE"
     }  # workers would compile all
+    code: int | str
     try:
-        code = subprocess.run(
-            [program, *command[1:]], cwd=ROOT, env=environment, stdin=subprocess.DEVNULL, check=False
-        ).returncode
+        if not Path(program).is_absolute():
+            raise FileNotFoundError(2, f"{program} is not in {_programs(folder)}")
+        code = _wait(
+            subprocess.Popen([program, *command[1:]], cwd=ROOT, env=environment, stdin=subprocess.DEVNULL)
+        )
     except OSError as error:
-        code = str(error)
+        code = error.strerror
     print(
         f"=== {name}: {'ok' if code == 0 else f'failed ({code})'}, {time.monotonic() - began:.0f} s",
         flush=True,
@@ -126,5 +145,22 @@ def _run(name: str, command: Sequence[str], folder: Path) -> bool:
     return code == 0
 
 
+def _wait(process: subprocess.Popen[bytes]) -> int:
+    """Wait for a process; an interruption is passed on, and it has half a minute to end what it started."""
+    try:
+        return process.wait()
+    except KeyboardInterrupt:
+        process.send_signal(signal.SIGTERM if WINDOWS else signal.SIGINT)
+        try:
+            process.wait(30)
+        except subprocess.TimeoutExpired:
+            process.kill()
+        raise
+
+
 if __name__ == "__main__":
-    sys.exit(main())
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        sys.exit(main())
+    except KeyboardInterrupt:
+        sys.exit(130)

@@ -6,6 +6,7 @@ import json
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from pathlib import Path
+from typing import Any
 
 import pytest
 import tiers
@@ -33,7 +34,8 @@ class Meter:
         before, self.spent = self.spent, tiers.processor_time()
         state, self.state = self.state, tiers.state(self.cache)
         report.processor_time = self.spent - before
-        report.own, self.shared = report.processor_time - self.shared, 0.0
+        own, self.shared = report.processor_time - self.shared, 0.0
+        report.own = 0.0 if report.when == "teardown" else own  # the last test ends what several shared
         report.compiled, report.cold = state[0] != self.state[0], state != self.state
         self.own = report.own + (0.0 if report.when == "setup" else self.own)
         if self.own > tiers.LIMIT:
@@ -51,9 +53,16 @@ class Rule:
         self.own: Counter[str] = Counter()  #: test -> s at the reference pace, without shared fixtures
         self.cold: set[str] = set()  #: tests during which kernels were compiled or modules imported
         self.compiled = False
+        self.stale: set[str] = set()  #: entries of the list that name no test
+
+    def pytest_testnodedown(self, node: Any) -> None:
+        """Take what a worker of xdist found in the list."""
+        self.stale |= set(getattr(node, "workeroutput", {}).get("stale", ()))
 
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
-        """Add the times of a phase; workers of xdist send them with the report."""
+        """Add the times of a phase; workers of xdist send them with the report, unless they died."""
+        if not hasattr(report, "processor_time"):
+            return
         self.total[report.nodeid] += report.processor_time / report.pace
         self.own[report.nodeid] += report.own / report.pace
         self.compiled |= report.compiled
@@ -66,7 +75,7 @@ class Rule:
         if self.target:
             rounded = {test: round(s, 3) for test, s in self.total.most_common()}
             Path(self.target).write_text(json.dumps(rounded, indent=0), encoding="utf-8")
-        if session.exitstatus == 0 and any(self.broken()):
+        if session.exitstatus in (0, pytest.ExitCode.NO_TESTS_COLLECTED) and any(self.broken()):
             session.exitstatus = pytest.ExitCode.TESTS_FAILED
 
     def pytest_terminal_summary(self, terminalreporter: pytest.TerminalReporter) -> None:
@@ -75,7 +84,10 @@ class Rule:
             terminalreporter.write_line(f"RULE: {line}", red=True)
 
     def broken(self) -> Iterator[str]:
-        """Return a line for each break of the rule in the standard tier."""
+        """Return a line for each stale entry of the list, and for each break of the rule in the standard tier."""
+        yield from (
+            f"tests/tiers.txt names a test that does not exist: {test}" for test in sorted(self.stale)
+        )
         if self.tier == "standard":
             yield from broken(self.own, self.cold, self.words)
             if not self.compiled and (total := sum(self.total.values())) > tiers.TOTAL:

@@ -13,6 +13,8 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Final
 
+import pytest
+
 HERE: Final = Path(__file__).parent
 LIST: Final = HERE / "tiers.txt"
 TIERS: Final = ("standard", "full", "studies")
@@ -27,9 +29,17 @@ CALIBRATION: Final = (
 
 def listed(file: Path = LIST) -> dict[str, str]:
     """Return test -> first word of its line."""
-    lines = (line.strip() for line in file.read_text("utf-8").splitlines())
-    rows = (line.split(maxsplit=1) for line in lines if line and not line.startswith("#"))
-    return {test: word for word, test in rows}
+    words: dict[str, str] = {}
+    for n, line in enumerate(file.read_text("utf-8").splitlines(), 1):
+        word, _, test = (part.strip() for part in line.partition(" "))
+        if not line.strip() or word.startswith("#"):
+            continue
+        if word not in WORDS or not test or test in words or (word == "guard" and "::" not in test):
+            raise pytest.UsageError(
+                f"{file.name}, line {n}: write one of {', '.join(WORDS)} and a test, once"
+            )
+        words[test] = word
+    return words
 
 
 def names(test: str) -> tuple[str, ...]:

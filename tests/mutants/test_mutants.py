@@ -17,3 +17,14 @@ def test_every_defect_can_be_planted_and_every_room_has_one() -> None:
     assert not lost, f"plant these elsewhere, or remove them: {', '.join(lost)}"
     rooms = {path.parent.name for path in (ROOT / "src" / "stoop").glob("*/__init__.py")}
     assert rooms <= {Path(one["file"]).parts[2] for one in MUTANTS}
+
+
+def test_the_test_that_noticed_a_defect_exists() -> None:
+    gone = []
+    for one in MUTANTS:
+        file, _, name = one["killed_by"].partition("::")
+        known = (ROOT / file).is_file() and f"def {name.partition('[')[0]}(" in (ROOT / file).read_text(
+            "utf-8"
+        )
+        gone += [] if known or not file or (not name and (ROOT / file).is_file()) else [one["name"]]
+    assert not gone, f"run scripts/mutants.py for these, and note what notices them: {', '.join(gone)}"
