@@ -28,7 +28,9 @@ BROWSER_ARGUMENTS = [
     "--disable-background-networking", "--disable-component-update", "--disable-sync",
 ]  # fmt: skip
 # how fast a busy machine draws is no matter of the code
-settings.register_profile("stoop", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.register_profile(
+    "stoop", deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow]
+)
 settings.load_profile("stoop")
 meter = Meter()
 
@@ -82,9 +84,16 @@ def pytest_assertrepr_compare(op: str, left: object, right: object) -> list[str]
     return None
 
 
-def pytest_runtest_logstart() -> None:
-    """Leave what came before a test, the collection for one, out of its time."""
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_protocol(
+    item: pytest.Item, nextitem: pytest.Item | None
+) -> Generator[None, object, object]:
+    """Begin to count with a test; run one of the standard tier again that took too long."""
     meter.begin()
+    result = yield
+    if item.config.getoption("--tier") == "standard":
+        meter.confirm(item, nextitem, WORDS)
+    return result
 
 
 @pytest.hookimpl(wrapper=True)
@@ -133,7 +142,16 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 def pytest_configure(config: pytest.Config) -> None:
     """Hold a run of the standard tier to the rule of its times."""
     if not hasattr(config, "workerinput"):
-        config.pluginmanager.register(Rule(config.getoption("--tier"), config.getoption("--durations-file")))
+        config.pluginmanager.register(
+            Rule(config.getoption("--tier"), config.getoption("--durations-file"), meter.slow)
+        )
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_sessionfinish(session: pytest.Session) -> None:
+    """Send what takes too long to the process that started this worker of xdist."""
+    if hasattr(session.config, "workeroutput"):
+        session.config.workeroutput["slow"] = meter.slow
 
 
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:

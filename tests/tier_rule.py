@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 import tiers
+from _pytest.runner import runtestprotocol
 
 from stoop.base.cache import cache_folder
 
@@ -19,55 +20,67 @@ class Meter:
 
     def __init__(self) -> None:
         self.cache = cache_folder()
-        self.own = 0.0  #: s of the present test
+        self.own = 0.0  #: s of the present test, without fixtures that several tests share
         self.pace = tiers.pace()
+        self.compiled = False  #: whether kernels were compiled during the present test, by any process
+        self.slow: dict[
+            str, float
+        ] = {}  #: test -> s that it takes, at the reference pace, where that is too much
         self.begin()
 
     def begin(self) -> None:
         """Begin to count."""
         self.shared = 0.0  #: s since the last report, of fixtures that several tests share
         self.spent = tiers.processor_time()  #: s, at the last report
-        self.state = tiers.state(self.cache)
+        self.changed = tiers.changed(self.cache)
 
     def read(self, report: pytest.TestReport) -> None:
-        """Add to the report of a phase its time, s, and whether kernels were compiled or modules imported in it."""
+        """Add to the report of a phase its time, s, and whether kernels were compiled."""
         before, self.spent = self.spent, tiers.processor_time()
-        state, self.state = self.state, tiers.state(self.cache)
-        report.processor_time = self.spent - before
-        own, self.shared = report.processor_time - self.shared, 0.0
-        report.own = 0.0 if report.when == "teardown" else own  # the last test ends what several shared
-        report.compiled, report.cold = state[0] != self.state[0], state != self.state
-        self.own = report.own + (0.0 if report.when == "setup" else self.own)
-        if self.own > tiers.LIMIT:
-            self.pace = tiers.pace()
-        report.pace = self.pace
+        changed, self.changed = self.changed, tiers.changed(self.cache)
+        first, last = report.when == "setup", report.when == "teardown"
+        report.processor_time, report.pace = self.spent - before, self.pace
+        report.compiled = changed != self.changed
+        self.compiled = report.compiled or (self.compiled and not first)
+        if not last:  # the last test of a module ends what several shared
+            self.own = report.processor_time - self.shared + (0.0 if first else self.own)
+        self.shared = 0.0
+
+    def confirm(self, item: pytest.Item, nextitem: pytest.Item | None, words: Mapping[str, str]) -> None:
+        """Run a test that took too long once more: now modules are imported, and kernels are loaded."""
+        if self.own <= tiers.LIMIT or self.compiled or tiers.word_of(item.nodeid, words) != "standard":
+            return
+        item._initrequest()
+        self.begin()
+        runtestprotocol(item, nextitem=nextitem, log=False)
+        self.pace = tiers.pace()
+        if self.own / self.pace > tiers.LIMIT:
+            self.slow[item.nodeid] = self.own / self.pace
 
 
 class Rule:
     """The times of a whole run, and what of them breaks the rule."""
 
-    def __init__(self, tier: str, target: str | None) -> None:
+    def __init__(self, tier: str, target: str | None, slow: dict[str, float]) -> None:
         self.tier, self.target = tier, target
         self.words = tiers.listed()
         self.total: Counter[str] = Counter()  #: test -> s
-        self.own: Counter[str] = Counter()  #: test -> s at the reference pace, without shared fixtures
-        self.cold: set[str] = set()  #: tests during which kernels were compiled or modules imported
+        self.slow = slow  #: test -> s, of those that take too long, in this process and in workers of xdist
         self.compiled = False
         self.stale: set[str] = set()  #: entries of the list that name no test
 
     def pytest_testnodedown(self, node: Any) -> None:
-        """Take what a worker of xdist found in the list."""
-        self.stale |= set(getattr(node, "workeroutput", {}).get("stale", ()))
+        """Take what a worker of xdist found."""
+        output = getattr(node, "workeroutput", {})
+        self.stale |= set(output.get("stale", ()))
+        self.slow |= output.get("slow", {})
 
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
         """Add the times of a phase; workers of xdist send them with the report, unless they died."""
         if not hasattr(report, "processor_time"):
             return
         self.total[report.nodeid] += report.processor_time / report.pace
-        self.own[report.nodeid] += report.own / report.pace
         self.compiled |= report.compiled
-        if report.cold:
-            self.cold.add(report.nodeid)
 
     @pytest.hookimpl(tryfirst=True)
     def pytest_sessionfinish(self, session: pytest.Session) -> None:
@@ -89,16 +102,15 @@ class Rule:
             f"tests/tiers.txt names a test that does not exist: {test}" for test in sorted(self.stale)
         )
         if self.tier == "standard":
-            yield from broken(self.own, self.cold, self.words)
+            yield from broken(self.slow, self.words)
             if not self.compiled and (total := sum(self.total.values())) > tiers.TOTAL:
                 yield f"the standard tests take {total:.0f} s of processor time, at most {tiers.TOTAL:.0f} s are allowed"
 
 
-def broken(own: Mapping[str, float], cold: set[str], words: Mapping[str, str]) -> Iterator[str]:
-    """Return a line for each test that takes too long and is no guard, and one where there are too many guards."""
-    for test, seconds in own.items():
-        if seconds > tiers.LIMIT and test not in cold and tiers.word_of(test, words) != "guard":
-            yield f"{test} took {seconds:.2f} s, at most {tiers.LIMIT} s: make it faster, or list it in tests/tiers.txt"
+def broken(slow: Mapping[str, float], words: Mapping[str, str]) -> Iterator[str]:
+    """Return a line for each test that takes too long, and one where there are too many guards."""
+    for test, seconds in slow.items():
+        yield f"{test} takes {seconds:.2f} s, at most {tiers.LIMIT} s: make it faster, or list it in tests/tiers.txt"
     guards = sum(word == "guard" for word in words.values())
     if guards > tiers.GUARDS:
         yield f"tests/tiers.txt names {guards} guards, at most {tiers.GUARDS} are allowed"

@@ -7,7 +7,6 @@ take longer than `LIMIT`.
 from __future__ import annotations
 
 import os
-import sys
 import time
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -92,6 +91,6 @@ def _calibration() -> float:
     return time.process_time() - began
 
 
-def state(cache: Path) -> tuple[int, int]:
-    """Return what changes where a kernel is compiled into the cache or a module is imported."""
-    return (cache.stat().st_mtime_ns if cache.is_dir() else 0), len(sys.modules)
+def changed(cache: Path) -> int:
+    """Return what changes where a kernel is compiled into the cache."""
+    return cache.stat().st_mtime_ns if cache.is_dir() else 0

@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
 import pytest
 import tier_rule
 import tiers
@@ -45,17 +50,54 @@ def test_stale_entries_are_named() -> None:
     assert tiers.stale(words, [f"{here}::test_x[2]"]) == gone
 
 
-def test_the_rule_names_slow_tests_but_neither_guards_nor_cold_ones() -> None:
-    own = {
-        "tests/a.py::test_x[2]": 9.0,
-        "tests/a.py::test_y": 0.71,
-        "tests/a.py::test_z": 0.69,
-        "tests/d.py::test_w": 3.0,
-    }
-    lines = list(tier_rule.broken(own, {"tests/d.py::test_w"}, WORDS))
-    assert [line.partition(" ")[0] for line in lines] == ["tests/a.py::test_y"]
+RUN = """
+import time
+
+def burn(s):
+    began = time.process_time()
+    while time.process_time() - began < s:
+        pass
+
+def test_a(): burn(1.5)
+def test_b(): burn(0.3)
+def test_c(): burn(1.5)
+def test_d(): burn(0.0 if hasattr(time, "warm") else 1.5); time.warm = True
+"""
+
+
+@pytest.mark.parametrize("workers", ["0", "1"])
+def test_the_rule_fails_a_run_with_a_slow_test_but_for_guards_and_a_first_time(
+    workers: str, tmp_path: Path
+) -> None:
+    tests = tmp_path / "tests"
+    tests.mkdir()
+    for name in ("conftest.py", "tiers.py", "tier_rule.py"):
+        shutil.copy(tiers.HERE / name, tests)
+    (tests / "tiers.txt").write_text("guard tests/test_x.py::test_c\n")
+    (tests / "test_x.py").write_text(RUN)
+    (tmp_path / "pyproject.toml").write_text('[tool.pytest.ini_options]\npythonpath = ["tests"]\n')
+    command = [
+        sys.executable,
+        "-m",
+        "pytest",
+        "-q",
+        "-p",
+        "no:cacheprovider",
+        "-n",
+        workers,
+        "--tier",
+        "standard",
+    ]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 1, done.stdout + done.stderr
+    rules = [line for line in done.stdout.splitlines() if line.startswith("RULE: ")]
+    assert len(rules) == 1, done.stdout
+    assert rules[0].startswith("RULE: tests/test_x.py::test_a takes 1.")
+
+
+def test_too_many_guards_break_the_rule() -> None:
     many = WORDS | {f"tests/{i}.py::test_x": "guard" for i in range(tiers.GUARDS)}
-    assert any("41 guards" in line for line in tier_rule.broken({}, set(), many))
+    assert [line.split()[2] for line in tier_rule.broken({}, many)] == ["41"]
 
 
 def test_the_words_of_the_list_are_known() -> None:
