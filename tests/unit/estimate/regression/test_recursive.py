@@ -10,7 +10,7 @@ import pytest
 from stoop.estimate.fit import Options, estimation_problem
 from stoop.estimate.regression.aircraft import AircraftEquations
 from stoop.estimate.regression.least_squares import Estimates, FrequencyDomain, estimate, fourier_transform
-from stoop.estimate.regression.recursive import Estimate, RealTime, RecursiveTransform
+from stoop.estimate.regression.recursive import STENCIL, Estimate, RealTime, RecursiveTransform
 from stoop.flight import Flight
 from stoop.problem.windows import Window
 from stoop.simulation.delays import play, rate_limited
@@ -18,6 +18,11 @@ from stoop.vehicle import Vehicle
 from stoop.vehicle.load import parse_vehicle
 
 BAND = FrequencyDomain(0.04, 1.5)
+
+
+def test_the_difference_is_exact_for_polynomials_of_fourth_degree() -> None:
+    slopes = [STENCIL @ np.arange(-2.0, 3.0) ** degree for degree in range(5)]
+    np.testing.assert_allclose(slopes, [0.0, 1.0, 0.0, 0.0, 0.0], atol=1e-14)
 
 
 def flown(
