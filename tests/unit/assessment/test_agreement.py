@@ -13,7 +13,13 @@ from stoop.assessment.uncertainty import agreement, method_agreement, scatter, w
 from stoop.base.notices import Notice
 from stoop.errors import StoopError
 from stoop.results.result import Covariance, ManeuverResult, NoiseCovariance, ParameterEstimate, Result
-from stoop.results.uncertainty import Interval, MethodIntervals, Repeatability, SingleEstimate
+from stoop.results.uncertainty import (
+    Interval,
+    MethodIntervals,
+    ParameterRepeatability,
+    Repeatability,
+    SingleEstimate,
+)
 
 
 def singles(values: list[float], errors: list[float]) -> list[SingleEstimate]:
@@ -73,6 +79,15 @@ def result(
         "uncertainty": {"cramer_rao": MethodIntervals({n: Interval(error) for n in estimates})},
     }  # fmt: skip
     return Result(**{**given, **changes})  # type: ignore[arg-type]
+
+
+def test_the_scatter_ratio_is_the_root_of_chi_square_over_degrees_of_freedom() -> None:
+    singles = {"a": (4.0, 2, "agree"), "b": (8.0, 4, "scatter"), "c": (99.0, 0, "")}
+    compared = {
+        name: ParameterRepeatability((), chi_square=square, degrees=degrees, verdict=verdict)
+        for name, (square, degrees, verdict) in singles.items()
+    }
+    assert Repeatability(parameters=compared).scatter_ratio == pytest.approx(math.sqrt(12.0 / 6.0))
 
 
 @pytest.mark.parametrize("prior", [math.nan, 0.5])
