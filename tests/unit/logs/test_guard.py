@@ -38,7 +38,9 @@ def test_how_a_child_ends_is_one_line(log: Path, tmp_path: Path, monkeypatch: py
         read_in_child(READER, log)
 
 
-@pytest.mark.xfail(strict=True, reason="SciPy cannot be imported then, and the file is called damaged")
+@pytest.mark.xfail(
+    strict=False, reason="where SciPy cannot be imported in so little memory, the file is called damaged"
+)
 def test_a_child_without_room_says_so(log: Path) -> None:
     with pytest.raises(LogError) as caught:
         read_in_child(READER, log, limits=Limits(memory=2**26))

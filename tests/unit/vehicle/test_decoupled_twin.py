@@ -6,12 +6,12 @@ import math
 
 import numpy as np
 import pytest
+from naive import march
+from naive.aircraft import Aircraft, rotation
 
 from stoop.simulation import initial_states, parameter_rows
 from stoop.vehicle.load import parse_vehicle
 from stoop.vehicle.vehicle import motion_input
-from tests.naive import march
-from tests.naive.aircraft import Aircraft, rotation
 from tests.unit.vehicle.test_twin import CASES, PWM, SURFACES, TURNED, Case, changed
 
 #: s; a step's error in the attitude, of which the two integrate other coordinates, is below `RTOL`
