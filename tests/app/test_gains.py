@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from unit.cli.test_tune import FLOWN, moved_by_commands
 
 from app.conftest import ended as step_ended
 from stoop.app import steps
@@ -18,7 +19,6 @@ from stoop.errors import StoopError
 from stoop.exporters.flight_logs import save_flight_as
 from stoop.results.verdict import Verdict
 from stoop.tuning.gain_search import DAMPING
-from tests.unit.cli.test_tune import FLOWN, moved_by_commands
 
 pytestmark = pytest.mark.filterwarnings("ignore::PendingDeprecationWarning")  # of Panel
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from unit.checks.test_clean_flights import OWN
 
 from stoop.base.arrays import FloatArray
 from stoop.base.notices import Notice
@@ -27,7 +28,6 @@ from stoop_studies.verify.lines import (
     verdict,
     write_log,
 )
-from tests.unit.checks.test_clean_flights import OWN
 
 SEED = 3000
 

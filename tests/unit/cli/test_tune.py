@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from naive.closed_loops import asked_at_random, flown
+from unit.tuning.test_flown_loops import px4_log
 
 import stoop
 from stoop.assessment.frequency import known
@@ -19,7 +20,6 @@ from stoop.errors import StoopError
 from stoop.vehicle.load import parse_vehicle
 from stoop.workflow.fitted_model import FittedModel
 from stoop.workflow.tuning import JudgedGains, gyro_noise
-from tests.unit.tuning.test_flown_loops import px4_log
 
 GAINS = {
     "FW_RR_P": 0.1, "FW_RR_I": 0.1, "FW_RR_FF": 0.3, "FW_PR_P": 0.2, "FW_PR_I": 0.2, "FW_PR_FF": 0.3, "FW_YR_P": 0.1,

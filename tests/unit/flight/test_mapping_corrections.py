@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from unit.flight.test_mapping_draft import T, flown
 
 from stoop.base.arrays import FloatArray
 from stoop.checks.entries import read_lines
@@ -15,7 +16,6 @@ from stoop.checks.lines import mapping_edits
 from stoop.cli.main import main
 from stoop.errors import StoopError
 from stoop.flight.mapping_corrections import corrected_mapping, with_changes
-from tests.unit.flight.test_mapping_draft import T, flown
 
 MAPPING = """# my own
 [time]

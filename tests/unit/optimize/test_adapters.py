@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from naive.landscapes import Only, ellipsoid, sphere
+from unit.optimize import test_libraries as libraries
 
 from stoop.errors import IdentificationError
-from tests.unit.optimize import test_libraries as libraries
 
 
 @pytest.mark.parametrize("name", libraries.EXTRA)

@@ -13,11 +13,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from unit.optimize.test_libraries import EXTRA, SCIPY
 
 from stoop import optimize
 from stoop.errors import IdentificationError
 from stoop.optimize import Stop
-from tests.unit.optimize.test_libraries import EXTRA, SCIPY
 
 OWN = tuple(n for n in optimize.names() if n not in (*SCIPY, *EXTRA))
 SOME = ("ps-gde-lm", "ps-gde", "ga", "pso", "jso", *SCIPY)  #: one of each kind of code

@@ -8,6 +8,7 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
+from unit.assessment.test_extensions import DURATION, STEPS, flights
 
 from stoop.errors import IdentificationError, VehicleError
 from stoop.estimate.fit import Options
@@ -22,7 +23,6 @@ from stoop.vehicle.document import with_entries
 from stoop.vehicle.extensions import extended
 from stoop.vehicle.load import load_vehicle
 from stoop.workflow.identification import identify
-from tests.unit.assessment.test_extensions import DURATION, STEPS, flights
 
 LAG = 0.04
 WINDOWS = [f"{name}@0:{DURATION}" for name in STEPS]

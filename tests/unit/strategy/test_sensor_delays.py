@@ -7,6 +7,8 @@ from functools import cache
 
 import numpy as np
 import pytest
+from unit.strategy.test_strategy import WINDOWS, known
+from unit.strategy.test_strategy import flights as calm_flights
 
 from stoop.assessment.error_bars import error_bars
 from stoop.base.rotations import quaternions_of, to_body
@@ -28,8 +30,6 @@ from stoop.vehicle.document import with_entries
 from stoop.vehicle.extensions import catalogue
 from stoop.workflow.identification import search
 from stoop_studies.verify import scenes
-from tests.unit.strategy.test_strategy import WINDOWS, known
-from tests.unit.strategy.test_strategy import flights as calm_flights
 
 SEED = 3
 

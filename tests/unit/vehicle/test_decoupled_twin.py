@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from naive import march
 from naive.aircraft import Aircraft, rotation
+from unit.vehicle.test_twin import CASES, PWM, SURFACES, TURNED, Case, changed
 
 from stoop.simulation import initial_states, parameter_rows
 from stoop.vehicle.load import parse_vehicle
 from stoop.vehicle.vehicle import motion_input
-from tests.unit.vehicle.test_twin import CASES, PWM, SURFACES, TURNED, Case, changed
 
 #: s; a step's error in the attitude, of which the two integrate other coordinates, is below `RTOL`
 DT = 0.002
