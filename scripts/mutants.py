@@ -55,17 +55,19 @@ class Mutant:
         folder = f"tests/unit/{room}" if package == "stoop" else "tests/studies"
         return folder if (ROOT / folder).is_dir() else ""
 
+    @property
+    def recorded(self) -> tuple[str, ...]:
+        """Return the test that was seen to notice it, if it is still there."""
+        return (self.killed_by,) if (ROOT / self.killed_by.partition("::")[0]).is_file() else ()
+
     def runs(self, tier: str) -> Iterator[tuple[str, tuple[str, ...]]]:
         """Return the tier of each run and its arguments, the most promising first."""
-        if (ROOT / self.killed_by.partition("::")[0]).is_file():
-            yield "standard", (self.killed_by,)
-        if self.room:
-            yield "standard", (self.room,)
-        yield "standard", ()
-        if tier == "full":
-            if (ROOT / self.killed_by.partition("::")[0]).is_file():
-                yield "full", (self.killed_by,)
-            yield "full", ()
+        for at in ("standard", "full")[: 2 if tier == "full" else 1]:
+            if self.recorded:
+                yield at, self.recorded
+            if self.room:
+                yield at, (self.room,)
+            yield at, ()
 
 
 class Runner:
@@ -136,8 +138,8 @@ def main() -> int:
         runner, found = Runner(Path(scratch)), list[Mutant]()
         with ThreadPoolExecutor(arguments.jobs) as workers:
             try:
-                known = [m.killed_by for m in chosen if (ROOT / m.killed_by.partition("::")[0]).is_file()]
-                sound = workers.submit(runner.first_failure, ROOT / "src", ["--tier", "standard", *known])
+                known = [test for m in chosen for test in m.recorded]
+                sound = workers.submit(runner.first_failure, ROOT / "src", ["--tier", "all", *known])
                 if known and (test := sound.result()):
                     _refuse(f"{test} fails without a planted defect")
                 futures = [workers.submit(runner.judged, m, arguments.tier) for m in chosen]

@@ -40,7 +40,7 @@ CHECKS = {
     "docs": ["sphinx-build", "-q", "-W", "--keep-going", "docs", "{scratch}/site"],
 }
 TESTS = {tier: _tests(tier) for tier in ("standard", "full", "studies")}
-TESTS["mutants"] = ["python", "scripts/mutants.py"]
+TESTS["mutants"] = ["python", "scripts/mutants.py", "--tier", "full"]
 COMMANDS = TESTS | CHECKS
 #: command -> extras that it needs
 EXTRAS = {"standard": "test", "mutants": "test,full", "full": "test,full", "studies": "test,full"}
