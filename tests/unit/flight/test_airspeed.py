@@ -9,7 +9,7 @@ import pytest
 
 from stoop.base.atmosphere import density_at_pressure, density_of_gas, standard_density
 from stoop.exporters.log_bytes import Table, dataflash_bytes
-from stoop.flight import VARIABLES, Flight, load
+from stoop.flight import Flight, load
 from stoop.flight.load import without_faults
 
 HEIGHT = 2000.0  #: m
@@ -42,6 +42,9 @@ def flown(folder: Path, airspeed: np.ndarray, mapping: str = "", **others: Table
     return load(path)
 
 
+BARO, POS = table("BARO", Press=STANDARD[0]), table("POS", Alt=HEIGHT)
+
+
 def wavering(level: float) -> np.ndarray:
     return np.asarray(level + 0.2 * np.sin(2.0 * np.pi * T))
 
@@ -50,33 +53,24 @@ def told(flight: Flight) -> str:
     return next((str(found) for found in flight.notices if found.code.startswith("true-airspeed")), "")
 
 
-BARO = table("BARO", Press=STANDARD[0])
-POS = table("POS", Alt=HEIGHT)
-
-
-def warm(airspeed: np.ndarray, kelvin: float) -> Table:
-    return table("ARSP", Airspeed=airspeed, Temp=kelvin - 273.15)
-
-
 def test_true_airspeed_in_2000_m(tmp_path: Path) -> None:
     """On a hot day the air is thinner by seven percent at the same pressure; a broken thermometer is not believed."""
-    standard, hot, broken = (warm(wavering(EQUIVALENT), STANDARD[1] + x) for x in (0.0, 20.0, 425.0))
+    standard, hot, broken = (
+        table("ARSP", Airspeed=wavering(EQUIVALENT), Temp=STANDARD[1] + x - 273.15)
+        for x in (0.0, 20.0, 425.0)
+    )
     expanded = np.sqrt((STANDARD[1] + 20.0) / STANDARD[1])
     for others, by, factor in (
         ([BARO, POS, standard], "by pressure and temperature", 1.0),
         ([BARO, POS, hot], "by pressure and temperature", expanded),
         ([BARO, broken], "by the pressure, in the standard atmosphere", 1.0),
-        ([BARO, POS], "by the pressure, in the standard atmosphere", 1.0),
         ([POS], "by the altitude, in the standard atmosphere", 1.0),
+        ([], "the log has neither pressure nor altitude to compute the density", EQUIVALENT / TRUE),
     ):
         flight = flown(tmp_path, wavering(EQUIVALENT), **{t.name: t for t in others})
         np.testing.assert_allclose(np.median(flight.column("airspeed_pitot")), factor * TRUE, rtol=5e-4)
         np.testing.assert_allclose(np.median(flight.column("airspeed_equivalent")), EQUIVALENT, rtol=1e-6)
-        assert told(flight).endswith(by)
-        assert ("is 1.103 times the equivalent airspeed of ARSP: air of 1.00" in told(flight)) == (
-            factor == 1.0
-        )
-        assert list(flight.data) == [name for name in VARIABLES if name in flight.data]
+        assert by in told(flight)
         assert flight.sources["airspeed_pitot"] == flight.sources["airspeed_equivalent"]
 
 
@@ -85,12 +79,6 @@ def test_a_climb_is_followed(tmp_path: Path) -> None:
     density = standard_density(height)
     flight = flown(tmp_path, TRUE * np.sqrt(density / 1.225), a=table("POS", Alt=height))
     np.testing.assert_allclose(flight.column("airspeed_pitot"), TRUE, rtol=1e-3)
-
-
-def test_nothing_tells_the_density(tmp_path: Path) -> None:
-    flight = flown(tmp_path, wavering(EQUIVALENT))
-    np.testing.assert_array_equal(flight.column("airspeed_pitot"), flight.column("airspeed_equivalent"))
-    assert "the log has neither pressure nor altitude to compute the density" in told(flight)
 
 
 @pytest.mark.parametrize("variable", ["airspeed_pitot", "V"])

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from unit.flight.made_logs import CLOCK, body_rates, csv_log
 
 from stoop.base.arrays import FloatArray
 from stoop.errors import FlightError, LogError
@@ -16,10 +17,7 @@ from stoop.flight.gridding import Channels
 from stoop.flight.mapping import flight_mapping
 
 RNG = np.random.default_rng(7)
-TONES = [
-    (a, f, p)
-    for a, f, p in zip(RNG.normal(size=12), RNG.uniform(0.1, 2.0, 12), RNG.uniform(0, 6.28, 12), strict=True)
-]
+TONES = [*zip(RNG.normal(size=12), RNG.uniform(0.1, 2.0, 12), RNG.uniform(0, 6.28, 12), strict=True)]
 
 
 def heading(t: FloatArray) -> FloatArray:
@@ -61,16 +59,11 @@ def test_the_error_is_as_large_as_it_says() -> None:
     assert max(abs(lag.shift - 0.1234) for lag in found) < 0.03
 
 
-def test_noise_is_not_trusted() -> None:
-    rng = np.random.default_rng(3)
-    t = np.arange(0.0, 40.0, 0.01)
+def test_noise_and_a_pure_tone_are_not_trusted() -> None:
+    """A sine fits as well one period later."""
+    rng, t = np.random.default_rng(3), np.arange(0.0, 60.0, 0.01)
     found = find_lag({"r": (t, rng.normal(size=t.size))}, {"r": (t, rng.normal(size=t.size))})
     assert found is None or not found.trusted
-
-
-def test_a_pure_tone_has_rivals() -> None:
-    """A sine fits as well one period later."""
-    t = np.arange(0.0, 60.0, 0.01)
     found = find_lag({"r": (t, np.sin(3.0 * t))}, {"r": (t, np.sin(3.0 * t + 0.5))})
     assert found is not None
     assert found.rival > 0.95
@@ -107,17 +100,11 @@ def test_the_largest_shift_is_kept_to() -> None:
 
 
 def test_attitude_tells_the_rates_whatever_the_form() -> None:
-    """Integrate body rates with a fine step, then ask for them back."""
     t = np.arange(0.0, 10.0, 0.002)
     phi, theta, psi = 0.5 * np.sin(t), 0.3 * np.cos(1.3 * t), 0.7 * t
     dphi, dtheta, dpsi = 0.5 * np.cos(t), -0.39 * np.sin(1.3 * t), 0.7 + 0 * t
-    truth = {
-        "p": dphi - dpsi * np.sin(theta),
-        "q": dtheta * np.cos(phi) + dpsi * np.sin(phi) * np.cos(theta),
-        "r": -dtheta * np.sin(phi) + dpsi * np.cos(phi) * np.cos(theta),
-        "psi_dot": dpsi,
-    }
-    truth["turning"] = np.sqrt(truth["p"] ** 2 + truth["q"] ** 2 + truth["r"] ** 2)
+    p, q, r = body_rates(phi, theta, dphi, dtheta, dpsi)
+    truth = {"p": p, "q": q, "r": r, "psi_dot": dpsi, "turning": np.sqrt(p**2 + q**2 + r**2)}
     found = quantities([Channels("a", t, {"phi": phi, "theta": theta, "psi": psi})])
     for name, rate in truth.items():
         np.testing.assert_allclose(found[name][1][2:-2], rate[2:-2], atol=2e-5)
@@ -143,27 +130,17 @@ def test_mistakes() -> None:
             flight_mapping("m.toml", {"extends": "px4", "align": {"m": entry}})
 
 
-MAPPING = """[time]
-column = "t"
-unit = "s"
-[variables]
-r = {stream = "autopilot.csv", column = "gz", unit = "rad/s"}
-psi = {stream = "mocap.csv", column = "yaw", unit = "deg"}
-"""
-
-
+MAPPING = (
+    CLOCK + 'r = {stream = "autopilot.csv", column = "gz", unit = "rad/s"}\n'
+    'psi = {stream = "mocap.csv", column = "yaw", unit = "deg"}\n'
+)
 ALIGN = '[align."mocap.csv"]\nwith = "autopilot.csv"\n'
-
-
-def table(folder: Path, name: str, **columns: FloatArray) -> None:
-    rows, head = np.column_stack([*columns.values()]), ",".join(columns)
-    np.savetxt(folder / name, rows, delimiter=",", header=head, comments="")
 
 
 def test_from_two_files_to_one_clock(tmp_path: Path) -> None:
     t, s = np.arange(0.0, 60.0, 0.01), np.arange(0.0, 40.0, 0.02)
-    table(tmp_path, "autopilot.csv", t=t, gz=yaw_rate(t))
-    table(tmp_path, "mocap.csv", t=s, yaw=np.degrees(heading(s + 7.4321)))
+    csv_log(tmp_path / "autopilot.csv", {"t": t, "gz": yaw_rate(t)})
+    csv_log(tmp_path / "mocap.csv", {"t": s, "yaw": np.degrees(heading(s + 7.4321))})
     mapping = tmp_path / "mapping.toml"
     mapping.write_text(MAPPING)
     (advice,) = (found for found in load(tmp_path).notices if found.code == "clocks-disagree")
@@ -177,7 +154,7 @@ def test_from_two_files_to_one_clock(tmp_path: Path) -> None:
     assert found.values["correlation"] == pytest.approx(1.0, abs=5e-3)
     inside = np.isfinite(flight.column("psi"))
     np.testing.assert_allclose(flight.column("psi")[inside], heading(flight.time[inside]), atol=2e-3)
-    table(tmp_path, "mocap.csv", t=s, yaw=np.cumsum(np.random.default_rng(5).normal(size=s.size)))
+    csv_log(tmp_path / "mocap.csv", {"t": s, "yaw": np.cumsum(np.random.default_rng(5).normal(size=s.size))})
     for text, words in (
         (MAPPING + ALIGN, "do not show the same motion"),
         (MAPPING.replace("psi =", "theta =") + ALIGN, r"nothing in common .* autopilot.csv holds r, psi_dot"),
@@ -203,7 +180,7 @@ def test_a_file_of_another_kind_beside_the_log(tmp_path: Path) -> None:
     """A ULog, and the CSV of a motion-capture system on a clock of its own."""
     t, s = np.arange(0.0, 60.0, 0.01), np.arange(0.0, 40.0, 0.02)
     (tmp_path / "f.ulg").write_bytes(ulog([Topic("data", t, {"gz": yaw_rate(t)})]))
-    table(tmp_path, "mocap.csv", ms=1e3 * s, yaw=np.degrees(heading(s + 3.7)))
+    csv_log(tmp_path / "mocap.csv", {"ms": 1e3 * s, "yaw": np.degrees(heading(s + 3.7))})
     text = (
         '[files]\nmocap = "mocap.csv"\n[clock.mocap]\ncolumn = "ms"\nunit = "ms"\n[align.mocap]\nwith = "data"\n'
         '[variables]\nr = {stream = "data", column = "gz", unit = "rad/s"}\n'
@@ -213,8 +190,6 @@ def test_a_file_of_another_kind_beside_the_log(tmp_path: Path) -> None:
     flight = load(tmp_path / "f.ulg")
     (found,) = (found for found in flight.notices if found.code == "clock-aligned")
     assert found.values["shift"] == pytest.approx(3.7, abs=5e-3)
-    inside = np.isfinite(flight.column("psi"))
-    np.testing.assert_allclose(flight.column("psi")[inside], heading(flight.time[inside]), atol=2e-3)
     for wrong in ("film.csv", "../mocap.csv"):
         (tmp_path / "f.ulg.toml").write_text(text.replace("mocap.csv", wrong))
         with pytest.raises(LogError, match=r"files\.mocap = .* put it beside the log"):

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from unit.flight.made_logs import mapped_log
 
 from stoop.base.arrays import FloatArray
 from stoop.base.notices import notice
@@ -17,6 +18,7 @@ from stoop.flight.gridding import Channels
 from stoop.flight.mapping import flight_mapping
 
 POINTS = "points = [[1100, -0.4], [1500, 0.0], [1900, 0.38]]\n"
+ELEVATOR = f"[calibration.pwm_3]\n{POINTS}[surface.elevator]\nfrom = {{pwm_3 = 1}}\n"
 
 
 def surfaces(text: str) -> Surfaces:
@@ -30,16 +32,14 @@ def made(text: str, **outputs: FloatArray) -> dict[str, FloatArray]:
 
 
 def test_a_table_is_read_between_its_points_and_beyond() -> None:
-    text = f"[calibration.pwm_3]\n{POINTS}[surface.elevator]\nfrom = {{pwm_3 = 1}}\n"
     pulses = np.array([1100.0, 1300.0, 1500.0, 1700.0, 1900.0, 2000.0, 1000.0, 0.0])
-    found = made(text, pwm_3=pulses)["elevator"]
     expected = [-0.4, -0.2, 0.0, 0.19, 0.38, 0.475, -0.5, np.nan]
-    np.testing.assert_allclose(found, expected, atol=1e-6)
+    np.testing.assert_allclose(made(ELEVATOR, pwm_3=pulses)["elevator"], expected, atol=1e-6)
 
 
 def test_a_fitted_curve_is_the_polynomial_through_its_points() -> None:
     """Three points and degree two: Lagrange's formula gives the same parabola."""
-    text = f"[calibration.pwm_3]\n{POINTS}degree = 2\n[surface.elevator]\nfrom = {{pwm_3 = 1}}\n"
+    text = ELEVATOR.replace("points", "degree = 2\npoints")
     x = np.linspace(1100, 1900, 9)
     lagrange = -0.4 * (x - 1500) * (x - 1900) / (400 * 800) + 0.38 * (x - 1100) * (x - 1500) / (800 * 400)
     np.testing.assert_allclose(made(text, pwm_3=x)["elevator"], lagrange, atol=1e-12)
@@ -69,22 +69,18 @@ def test_weights_and_outputs_of_two_clocks() -> None:
         "[2000, -0.5]]\n[surface.aileron]\nfrom = {pwm_1 = 0.5, pwm_2 = -0.5}\n"
     )
     slow, fast = np.arange(10) * 0.1, np.arange(100) * 0.01
-    groups = [
-        Channels("a", slow, {"pwm_1": 1000 + 1000 * slow}),
-        Channels("b", fast, {"pwm_2": 1000 + 1000 * fast}),
-    ]
+    groups = [Channels(f"{i}", t, {f"pwm_{i}": 1000 + 1000 * t}) for i, t in ((1, slow), (2, fast))]
     (found,), notices = surfaces(text).deflections(groups)
     np.testing.assert_allclose(found.values["aileron"], slow - 0.5, atol=1e-12)
     assert notices == []
 
 
 def test_leaving_the_table_and_missing_outputs_are_told() -> None:
-    text = f"[calibration.pwm_3]\n{POINTS}[surface.elevator]\nfrom = {{pwm_3 = 1}}\n"
     groups = [Channels("a", np.arange(4.0), {"pwm_3": np.array([1500.0, 1500.0, 1500.0, 2000.0])})]
-    _, (found,) = surfaces(text).deflections(groups)
+    _, (found,) = surfaces(ELEVATOR).deflections(groups)
     assert found == notice("output-beyond-calibration", "pwm_3", low=1100.0, high=1900.0, share=0.25)
     with pytest.raises(LogError, match="mixed from pwm_3, which this log does not hold; it holds pwm_1"):
-        made(text, pwm_1=np.zeros(5))
+        made(ELEVATOR, pwm_1=np.zeros(5))
 
 
 def test_tables_that_cannot_be() -> None:
@@ -111,16 +107,11 @@ def test_tables_that_cannot_be() -> None:
 
 
 def test_from_a_table_to_a_flight(tmp_path: Path) -> None:
-    """A CSV with a mapping of the second edition: the deflection stands beside the pulse."""
     t = np.arange(300) * 0.02
-    rows = np.column_stack([t * 1e3, 1500 + 200 * np.sin(t), 0.1 * np.cos(t)])
-    np.savetxt(tmp_path / "f.csv", rows, delimiter=",", header="t,ch3,gy", comments="")
-    (tmp_path / "f.csv.toml").write_text(
-        '[time]\ncolumn = "t"\nunit = "ms"\n[variables]\npwm_3 = {column = "ch3", unit = "us"}\n'
-        'q = {column = "gy", unit = "rad/s"}\n[calibration.pwm_3]\npoints = [[1100, -0.4], [1900, 0.4]]\n'
-        "[surface.elevator]\nfrom = {pwm_3 = -1}\n"
-    )
-    flight = load(tmp_path / "f.csv")
-    assert flight.time[-1] == pytest.approx(5.98)
+    path = mapped_log(tmp_path / "f.csv", {"t": t, "pwm_3": 1500 + 200 * np.sin(t), "q": 0.1 * np.cos(t)})
+    with path.with_name("f.csv.toml").open("a") as mapping:
+        mapping.write("[calibration.pwm_3]\npoints = [[1100, -0.4], [1900, 0.4]]\n")
+        mapping.write("[surface.elevator]\nfrom = {pwm_3 = -1}\n")
+    flight = load(path)
     np.testing.assert_allclose(flight.column("elevator"), -1e-3 * (flight.column("pwm_3") - 1500), atol=1e-9)
     assert flight.sources["elevator"].source == "f.csv (calibrated)"
