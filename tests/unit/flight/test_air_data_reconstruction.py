@@ -165,18 +165,6 @@ def test_airspeed_is_as_good_as_the_better_of_pitot_and_inertial_speed(gust: flo
     assert rms(out["V"].to_numpy() - exact["V"]) < 1.05 * best + 0.01
 
 
-def test_velocity_is_finer_than_logged_up_to_the_ends_of_each_stretch() -> None:
-    data, exact = fly(Truth(velocity_noise=0.1), 4)
-    out, _ = reconstruct(data)
-    smooth = np.column_stack([out[name] for name in ("vn_smooth", "ve_smooth", "vd_smooth")])
-    error = smooth - exact["velocity"]
-    assert np.array_equal(np.isnan(smooth[:, 0]), np.isnan(data["ax"].to_numpy()))
-    assert rms(error) < 0.05
-    valid = np.isfinite(smooth[:, 0])
-    edges = np.flatnonzero(valid[1:] != valid[:-1])
-    assert rms(error[np.concatenate([edges, edges + 1])]) < 0.1
-
-
 def test_standard_errors_cover_the_truth() -> None:
     truth = Truth(duration=90.0, gust=0.7)
     data, _ = fly(truth)

@@ -8,9 +8,9 @@ from scipy.spatial.transform import Rotation, Slerp
 from unit.flight.made_logs import body_rates
 
 from stoop.base.notices import Notice
-from stoop.base.rotations import continuous, euler_angles, product, quaternions_of, wrap
+from stoop.base.rotations import continuous, quaternions_of, wrap
 from stoop.base.variables import EULER, QUATERNION, RATES
-from stoop.flight.gridding import Channels, grid_channels, integrate_rates, interpolate_by_rates
+from stoop.flight.gridding import Channels, grid_channels, interpolate_by_rates
 
 
 @pytest.mark.parametrize("recorded_rate", [10.0, 100.0, 178.0])
@@ -69,13 +69,6 @@ def off(channels: list[Channels], follow: bool) -> tuple[float, list[Notice]]:
     there = np.isfinite(data["q0"]) & np.isfinite(data["p"])
     found = np.column_stack([data["phi"], data["theta"]])
     return float(np.max(np.abs(found - truth[:, :2])[there])), notices
-
-
-def test_rates_are_integrated() -> None:
-    t = np.arange(0.0, 10.0, 0.01)
-    angles, rates = wobbling(t)
-    turned = product(np.repeat(quaternions_of(angles[:1]), len(t), axis=0), integrate_rates(rates, 100.0))
-    np.testing.assert_allclose(euler_angles(turned)[:, :2], angles[:, :2], atol=2e-3)
 
 
 def test_quick_motion_between_slow_samples() -> None:

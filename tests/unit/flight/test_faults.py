@@ -37,9 +37,13 @@ def test_what_is_no_fault() -> None:
 def test_stuck() -> None:
     p = noise(0)
     p[500:700] = p[500]
-    faults = recorded_faults([Channels("x", TIME, {"p": p})])
-    assert [(f.kind, f.start, f.stop) for f in faults] == [("stuck", 5.0, 6.99)]
-    assert faults[0].notice.code == "constant-reading"
+    (fault,) = recorded_faults([Channels("x", TIME, {"p": p})])
+    assert (fault.kind, fault.start, fault.stop, fault.notice.code) == (
+        "stuck",
+        5.0,
+        6.99,
+        "constant-reading",
+    )
 
 
 def test_clipped_on_both_sides_or_on_one() -> None:

@@ -12,7 +12,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from stoop.base.notices import notice
 from stoop.flight import Flight, from_columns, save
 
 TIME = 100.0 + np.arange(50) / 10.0
@@ -24,16 +23,13 @@ def flight() -> Flight:
 
 
 def test_the_data_set_holds_what_the_columns_hold(flight: Flight) -> None:
-    assert flight.channels == ("p", "q")
-    texts = flight.texts("p")
-    data = flight.data
-    assert list(data.data_vars) == ["p", "q"]
+    texts, data = flight.texts("p"), flight.data
+    assert list(data.data_vars) == ["p", "q"] == list(flight.channels)
     np.testing.assert_array_equal(data["time"], TIME)
     np.testing.assert_array_equal(data["q"], np.sin(TIME))
     assert data["p"].attrs == texts
     assert texts["units"] == "rad/s"
     assert data.attrs == {"truth": "{}"} == flight.attributes
-    assert flight.data is data, "it is made once"
 
 
 def test_a_flight_with_another_data_set(flight: Flight) -> None:
@@ -53,13 +49,6 @@ def test_copies_and_pickles(flight: Flight) -> None:
             np.testing.assert_array_equal(other.column("p"), flight.column("p"))
             assert (other.name, other.rate, other.attributes) == ("f", 10.0, {"truth": "{}"})
         assert len(flight.data) == 2
-
-
-def test_notices_are_added(flight: Flight) -> None:
-    more = flight.with_notices([notice("no-air-data")])
-    assert [one.code for one in more.notices] == ["no-air-data"]
-    assert not flight.notices
-    assert more.column("p") is flight.column("p")
 
 
 def test_samples_between_two_times(flight: Flight) -> None:

@@ -17,6 +17,7 @@ from stoop.flight.frequency import POINTS_PER_OCTAVE, Stretch, estimate_response
 from stoop.flight.spectra import frequency_responses, power_spectra, spectrogram
 
 RATE = 50.0
+TIME = np.arange(6000) / RATE
 
 
 def inputs(n: int, columns: int, seed: int = 0) -> FloatArray:
@@ -79,9 +80,8 @@ def test_a_gap_is_the_same_as_two_stretches_and_units_scale_the_response_alone()
     holed = y.copy()
     holed[2400:2600] = np.nan
     parts = [Stretch(RATE, u[s], y[s]) for s in (slice(0, 2400), slice(2600, None))]
-    (one,), (two,), (scaled,) = (
-        estimate_responses(x, ["u"], ["y"]) for x in ([Stretch(RATE, u, holed)], parts, [Stretch(RATE, 3.0 * u, 0.2 * holed)])
-    )  # fmt: skip
+    every = [Stretch(RATE, u, holed)], parts, [Stretch(RATE, 3.0 * u, 0.2 * holed)]
+    (one,), (two,), (scaled,) = (estimate_responses(x, ["u"], ["y"]) for x in every)
     assert_allclose(one.response, two.response, rtol=1e-12)
     assert_allclose(one.bound, two.bound, rtol=1e-12)
     assert_allclose(scaled.response, one.response * 0.2 / 3.0, rtol=1e-6)
@@ -97,6 +97,10 @@ def test_short_or_still_records_say_nothing() -> None:
     twice = np.column_stack([u[:, 0], u[:, 0]])
     for one in estimate_responses([Stretch(RATE, twice, u)], ["a", "b"], ["y"]):
         assert np.isinf(one.bound).all()  # one input given twice cannot be told apart
+    for n in (5, 20):
+        flight = from_columns("f", TIME[:n], {"p": np.zeros(n), "control_roll": np.zeros(n)})
+        assert power_spectra(flight, ["p"]) == frequency_responses(flight) == []
+        assert spectrogram(flight, "p").density.shape[1] >= 1
 
 
 @given(st.lists(st.floats(1.0, 300.0), min_size=1, max_size=6), st.integers(1, 4))
@@ -124,13 +128,8 @@ def test_windows_of_several_lengths_are_weighed_as_printed() -> None:
             assert_allclose(one.bound[i], stdtrit(freedom, 0.975) * error[k], rtol=1e-8)
 
 
-RATE = 50.0
-TIME = np.arange(6000) / RATE
-
-
 def test_a_power_spectrum_is_that_of_scipy() -> None:
-    rng = np.random.default_rng(1)
-    p = signal.lfilter([0.3], [1.0, -0.7], rng.standard_normal(len(TIME)))
+    p = signal.lfilter([0.3], [1.0, -0.7], np.random.default_rng(1).standard_normal(len(TIME)))
     (one,) = power_spectra(from_columns("f", TIME, {"p": p}), ["p"])
     frequency, density = signal.welch(p, RATE, "hann", 500, detrend="constant")
     assert one.frequency == pytest.approx(frequency[1:])
@@ -138,8 +137,7 @@ def test_a_power_spectrum_is_that_of_scipy() -> None:
 
 
 def test_the_variance_is_the_area_also_beside_gaps() -> None:
-    rng = np.random.default_rng(2)
-    p = 0.1 * rng.standard_normal(len(TIME))
+    p = 0.1 * np.random.default_rng(2).standard_normal(len(TIME))
     p[1000:1300] = np.nan
     (one,) = power_spectra(from_columns("f", TIME, {"p": p}), ["p"])
     area = np.sum(one.density) * (one.frequency[1] - one.frequency[0])
@@ -155,20 +153,10 @@ def test_a_sine_stands_at_its_frequency_and_only_while_it_lasts() -> None:
 
 
 def test_responses_of_a_flight_are_those_of_its_columns() -> None:
-    rng = np.random.default_rng(0)
-    u, noise = rng.standard_normal((2, len(TIME)))
-    p = lag(u) + 0.1 * noise
-    responses = frequency_responses(from_columns("f", TIME, {"control_roll": u, "p": p}))
+    u, noise = np.random.default_rng(0).standard_normal((2, len(TIME)))
+    responses = frequency_responses(from_columns("f", TIME, {"control_roll": u, "p": lag(u) + 0.1 * noise}))
     one = next(r for r in responses if r.output == "p")
     _, truth = signal.freqz(*signal.bilinear([1.0], [0.3, 1.0], RATE), one.frequency / RATE)
     band = one.frequency < 2.0 * np.pi * 3.0
     assert np.mean(np.abs(one.response / truth - 1.0)[band] < 1.5 * one.bound[band]) > 0.9
     assert 0.0 <= one.coherence.min() <= one.coherence.max() <= 1.0 + 1e-9
-
-
-def test_hardly_any_samples_have_no_spectrum() -> None:
-    for n in (5, 20):
-        flight = from_columns("f", TIME[:n], {"p": np.zeros(n), "control_roll": np.zeros(n)})
-        assert power_spectra(flight, ["p"]) == []
-        assert frequency_responses(flight) == []
-        assert spectrogram(flight, "p").density.shape[1] >= 1

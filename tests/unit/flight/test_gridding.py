@@ -55,10 +55,8 @@ def test_no_value_in_a_gap_and_a_value_everywhere_else(gaps: list[float]) -> Non
 @given(steps)
 def test_stretches_hold_every_sample_that_has_a_near_neighbor(gaps: list[float]) -> None:
     time = times(gaps)
-    parts = stretches(time)
-    limit = longest_allowed(time)
-    covered = np.zeros(time.size, dtype=bool)
-    for part in parts:
+    limit, covered = longest_allowed(time), np.zeros(time.size, dtype=bool)
+    for part in stretches(time):
         assert np.all(np.diff(time[part]) <= limit)
         covered[part] = True
     near = np.append(np.diff(time) <= limit, False) | np.append(False, np.diff(time) <= limit)
@@ -126,11 +124,8 @@ def noisy_gyros(start: float, rate: float, clock: float) -> tuple[Grid, FloatArr
     """Grid white noise of gyros read at `clock` [Hz] from `start` [s], beside commands on the multiples of 20 ms."""
     time, commands = start + np.arange(800) / clock, np.arange(900) / 50.0
     noise = np.random.default_rng(7).standard_normal(len(time))
-    groups = [
-        Channels("gyro", time, {"p": noise}),
-        Channels("servo", commands, {"elevator": np.sin(commands)}),
-    ]
-    grid, data, _ = grid_channels(groups, rate, "f")
+    gyro, servo = ("gyro", time, {"p": noise}), ("servo", commands, {"elevator": np.sin(commands)})
+    grid, data, _ = grid_channels([Channels(*gyro), Channels(*servo)], rate, "f")
     return grid, data["p"][np.isfinite(data["p"])], noise
 
 
@@ -143,16 +138,6 @@ def test_gyros_that_read_between_the_multiples_of_the_period_are_taken_as_they_a
     grid, _, _ = noisy_gyros(0.01, 50.0, 47.0)  # a clock of another rate leaves the grid where it is
     assert grid.phase == 0.0
     np.testing.assert_allclose(grid.time * 50.0, np.rint(grid.time * 50.0), atol=1e-9)
-
-
-def test_a_step_stays_where_it_is() -> None:
-    time = np.arange(0.0, 4.0, 1.0 / 400.0)
-    out = resample(
-        make_grid(0.0, 4.0, 100.0, 1, "f"), time, (time >= 2.0).astype(float)[:, None], smooth=False
-    )[:, 0]
-    assert 0.3 < out[200] < 0.7
-    assert np.max(np.abs(out[:190])) < 0.02
-    assert np.nanmax(np.abs(out[211:] - 1.0)) < 0.02
 
 
 def test_any_short_stretch_can_be_filtered() -> None:

@@ -29,24 +29,18 @@ def flight(**columns: FloatArray) -> Flight:
 
 
 def test_each_maneuver_is_found_once_under_its_axis() -> None:
-    flown = flight(
-        control_roll=signal((100.0, "doublet", 0.5)),
-        control_pitch=signal((120.0, "3211", 0.4), (100.0, "doublet", 0.05)),
-        rudder=signal((140.0, "doublet", 0.2)),
-    )
-    found = find_maneuvers(flown)
+    roll, pitch = signal((100.0, "doublet", 0.5)), signal((120.0, "3211", 0.4), (100.0, "doublet", 0.05))
+    yaw = signal((140.0, "doublet", 0.2))
+    found = find_maneuvers(flight(control_roll=roll, control_pitch=pitch, rudder=yaw))
     assert [(m.axis, m.variable) for m in found] == [
-        ("roll", "control_roll"),
-        ("pitch", "control_pitch"),
-        ("yaw", "rudder"),
-    ]
+        ("roll", "control_roll"), ("pitch", "control_pitch"), ("yaw", "rudder"),
+    ]  # fmt: skip
     for maneuver, start, stop in zip(found, (100.0, 120.0, 140.0), (102.0, 127.0, 142.0), strict=True):
         assert start - 1.5 < maneuver.start <= start
         assert stop + 0.75 * LIMITS.tail <= maneuver.stop < stop + 2.5
         assert maneuver.whole == 1.0
     assert [m.swings for m in found] == [2, 4, 2]
     assert found[1].amplitude == pytest.approx(0.4, rel=0.3)
-    assert found[1].window == f"{found[1].start:g}:{found[1].stop:g}"
 
 
 def test_what_is_no_maneuver() -> None:
@@ -74,13 +68,10 @@ def test_description() -> None:
     u = signal((100.0, "doublet", 0.5))
     u[:1200] = np.nan
     summary = describe(flight(elevator=u, rudder=np.full(TIME.size, np.nan)))
-    assert (summary.flight.name, summary.flight.time[0], summary.flight.rate) == ("f", 60.0, 100.0)
     assert [row.variable for row in summary.rows] == ["vn", "ve", "vd", "elevator", "rudder"]
     row, empty = summary.rows[-2:]
     assert (row.unit, row.source, row.missing) == ("rad", "simulation", pytest.approx(0.1))
-    assert row.minimum < -0.4
-    assert row.maximum > 0.4
-    assert len(summary.maneuvers) == 1
+    assert row.minimum < -0.4 < 0.4 < row.maximum
     assert (np.isnan(empty.median), empty.missing) == (True, 1.0)
 
 
@@ -95,10 +86,7 @@ def test_an_aeroplane_with_one_motor_flies_whether_it_runs_or_not(command: float
 
 
 def test_what_an_autopilot_answers_to_a_gust_is_no_maneuver() -> None:
-    """The same burst of the elevator: commanded, fed back from a pitch rate that a gust made, and followed by the pitch rate.
-
-    The elevator (trailing edge down, nose down) opposes a rate that it answers, and has the rate follow to the other side.
-    """
+    """The elevator, down for nose down, opposes a rate that it answers, and has the rate follow to the other side."""
     burst, calm = signal((120.0, "3211", 0.4)), 0.02 * np.random.default_rng(1).normal(size=TIME.size)
     rate = 0.02 * np.sin(TIME) + calm
     assert len(find_maneuvers(flight(elevator=burst, q=rate))) == 1

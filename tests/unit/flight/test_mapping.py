@@ -43,15 +43,12 @@ def test_one_column_for_one_variable(tmp_path: Path) -> None:
     assert values(found)["voltage"][0] == pytest.approx(16.8)
     assert found.unmapped == {"gyro": ("y",)}
     assert found.places["p"].endswith("m.toml: variables.p")
-
-
-def test_the_first_edition_reads_other_formats_too(tmp_path: Path) -> None:
     text = (
         '[time]\ncolumn = "ms"\nunit = "ms"\n[variables]\np = {column = "x", unit = "rad/s", file = "gyro"}\n'
     )
-    found = mapped(tmp_path, text, gyro=stream(x=1.0, ms=5000.0 + 20.0 * np.arange(200)))
-    assert found.channels[0].time[:2].tolist() == pytest.approx([5.0, 5.02])
-    assert found.unmapped == {}
+    timed = mapped(tmp_path, text, gyro=stream(x=1.0, ms=5000.0 + 20.0 * np.arange(200)))
+    assert timed.channels[0].time[:2].tolist() == pytest.approx([5.0, 5.02])
+    assert timed.unmapped == {}
 
 
 def test_a_clock_for_one_stream(tmp_path: Path) -> None:
@@ -69,13 +66,11 @@ def test_sources_in_order_of_trust(tmp_path: Path) -> None:
         '[group.rates]\nvariables = ["p", "q", "r"]\nunit = "deg/s"\nsources = [{stream = "a", columns = "w[{0..2}]"}, '
         '{stream = "b", columns = ["x", "y", "z"], unit = "rad/s"}]\n'
     )
-    second = stream(x=1.0, y=2.0, z=3.0)
-    both = mapped(tmp_path, text, a=stream(**{f"w[{i}]": 180.0 for i in range(3)}), b=second)
-    assert values(both)["q"][0] == pytest.approx(math.pi)
+    first, second = stream(**{f"w[{i}]": 180.0 for i in range(3)}), stream(x=1.0, y=2.0, z=3.0)
+    assert values(mapped(tmp_path, text, a=first, b=second))["q"][0] == pytest.approx(math.pi)
     assert values(mapped(tmp_path, text, b=second))["r"][0] == 3.0
     fast = Stream(np.arange(900) * 0.002, {k: np.ones(900) for k in "xyz"})
-    faster = mapped(tmp_path, text, a=stream(**{f"w[{i}]": 180.0 for i in range(3)}), b=fast)
-    assert faster.channels[0].source == "b"
+    assert mapped(tmp_path, text, a=first, b=fast).channels[0].source == "b"
 
 
 def test_one_stream_for_each_variable(tmp_path: Path) -> None:
@@ -102,10 +97,8 @@ def test_a_mapping_may_extend_a_ready_one(tmp_path: Path) -> None:
 
 
 def test_an_attitude_of_one_form_takes_the_place_of_the_other(tmp_path: Path) -> None:
-    text = 'extends = "px4"\n[variables]\n' + "".join(
-        f'{name} = {{stream = "mocap", column = "{name}", unit = "deg"}}\n'
-        for name in ("phi", "theta", "psi")
-    )
+    lines = (f'{n} = {{stream = "mocap", column = "{n}", unit = "deg"}}\n' for n in ("phi", "theta", "psi"))
+    text = 'extends = "px4"\n[variables]\n' + "".join(lines)
     estimate = stream(**{f"q[{i}]": 0.5 for i in range(4)})
     found = mapped(tmp_path, text, vehicle_attitude=estimate, mocap=stream(phi=10.0, theta=20.0, psi=30.0))
     (group,) = found.channels
@@ -123,7 +116,6 @@ def test_ready_mappings_name_only_what_there_is() -> None:
 
 
 def test_ardupilot() -> None:
-    size = T.size
     streams = {
         "ATT": stream(Roll=10.0, Pitch=-5.0, Yaw=350.0),
         "IMU": stream(GyrX=0.1, GyrY=0.2, GyrZ=0.3, AccX=0.0, AccY=1.0, AccZ=-9.8),
@@ -133,7 +125,7 @@ def test_ardupilot() -> None:
         "RCO2": stream(C15=1100.0),
         "RCOU": stream(**{f"C{i}": 1000.0 + i for i in range(1, 15)}),
         "ESC/1": stream(RPM=6000.0),
-        "SIDD": stream(Targ=np.sin(np.arange(size))),
+        "SIDD": stream(Targ=np.sin(T)),
         "AETR": stream(Ail=4500.0, Elev=-2250.0, Rudd=0.0, Thr=40.0),
         "BAT": stream(Volt=15.9, Curr=7.0),
         "BARO": stream(Press=101325.0, Temp=40.0),
@@ -190,16 +182,14 @@ def test_betaflight_and_inav() -> None:
 
 
 def test_px4_of_a_hovering_vehicle() -> None:
-    streams = {
-        "vehicle_thrust_setpoint": stream(**{"xyz[0]": 0.0, "xyz[1]": 0.0, "xyz[2]": -0.6}),
+    rotors = {
         "esc_status": stream(**{"esc[0].esc_rpm": 3000.0, "esc[1].esc_rpm": 0.0}),
         "rpm": stream(rpm_estimate=9.0),
     }
-    found = first("px4", "ulog", streams)
-    assert found["control_throttle"] == pytest.approx(0.6)
-    assert found["rotor_1"] == pytest.approx(100.0 * math.pi)
-    still = {**streams, "vehicle_thrust_setpoint": stream(**{f"xyz[{i}]": 0.0 for i in range(3)})}
-    assert first("px4", "ulog", still)["control_throttle"] == 0.0
+    for thrust in (0.6, 0.0):
+        asked = stream(**{"xyz[0]": 0.0, "xyz[1]": 0.0, "xyz[2]": -thrust})
+        found = first("px4", "ulog", {"vehicle_thrust_setpoint": asked, **rotors})
+        assert found == pytest.approx({"control_throttle": thrust, "rotor_1": 100.0 * math.pi})
 
 
 def test_a_unit_that_the_file_contradicts_is_told(tmp_path: Path) -> None:

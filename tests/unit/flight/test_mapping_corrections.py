@@ -5,8 +5,8 @@ from __future__ import annotations
 import tomllib
 from pathlib import Path
 
-import numpy as np
 import pytest
+from unit.flight.made_logs import CLOCK, csv_log, lines_of
 from unit.flight.test_mapping_draft import T, flown
 
 from stoop.base.arrays import FloatArray
@@ -17,45 +17,29 @@ from stoop.cli.main import main
 from stoop.errors import StoopError
 from stoop.flight.mapping_corrections import corrected_mapping, with_changes
 
-MAPPING = """# my own
-[time]
-column = "t"
-unit = "s"
-[variables]  # as the manual says
-phi = {column = "phi", unit = "rad"}
-theta = {column = "theta", unit = "rad"}
-psi = {column = "psi", unit = "rad"}
-ax = {column = "ax", unit = "m/s2"}
-ay = {column = "ay", unit = "m/s2"}
-az = {column = "az", unit = "m/s2"}
-vd = {column = "vd", unit = "m/s"}
-altitude = {column = "altitude", unit = "m"}
-"""
+MAPPING = "# my own\n" + CLOCK.replace("les]", "les]  # as the manual says")
+MAPPING += lines_of("phi", "theta", "psi", "ax", "ay", "az", "vd", "altitude")
 GROUPED = (
     '[group.gyro]\nvariables = ["p", "q", "r"]\nunit = "rad/s"\nsources = [{columns = ["p", "q", "r"]}]\n'
 )
-SINGLE = "".join(f'{n} = {{column = "{n}", unit = "rad/s"}}\n' for n in "pqr")
+SINGLE = lines_of("p", "q", "r")
 
 
 def written(folder: Path, columns: dict[str, FloatArray], text: str) -> tuple[Path, Path]:
-    path, mapping = folder / "log.csv", folder / "m.toml"
-    rows = np.column_stack([T, *columns.values()])
-    np.savetxt(path, rows, "%.12g", ",", header=",".join(["t", *columns]), comments="")
+    mapping = folder / "m.toml"
     mapping.write_text(text)
-    return path, mapping
+    return csv_log(folder / "log.csv", {"t": T, **columns}), mapping
 
 
 def test_a_scale_that_stands_there_is_kept(tmp_path: Path) -> None:
     truth = flown()
-    text = (MAPPING + SINGLE).replace(
-        '"q", unit = "rad/s"}', '"q", unit = "rad/s", scale = 0.5}  # counts by halves'
-    )
+    kept = '"q", unit = "rad/s", scale = 0.5}  # counts by halves'
+    text = (MAPPING + SINGLE).replace('"q", unit = "rad/s"}', kept)
     path, mapping = written(tmp_path, {**truth, "q": -2.0 * truth["q"]}, text)
     made = corrected_mapping(path, mapping)
-    assert len(made.applied) == 1
-    assert str(made.applied[0]).endswith(f"write scale = -0.5 for variables.q in {mapping}")
-    assert "scale = -0.5}  # counts by halves" in made.text
-    assert made.text.replace("-0.5", "0.5") == text
+    (applied,) = made.applied
+    assert str(applied).endswith(f"write scale = -0.5 for variables.q in {mapping}")
+    assert made.text == text.replace(kept, kept.replace("0.5", "-0.5"))
 
 
 def test_one_variable_of_a_group_is_turned_and_the_others_stay(tmp_path: Path) -> None:
@@ -86,9 +70,7 @@ def test_edits_of_a_group_change_its_lists(tmp_path: Path) -> None:
 def test_what_the_data_do_not_decide_is_left(tmp_path: Path) -> None:
     """A rate and its angle alone contradict each other, and nothing shows which is wrong."""
     truth = flown()
-    text = "".join(
-        line for line in (MAPPING + SINGLE).splitlines(True) if line[0] not in "aqrtv" and "psi" not in line
-    )
+    text = CLOCK + lines_of("phi", "p")
     path, mapping = written(tmp_path, {**truth, "p": -truth["p"]}, text)
     made = corrected_mapping(path, mapping)
     assert (made.text, made.applied) == (mapping.read_text(), ())
@@ -98,10 +80,8 @@ def test_what_the_data_do_not_decide_is_left(tmp_path: Path) -> None:
 def test_the_verb_writes_the_mapping_and_says_what_it_did(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    truth = flown()
-    path, mapping = written(tmp_path, {**truth, "q": -truth["q"]}, MAPPING + SINGLE)
-    before = mapping.read_text()
-    other = tmp_path / "new.toml"
+    truth, before, other = flown(), MAPPING + SINGLE, tmp_path / "new.toml"
+    path, mapping = written(tmp_path, {**truth, "q": -truth["q"]}, before)
     assert main(["map", str(path), "--apply", str(mapping), "-o", str(other)]) == 0
     assert mapping.read_text() == before
     assert "corrections applied: 1, each confirmed" in capsys.readouterr().out
@@ -127,12 +107,10 @@ def test_columns_that_are_not_plain_get_advice_without_changes(tmp_path: Path) -
 
 def test_an_exchange_writes_names_of_any_kind_and_only_within_a_stream(tmp_path: Path) -> None:
     place = tmp_path / "m.toml"
-    odd = (
-        'p = {column = "a\\"b", unit = "rad/s"}\n',
-        'q = {column = "b", unit = "deg/s"}\n',
-        'r = {column = "c", unit = "rad/s", valid = "ok"}\n',
+    place.write_text(
+        '[variables]\np = {column = "a\\"b", unit = "rad/s"}\nq = {column = "b", unit = "deg/s"}\n'
+        'r = {column = "c", unit = "rad/s", valid = "ok"}\n'
     )
-    place.write_text("[variables]\n" + "".join(odd))
     lines = read_lines({name: f"{place}: variables.{name}" for name in "pqr"})
     edits = mapping_edits(dict.fromkeys("pqr", (T, T)), "pqr", lines, {})
     every = {edit.lines: edit for edit in edits if edit.kind == "exchange"}
@@ -154,10 +132,7 @@ def test_what_is_no_mapping_is_told(tmp_path: Path) -> None:
         (variables.replace("rad/s", "dps"), 'is unknown; write "deg/s"'),
         (variables.replace("rad/s", "kotz"), "is unknown; choose from|is unknown; the nearest"),
         (variables.replace('column = "q"', 'column = "altitud"'), "did you mean altitude"),
-        (
-            MAPPING + SINGLE.replace('"p"', '"zz"'),
-            r"m\.toml: variables\.p",
-        ),  # the mapping, and not a copy of it
+        (MAPPING + SINGLE.replace('"p"', '"zz"'), r"m\.toml: variables\.p"),  # and not a copy of it
     ):
         path, mapping = written(tmp_path, flown(), text)
         with pytest.raises(StoopError, match=words):

@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.io import netcdf_file
+from unit.flight.made_logs import body_rates, csv_log
 
 from stoop.base.arrays import FloatArray
 from stoop.base.units import FACTORS
 from stoop.checks.units import growth
 from stoop.flight import VARIABLES, load
 from stoop.flight.column_guesses import recognized
-from stoop.flight.mapping_draft import draft, draft_of
+from stoop.flight.mapping_draft import Draft, draft, draft_of
 from stoop.logs import Recording, Stream
 
 T = 0.01 * np.arange(4000)
@@ -25,34 +25,24 @@ T = 0.01 * np.arange(4000)
 def flown() -> dict[str, FloatArray]:
     """A vehicle that turns about all axes and climbs, SI and forward-right-down."""
     phi, theta, psi = 0.5 * np.sin(1.7 * T), 0.3 * np.sin(2.3 * T), 0.8 * np.sin(0.7 * T)
-    dphi, dtheta, dpsi = (np.gradient(x, T) for x in (phi, theta, psi))
+    p, q, r = body_rates(phi, theta, *(np.gradient(x, T) for x in (phi, theta, psi)))
     height = 100.0 + 10.0 * np.sin(0.3 * T)
     return {
-        "phi": phi, "theta": theta, "psi": psi,
-        "p": dphi - dpsi * np.sin(theta),
-        "q": dtheta * np.cos(phi) + dpsi * np.sin(phi) * np.cos(theta),
-        "r": -dtheta * np.sin(phi) + dpsi * np.cos(phi) * np.cos(theta),
+        "phi": phi, "theta": theta, "psi": psi, "p": p, "q": q, "r": r,
         "ax": 9.80665 * np.sin(theta), "ay": -9.80665 * np.sin(phi), "az": -9.80665 * np.cos(phi) * np.cos(theta),
         "vd": -np.gradient(height, T), "altitude": height, "voltage": 15.0 - 0.01 * T,
         "elevator": 0.2 * np.sin(3.0 * T),
     }  # fmt: skip
 
 
-def written(
+def drafted(
     folder: Path, columns: dict[str, FloatArray], clock: str = "t_ms", per_second: float = 1e3
-) -> Path:
-    path = folder / "log.csv"
-    rows = np.column_stack([T * per_second, *columns.values()])
-    np.savetxt(path, rows, "%.12g", ",", header=",".join([clock, *columns]), comments="")
-    return path
+) -> Draft:
+    return draft(csv_log(folder / "log.csv", {clock: T * per_second, **columns}))
 
 
-def redrafted(path: Path) -> dict[str, FloatArray]:
-    made = draft(path)
-    path.with_name("log.csv.toml").write_text(made.text)
-    flight = load(path)
-    assert flight.time[-1] == pytest.approx(T[-1])
-    return {str(name): flight.column(str(name)) for name in flight.data.data_vars}
+def lines_of(made: Draft) -> dict[str, dict[str, object]]:
+    return tomllib.loads(made.text)["variables"]  # type: ignore[no-any-return]
 
 
 DEG, G = 180.0 / np.pi, 1.0 / 9.80665
@@ -77,11 +67,13 @@ DIALECTS = {
 
 @pytest.mark.parametrize("dialect", DIALECTS)
 def test_a_flight_comes_back_from_any_dialect(tmp_path: Path, dialect: str) -> None:
-    truth = flown()
-    names = DIALECTS[dialect]
-    found = redrafted(written(tmp_path, {column: factor * truth[v] for column, (v, factor) in names.items()}))
+    truth, names = flown(), DIALECTS[dialect]
+    made = drafted(tmp_path, {column: factor * truth[v] for column, (v, factor) in names.items()})
+    (tmp_path / "log.csv.toml").write_text(made.text)
+    flight = load(tmp_path / "log.csv")
+    assert flight.time[-1] == pytest.approx(T[-1])
     for variable, _ in names.values():
-        np.testing.assert_allclose(found[variable], truth[variable], atol=2e-6, err_msg=variable)
+        np.testing.assert_allclose(flight.column(variable), truth[variable], atol=2e-6, err_msg=variable)
 
 
 def test_clocks_are_told_by_name_or_by_their_steps(tmp_path: Path) -> None:
@@ -89,7 +81,7 @@ def test_clocks_are_told_by_name_or_by_their_steps(tmp_path: Path) -> None:
     for clock, per_second, unit in (
         ("Systime", 1.0, "s"), ("frame clock", 1e3, "ms"), ("timestamp", 1e6, "us"), ("time_ns", 1e9, "ns"),
     ):  # fmt: skip
-        text = draft(written(tmp_path, {"p": p}, clock, per_second)).text
+        text = drafted(tmp_path, {"p": p}, clock, per_second).text
         assert tomllib.loads(text)["time"]["unit"] == unit
         assert ("# unsure: its steps are" in text) == (clock != "time_ns")
 
@@ -103,7 +95,7 @@ def test_what_is_unsure_is_marked(tmp_path: Path) -> None:
         "roll": 0.1 * truth["phi"],
         "noise": np.cos(99 * T),
     }
-    lines = draft(written(tmp_path, columns)).text.splitlines()
+    lines = drafted(tmp_path, columns).text.splitlines()
     told = {line.split(" = ")[0]: line.partition("# ")[2] for line in lines}
     assert "unsure: whether x is north" in told["pn"]
     assert "unsure: z points up, so y may point to the left" in told["ay"]
@@ -114,19 +106,17 @@ def test_what_is_unsure_is_marked(tmp_path: Path) -> None:
 
 def test_units_of_a_log_without_units(tmp_path: Path) -> None:
     """Motors share their unit; a rate that nothing tells has that of its siblings; a thrust is a force whatever its size."""
-    truth = {
-        n: x for n, x in flown().items() if n not in ("elevator", "altitude", *"pqr", "phi", "theta", "psi")
-    }
     columns = {
-        **truth, "altitude (m)": flown()["altitude"] / 0.3048, "thrust": 1500.0 + 150.0 * np.sin(T), "m4_rpm": 5000 + T,
+        **{name: flown()[name] for name in ("ax", "ay", "az", "vd", "voltage")},
+        "altitude (m)": flown()["altitude"] / 0.3048, "thrust": 1500.0 + 150.0 * np.sin(T), "m4_rpm": 5000 + T,
         "roll": DEG * flown()["phi"], "pitch": DEG * flown()["theta"], "yaw": 5.0 * np.sin(0.7 * T),
         "gx": DEG * flown()["p"], "gy": DEG * flown()["q"], "gz": 0.2 * np.sin(5.0 * T),
         "ch3": 1.5 + 0.1 * np.sin(T), "throttle": 50 + T, "aileron": np.clip(2 * np.sin(T), -1, 1),
         "motor_1": 60.0 + 10.0 * np.sin(T), "motor_5": 0.8 + 0.0 * T, "elev_us": 1500.0 + 200.0 * np.sin(T),
         "control_roll": 60.0 * np.sin(2 * T),
     }  # fmt: skip
-    text = draft(written(tmp_path, columns)).text
-    lines = tomllib.loads(text)["variables"]
+    made = drafted(tmp_path, columns)
+    text, lines = made.text, lines_of(made)
     told = {row.split(" = ")[0]: row for row in text.splitlines() if " = {" in row}
     units = {
         "p": "deg/s", "q": "deg/s", "r": "deg/s", "thrust": "N", "pwm_3": "ms", "rotor_4": "rpm", "throttle": "percent",
@@ -147,10 +137,9 @@ def test_units_of_a_log_without_units(tmp_path: Path) -> None:
 def test_a_rate_without_a_name_is_found_by_what_it_does(tmp_path: Path) -> None:
     truth = flown()
     columns = {"roll_deg": DEG * truth["phi"], "channel A": np.cos(5 * T), "channel B": -DEG * truth["p"]}
-    text = draft(written(tmp_path, columns)).text
-    entry = tomllib.loads(text)["variables"]["p"]
-    assert entry == {"column": "channel B", "unit": "deg/s", "scale": -1.0}
-    assert "unsure: by its numbers only: the derivative of phi" in text
+    made = drafted(tmp_path, columns)
+    assert lines_of(made)["p"] == {"column": "channel B", "unit": "deg/s", "scale": -1.0}
+    assert "unsure: by its numbers only: the derivative of phi" in made.text
 
 
 def test_units_that_the_file_states_are_taken() -> None:
@@ -159,7 +148,7 @@ def test_units_that_the_file_states_are_taken() -> None:
     made = draft_of(
         Recording(Path("x.mat"), "mat", {"IMU": Stream(T, imu), "nav": Stream(T, nav)}, units=units)
     )
-    found = tomllib.loads(made.text)["variables"]
+    found = lines_of(made)
     assert found["p"] == {"stream": "IMU", "column": "GyrX", "unit": "rad/s"}
     assert found["temperature"]["unit"] == "degC"
     assert made.unsure == 0
@@ -218,7 +207,7 @@ def test_numbered_columns_are_motors_where_they_turn_the_vehicle(
         p[k] = 0.9 * p[k - 1] + 0.6 * roll[k - 21]
         q[k] = 0.9 * q[k - 1] + 0.6 * pitch[k - 21]
     angles = {"phi": np.cumsum(p) * 0.01, "theta": np.cumsum(q) * 0.01}
-    lines = tomllib.loads(draft(written(tmp_path, {"p": p, "q": q, **angles, **motors})).text)["variables"]
+    lines = lines_of(drafted(tmp_path, {"p": p, "q": q, **angles, **motors}))
     found = {n: row["column"] for n, row in lines.items() if n.startswith("motor")}
     assert found == ({f"motor_{n}": f"{stem}{n}" for n in range(1, 5)} if turns else {})
 
@@ -227,10 +216,9 @@ def test_rotors_are_written_as_the_rates(tmp_path: Path) -> None:
     for factor, unit in ((1.0, "rad/s"), (DEG, "rpm")):
         columns = flown() | {f"motor_speed[{n}]": 500.0 + 20.0 * np.sin(T + n) for n in range(4)}
         columns |= {name: factor * columns[name] for name in ("phi", "theta", "psi", "p", "q", "r")}
-        text = draft(written(tmp_path, columns)).text
-        rows = tomllib.loads(text)["variables"].items()
-        assert {row["unit"] for n, row in rows if n.startswith("rotor")} == {unit}
-        assert "unsure: rpm or rad/s" in text
+        made = drafted(tmp_path, columns)
+        assert {row["unit"] for n, row in lines_of(made).items() if n.startswith("rotor")} == {unit}
+        assert "unsure: rpm or rad/s" in made.text
 
 
 def test_what_was_measured_of_a_surface_is_taken_before_what_was_asked(tmp_path: Path) -> None:
@@ -240,8 +228,8 @@ def test_what_was_measured_of_a_surface_is_taken_before_what_was_asked(tmp_path:
         "fcs/elevator-pos-rad": surface,
         "load cell": np.cos(T),
     }
-    made = draft(written(tmp_path, columns))
-    assert tomllib.loads(made.text)["variables"]["elevator"]["column"] == "fcs/elevator-pos-rad"
+    made = drafted(tmp_path, columns)
+    assert lines_of(made)["elevator"]["column"] == "fcs/elevator-pos-rad"
     assert made.unknown == ("load cell",)
 
 
@@ -258,8 +246,6 @@ NAMES = {
     "control_yaw": "yaw_command control_yaw", "control_throttle": "throttle_cmd control_throttle_pct thr_control",
     "": "DesRoll roll_setpoint lat FrameNumber status xyz[0] p1 checksum",
 }  # fmt: skip
-
-
 #: words of a role alone
 NOTHING = ("theta_cmd", "roll_cmd_deg", "pitch position setpoint", "left", "cmd", "gps", "u_fps")
 
@@ -268,17 +254,17 @@ NOTHING = ("theta_cmd", "roll_cmd_deg", "pitch position setpoint", "left", "cmd"
 @given(st.dictionaries(st.text(min_size=1, max_size=12), st.floats(-1e6, 1e6), min_size=1, max_size=8))
 def test_a_draft_is_valid_whatever_the_columns_are_called(columns: dict[str, float]) -> None:
     streams = {'a"\n': Stream(T[:100], {name: np.full(100, x) for name, x in columns.items()})}
-    parsed = tomllib.loads(draft_of(Recording(Path("x.mat"), "mat", streams)).text)
-    assert parsed["variables"].keys() <= VARIABLES.keys()
-    assert {entry["column"] for entry in parsed["variables"].values()} <= set(columns)
-    assert all(entry["unit"] in FACTORS for entry in parsed["variables"].values())
+    found = lines_of(draft_of(Recording(Path("x.mat"), "mat", streams)))
+    assert found.keys() <= VARIABLES.keys()
+    assert {entry["column"] for entry in found.values()} <= set(columns)
+    assert all(entry["unit"] in FACTORS for entry in found.values())
 
 
 def test_the_stream_says_what_its_components_are_of() -> None:
     """As in bags of ROS, where every vector has x, y and z."""
     turn = {name: Stream(T, {"point.x": flown()[x], "point.y": flown()[y]}) for name, x, y in (
         ("/plane/euler", "phi", "theta"), ("/plane/bodyrate", "p", "q"), ("/rompc/att_error", "phi", "theta"))}  # fmt: skip
-    found = tomllib.loads(draft_of(Recording(Path("x.bag"), "rosbag", turn)).text)["variables"]
+    found = lines_of(draft_of(Recording(Path("x.bag"), "rosbag", turn)))
     assert {name: (entry["stream"], entry["column"], entry["unit"]) for name, entry in found.items()} == {
         "phi": ("/plane/euler", "point.x", "rad"), "theta": ("/plane/euler", "point.y", "rad"),
         "p": ("/plane/bodyrate", "point.x", "rad/s"), "q": ("/plane/bodyrate", "point.y", "rad/s"),
@@ -298,24 +284,13 @@ def test_growth_is_the_factor_between_an_angle_and_its_rate() -> None:
 def test_what_a_log_says_of_its_clock_stays_a_comment() -> None:
     info = {"clock of a": 'x\n[variables]\nq = {column = "evil", unit = "rad"}'}
     recording = Recording(Path("log.mat"), "mat", {"a": Stream(T, {"p": np.sin(T)})}, info=info)
-    assert set(tomllib.loads(draft_of(recording).text)["variables"]) == {"p"}
-
-
-def test_a_mapping_is_drafted_for_netcdf_3_of_others(tmp_path: Path) -> None:
-    path = tmp_path / "log.nc"
-    with netcdf_file(path, "w") as file:
-        file.createDimension("time", T.size)
-        for name, x in {"time": T, "roll_rate": np.sin(T)}.items():
-            file.createVariable(name, "d", ("time",))[:] = x
-    path.with_name("log.nc.toml").write_text(draft(path).text)
-    flight = load(path)
-    np.testing.assert_allclose(flight.column("p")[200:-200], np.sin(flight.time)[200:-200], atol=1e-3)
+    assert set(lines_of(draft_of(recording))) == {"p"}
 
 
 def test_axes_that_point_to_the_left_are_doubted_with_z(tmp_path: Path) -> None:
     """A log forward, left, up whose only attitude is none: gravity turns z, and nothing confirms y."""
     signs = {"p": 1.0, "q": -1.0, "r": -1.0, "ax": 1.0, "ay": -1.0, "az": -1.0}
-    text = draft(written(tmp_path, {name: sign * flown()[name] for name, sign in signs.items()})).text
+    text = drafted(tmp_path, {name: sign * flown()[name] for name, sign in signs.items()}).text
     rows = {row.split(" = ")[0]: row for row in text.splitlines() if " = {" in row}
     assert all("y may point to the left" in rows[name] for name in ("q", "r", "ay"))
     assert "y may point" not in rows["p"] + rows["ax"]

@@ -7,24 +7,22 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from unit.flown import maneuver
 
 from stoop.base.arrays import FloatArray
 from stoop.flight.mapping_draft import Outputs, draft_of
 from stoop.logs import Recording, Stream
 from stoop.simulation.fly import simulate_flight
-from stoop.simulation.maneuver import parse_maneuver
 from stoop.vehicle.builtin import resolve_vehicle
 
-INPUT = '[[input]]\ncontrol = "{}"\nshape = "doublet"\nstart = {}\nstep = 0.2\namplitude = 8.0\n'
+FLOWN = maneuver(20.0, ("roll", "doublet", 3, 0.2, 8), ("pitch", "doublet", 9, 0.2, 8), rate=100.0)
 QUAD = {f"SERVO{n}_FUNCTION": 32.0 + motor for n, motor in enumerate((3, 1, 4, 2), 1)}
 
 
 def logged(pulses: dict[str, FloatArray], parameters: dict[str, float], **imu: FloatArray) -> Recording:
     """Return a log as ArduPilot writes it."""
     t = 0.01 * np.arange(len(next(iter(pulses.values()))))
-    streams = {"RCOU": Stream(t, pulses)}
-    if imu:
-        streams["IMU"] = Stream(t, imu)
+    streams = {"RCOU": Stream(t, pulses)} | ({"IMU": Stream(t, imu)} if imu else {})
     return Recording(Path("f.bin"), "dataflash", streams, parameters=parameters)
 
 
@@ -44,9 +42,8 @@ def test_parameters_say_which_output_is_which_motor() -> None:
     assert "by MOT_PWM_MIN and MOT_PWM_MAX" in made.text
     assert "surface" not in made.text
     assert made.unsure == 0
-    unsure = draft_of(
-        logged(waves(4), {**QUAD, "MOT_PWM_MIN": 0.0, "SERVO2_MIN": 1200.0, "SERVO2_MAX": 1800.0})
-    )
+    ends = {"MOT_PWM_MIN": 0.0, "SERVO2_MIN": 1200.0, "SERVO2_MAX": 1800.0}
+    unsure = draft_of(logged(waves(4), {**QUAD, **ends}))
     assert "# unsure: 0 at 1200 us, 1 at 1800 us, by SERVO2_MIN and SERVO2_MAX" in unsure.text
     assert unsure.text.count("# unsure: 0 at 1000 us, 1 at 2000 us, as is usual: write your own") == 3
     assert unsure.unsure == 4
@@ -73,10 +70,7 @@ def test_a_quadplane_has_motors_and_surfaces() -> None:
 
 
 def test_pulses_that_turn_the_vehicle_are_motors_without_any_parameter() -> None:
-    maneuver = parse_maneuver(
-        "duration = 20.0\n" + INPUT.format("roll", 3) + INPUT.format("pitch", 9), "m.toml"
-    )
-    flown = simulate_flight(resolve_vehicle("hexa-x"), maneuver, seed=2, name="f")
+    flown = simulate_flight(resolve_vehicle("hexa-x"), FLOWN, seed=2, name="f")
     pulses = {f"C{n}": np.round(1000.0 + 1000.0 * flown.column(f"motor_{n}")) for n in range(1, 7)}
     rates = {f"Gyr{axis}": flown.column(rate) for axis, rate in zip("XYZ", "pqr", strict=True)}
     force = {f"Acc{axis}": flown.column(f"a{axis.lower()}") for axis in "XYZ"}
@@ -94,15 +88,11 @@ def test_strange_parameters_tell_nothing(strange: float) -> None:
 
 
 def test_motors_that_have_no_line_of_their_own_are_named_to_the_vehicle_file() -> None:
-    maneuver = parse_maneuver(
-        "duration = 20.0\n" + INPUT.format("roll", 3) + INPUT.format("pitch", 9), "m.toml"
-    )
-    flown = simulate_flight(resolve_vehicle("quad-x"), maneuver, seed=2, name="f")
+    flown = simulate_flight(resolve_vehicle("quad-x"), FLOWN, seed=2, name="f")
     signals = {f"pwm_{n}": (flown.time, 1000.0 + 1000.0 * flown.column(f"motor_{n}")) for n in range(1, 5)}
     rates = {rate: (flown.time, flown.column(rate)) for rate in "pq"}
     outputs = Outputs(tuple(signals), {}, {**signals, **rates}, {})
     assert outputs.motor_lines() == []
-    assert "pwm_1 pwm_2 pwm_3 pwm_4 turn the vehicle against one another" in "\n".join(
-        outputs.surface_lines()
-    )
-    assert not [line for line in outputs.surface_lines() if "surface" in line]
+    text = "\n".join(outputs.surface_lines())
+    assert "pwm_1 pwm_2 pwm_3 pwm_4 turn the vehicle against one another" in text
+    assert "surface" not in text

@@ -8,10 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from unit.flight.made_logs import mapped_log
+from unit.flown import maneuver
 
 from stoop.base.arrays import FloatArray
 from stoop.base.rotations import euler_angles, quaternions_of
-from stoop.base.variables import VARIABLES
 from stoop.flight import Flight, load
 from stoop.flight.apply_mapping import apply_mapping
 from stoop.flight.gridding import Channels
@@ -20,7 +21,6 @@ from stoop.flight.mapping_draft import draft_of
 from stoop.flight.pose import motion, without_jumps
 from stoop.logs import Recording, Stream
 from stoop.simulation.fly import simulate_flight
-from stoop.simulation.maneuver import parse_maneuver
 from stoop.vehicle.builtin import resolve_vehicle
 
 RATE = 100.0
@@ -39,13 +39,7 @@ POSE = {
 
 
 def recorded(folder: Path, columns: dict[str, FloatArray]) -> Flight:
-    rows = np.column_stack([TIME, *columns.values()])
-    np.savetxt(folder / "room.csv", rows, delimiter=",", header="t," + ",".join(columns), comments="")
-    lines = [f'{n} = {{ column = "{n}", unit = "{VARIABLES[n].unit}" }}' for n in columns]
-    (folder / "room.csv.toml").write_text(
-        '[time]\ncolumn = "t"\nunit = "s"\n[variables]\n' + "\n".join(lines) + "\n", encoding="utf-8"
-    )
-    return load(folder / "room.csv")
+    return load(mapped_log(folder / "room.csv", {"t": TIME, **columns}))
 
 
 def test_a_turn_has_the_motion_of_its_closed_form(tmp_path: Path) -> None:
@@ -103,27 +97,18 @@ def test_a_receiver_that_is_held_in_fast_rows_does_not_jump(tmp_path: Path, seco
     columns = {n: x + 0.002 * noisy.standard_normal(len(x)) for n, x in POSE.items()}
     assert without_jumps(Channels("room", TIME, columns))[1] == []
     columns |= {n: columns[n][held] for n in ("pn", "pe", "pd")}
-    flight = recorded(tmp_path, columns)
-    assert "pose-jumps" not in [n.code for n in flight.notices]
-    assert np.isfinite(flight.column("phi")).all()
-
-
-def test_a_position_that_an_estimator_resets_beside_accelerometers_stays(tmp_path: Path) -> None:
-    columns = POSE | {"az": np.full(len(TIME), -12.0)}
-    columns["pn"] = columns["pn"] + 3.0 * (TIME > 2.0)
-    flight = recorded(tmp_path, columns)
-    assert "pose-jumps" not in [n.code for n in flight.notices]
-    assert np.isfinite(flight.column("phi")).all()
-
-
-STEPS = '[[input]]\ncontrol = "{}"\nshape = "doublet"\nstart = {}\nstep = 2.0\namplitude = 3.0\n'
+    reset = POSE | {"az": np.full(len(TIME), -12.0), "pn": POSE["pn"] + 3.0 * (TIME > 2.0)}
+    for shown in (columns, reset):  # an estimator may reset its position beside accelerometers
+        flight = recorded(tmp_path, shown)
+        assert "pose-jumps" not in [n.code for n in flight.notices]
+        assert np.isfinite(flight.column("phi")).all()
 
 
 def test_a_pose_in_a_bag_of_ros_comes_out_north_east_down() -> None:
     """A draft takes the axes of ROS, forward-left-up and east-north-up, unless what it shows speaks against them."""
     frames = {"body frame": "flu", "world frame": "enu"}
     enu, flu = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]]), np.diag([1.0, -1.0, -1.0])
-    steps = parse_maneuver("duration = 15.0\n" + STEPS.format("north", 1) + STEPS.format("east", 7), "m.toml")
+    steps = maneuver(15.0, ("north", "doublet", 1, 2.0, 3), ("east", "doublet", 7, 2.0, 3), rate=100.0)
     flown = simulate_flight(resolve_vehicle("quad-x"), steps, seed=1, name="f")
     attitude = Rotation.from_euler("ZYX", np.column_stack([flown.column(n) for n in ("psi", "theta", "phi")]))
     motors = {f"data[{i}]": flown.column(f"motor_{i + 1}") for i in range(4)}

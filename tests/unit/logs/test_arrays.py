@@ -131,7 +131,7 @@ def test_parquet(files: dict[str, Path]) -> None:
 
 def test_the_child_hands_back_the_same(files: dict[str, Path]) -> None:
     (files["old.mat"].parent / "old.nc.toml").touch()  # without one it is taken for a flight of stoop
-    for name in ("old.mat", "a.parquet"):
+    for name in ("old.mat", "old.nc", "a.parquet"):
         mine, theirs = parse(WRITERS[name][1], files[name]), read(files[name])
         for kind in ("format", "defects", "units", "info"):
             assert getattr(mine, kind) == getattr(theirs, kind)
