@@ -16,16 +16,10 @@ from stoop.flight.mapping import flight_mapping
 from stoop.logs import Recording, Stream
 
 T = np.arange(300) * 0.02
-LOG = Recording(
-    Path("log"),
-    "mat",
-    {
-        "a": Stream(T, {"x": np.sin(T), "y": np.full(300, np.inf), "z": np.full(300, np.nan), "t": T * 1e3}),
-        "b/1": Stream(T + 5.0, {"x": 1e300 * np.cos(T), "y": 0.0 * T, "t": -T}),
-    },
-)
-
-
+STREAMS = {
+    "a": Stream(T, {"x": np.sin(T), "y": np.full(300, np.inf), "z": np.full(300, np.nan), "t": T * 1e3}),
+    "b/1": Stream(T + 5.0, {"x": 1e300 * np.cos(T), "y": 0.0 * T, "t": -T}),
+}
 SOME = st.sampled_from(["p", "q", "phi", "vn", "ve", "vd", "az", "pwm_1", "pwm_2"])
 
 
@@ -42,10 +36,9 @@ def test_nearly_right(names: list[str], data: st.DataObject) -> None:
     if "pwm_1" in names:
         point = st.tuples(st.floats(-1e9, 1e9), st.floats(-2, 2)).map(list)
         degree = data.draw(st.fixed_dictionaries({}, optional={"degree": st.integers(0, 4)}))
-        content["calibration"] = {
-            "pwm_1": {"points": data.draw(st.lists(point, min_size=1, max_size=5)), **degree}
-        }
+        points = data.draw(st.lists(point, min_size=1, max_size=5))
+        content["calibration"] = {"pwm_1": {"points": points, **degree}}
         content["surface"] = {"elevator": {"from": {"pwm_1": 1.0}}}
     content["align"] = data.draw(st.sampled_from([{}, {"b/1": {"with": "a", "drift": True}}]))
     with suppress(StoopError):
-        apply_mapping(flight_mapping("m.toml", content), LOG)
+        apply_mapping(flight_mapping("m.toml", content), Recording(Path("log"), "mat", STREAMS))

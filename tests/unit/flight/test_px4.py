@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from stoop.base.arrays import FloatArray
-from stoop.base.notices import Notice
-from stoop.flight import apply_mapping
+from stoop.flight.apply_mapping import Mapped, apply_mapping
 from stoop.flight.mapping import ready
 from stoop.logs import Recording, Stream
 
@@ -19,21 +18,12 @@ def stream(rate: float, *names: str, **columns: FloatArray) -> Stream:
     return Stream(time, {**{name: np.full(time.size, float(k)) for k, name in enumerate(names)}, **columns})
 
 
-def notices(recording: Recording) -> list[Notice]:
-    return apply_mapping.apply_mapping(ready("px4"), recording).notices
-
-
-def sample_time(published: FloatArray, stamps: FloatArray) -> FloatArray:
-    """Return the clock of gyros that were published with stamps [us] of their samples."""
-    columns = {**dict.fromkeys(GYRO, 0.0 * published), "timestamp_sample": stamps}
-    log = Recording(Path("log"), "px4-csv", {"vehicle_angular_velocity": Stream(published, columns)})
-    (group,) = apply_mapping.apply_mapping(ready("px4"), log).channels
-    return group.time
+def mapped(streams: dict[str, Stream]) -> Mapped:
+    return apply_mapping(ready("px4"), Recording(Path("log"), "ulog", streams))
 
 
 def named(**streams: Stream) -> dict[str, tuple[str, FloatArray]]:
-    channels = apply_mapping.apply_mapping(ready("px4"), Recording(Path("log"), "px4-csv", streams)).channels
-    return {name: (group.source, x) for group in channels for name, x in group.values.items()}
+    return {name: (one.source, x) for one in mapped(streams).channels for name, x in one.values.items()}
 
 
 GYRO = ("xyz[0]", "xyz[1]", "xyz[2]")
@@ -80,13 +70,12 @@ def test_a_source_without_a_value_supplies_nothing() -> None:
 
 
 def test_altitude_counts_from_the_sea() -> None:
-    size = stream(10).time.size
-    position = stream(10, z=np.full(size, -20.0), ref_alt=np.full(size, 86.0))
-    assert np.array_equal(named(vehicle_local_position=position)["altitude"][1], np.full(size, 106.0))
     barometer = stream(20, baro_alt_meter=np.full(80, 33.0))
     assert named(vehicle_air_data=barometer)["altitude"][1][0] == 33.0
-    lost = stream(10, z=np.full(size, -20.0), ref_alt=np.full(size, np.nan))
-    assert named(vehicle_local_position=lost, vehicle_air_data=barometer)["altitude"][1][0] == 33.0
+    for sea, altitude in ((86.0, 106.0), (np.nan, 33.0)):
+        position = stream(10, z=np.full(40, -20.0), ref_alt=np.full(40, sea))
+        found = named(vehicle_local_position=position, vehicle_air_data=barometer)["altitude"][1]
+        assert (found == altitude).all()
 
 
 def test_pulses_of_the_instance_that_moves_most() -> None:
@@ -98,13 +87,12 @@ def test_pulses_of_the_instance_that_moves_most() -> None:
     idle = Stream(t, {"output[0]": np.zeros(t.size)})
     streams = {"actuator_outputs": still, "actuator_outputs/1": moved, "actuator_outputs/2": idle}
     found = named(**streams)
-    assert set(found) == {"pwm_1"}
-    assert found["pwm_1"][0] == "actuator_outputs/1"
-    (left,) = notices(Recording(Path("log"), "ulog", streams))
+    assert {name: source for name, (source, _) in found.items()} == {"pwm_1": "actuator_outputs/1"}
+    (left,) = mapped(streams).notices
     assert (left.code, left.subject) == ("instance-left-out", "actuator_outputs")
     assert named(**{"actuator_outputs/1": moved}).keys() == {"pwm_1"}
-    assert notices(Recording(Path("log"), "ulog", {"actuator_outputs/1": moved})) == []
-    assert notices(Recording(Path("log"), "ulog", {"actuator_outputs": idle})) == []
+    for alone in ({"actuator_outputs/1": moved}, {"actuator_outputs": idle}):
+        assert mapped(alone).notices == []
 
 
 def test_actuators_without_pulses() -> None:
@@ -126,6 +114,11 @@ def test_commands_of_either_generation() -> None:
 
 def test_the_stamp_of_the_sample_counts_where_it_can_be_believed() -> None:
     published = np.arange(1.0, 2.0, 0.01)
-    np.testing.assert_allclose(sample_time(published, (published - 0.02) * 1e6), published - 0.02)
+
+    def clock(stamps: FloatArray) -> FloatArray:
+        columns = {**dict.fromkeys(GYRO, 0.0 * published), "timestamp_sample": stamps}
+        return mapped({"vehicle_angular_velocity": Stream(published, columns)}).channels[0].time
+
+    np.testing.assert_allclose(clock((published - 0.02) * 1e6), published - 0.02)
     for nonsense in (np.zeros(100), np.full(100, 1e6), (published + 0.1) * 1e6, (published - 3.0) * 1e6):
-        assert sample_time(published, nonsense) is published
+        assert clock(nonsense) is published

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
+from unit.flight.made_logs import mapped_log
 
 from stoop.base.arrays import FloatArray, IntArray
 from stoop.flight import load
@@ -44,8 +45,15 @@ def found(**columns: FloatArray) -> dict[str, Channels]:
     return {name: one for one in groups for name in one.values}
 
 
+def rounded(x: FloatArray, resolution: float) -> FloatArray:
+    return np.round(x / resolution) * resolution if resolution else x
+
+
+SEEDS = st.integers(0, 2**31)
+
+
 @given(
-    st.integers(0, 2**31),
+    SEEDS,
     st.sampled_from([2.0, 2.78, 5.0, 10.0, 50.0]),
     st.floats(0.0, 1.9),
     st.sampled_from([0.0, 1e-3, 1e-2]),
@@ -53,8 +61,7 @@ def found(**columns: FloatArray) -> dict[str, Channels]:
 def test_a_held_column_is_the_readings_themselves(
     seed: int, every: float, phase: float, resolution: float
 ) -> None:
-    rows, x = readings(every, phase), motion(seed, 0.1)
-    x = np.round(x / resolution) * resolution if resolution else x
+    rows, x = readings(every, phase), rounded(motion(seed, 0.1), resolution)
     fast = motion(seed + 1, 0.01)
     groups = found(vn=hold(x, rows), p=fast)
     np.testing.assert_array_equal(groups["p"].values["p"], fast)
@@ -68,7 +75,7 @@ def test_a_held_column_is_the_readings_themselves(
 
 @example(0, 1e-3, 0.0, 6.0)  # its curvature is that of two steps
 @given(
-    st.integers(0, 2**31),
+    SEEDS,
     st.sampled_from([1e-3, 0.05, 0.3, 1.0, 2.0]),
     st.sampled_from([0.0, 1e-3, 0.05, 0.5]),
     st.floats(2.0, 60.0),
@@ -90,9 +97,7 @@ def test_a_steady_climb_in_steps_of_a_meter_was_read_in_every_row() -> None:
 @given(st.integers(0, 2**31), st.sampled_from([3, 5, 10, 25]), st.sampled_from([0.0, 1e-4]))
 def test_an_interpolated_column_is_its_knots(seed: int, every: int, resolution: float) -> None:
     rows, x = np.arange(1, TIME.size - 1, every), motion(seed, 0.1)
-    line = np.interp(np.arange(TIME.size), rows, x[rows])
-    line = np.round(line / resolution) * resolution if resolution else line
-    own = found(vn=line)["vn"]
+    own = found(vn=rounded(np.interp(np.arange(TIME.size), rows, x[rows]), resolution))["vn"]
     assert own.rate == pytest.approx(RATE / every, rel=0.01)
     at = np.searchsorted(TIME, own.time)
     assert np.isin(at, rows).all()
@@ -121,21 +126,15 @@ def test_commands_and_parts_of_an_attitude_stay_as_they_are() -> None:
 
 def test_a_table_with_a_held_receiver_is_laid_on_the_grid_of_its_fast_sensors(tmp_path: Path) -> None:
     """The reading lies between rows of the table no more: between its own it is interpolated smoothly."""
-    truth, units = motion(4, 0.0), {"p": "rad/s", "vn": "m/s", "V": "m/s"}
+    truth = motion(4, 0.0)
     columns = {
         "p": motion(5, 0.01) / 10.0,
         "vn": hold(truth, readings(5.0, 0.0)),
         "V": motion(6, 0.05) + 20.0,
     }
-    rows, head = np.column_stack([TIME, *columns.values()]), ",".join(["time", *columns])
-    np.savetxt(tmp_path / "log.csv", rows, "%.17g", ",", header=head, comments="")
-    lines = [f'{name} = {{column = "{name}", unit = "{unit}"}}\n' for name, unit in units.items()]
-    text = '[time]\ncolumn = "time"\nunit = "s"\n[variables]\n' + "".join(lines)
-    (tmp_path / "log.csv.toml").write_text(text)
-    flight = load(tmp_path / "log.csv")
-    assert flight.rate == RATE
+    flight = load(mapped_log(tmp_path / "log.csv", {"t": TIME, **columns}))
+    assert flight.rate == RATE == pytest.approx(flight.sources["p"].rate)
     assert flight.sources["vn"].rate == pytest.approx(10.0)
-    assert flight.sources["p"].rate == pytest.approx(RATE)
     at, inside = np.searchsorted(TIME, flight.time), slice(10, -10)
     np.testing.assert_allclose(flight.column("vn")[inside], truth[at][inside], atol=5e-3)
     assert [n.code for n in flight.notices].count("readings-repeated") == 1

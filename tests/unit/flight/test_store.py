@@ -25,24 +25,32 @@ def flight(values: FloatArray) -> Flight:
     return from_columns("f", time, {"p": values, "pwm_3": -values}, notices=NOTICES)
 
 
-def assert_same(a: Flight, b: Flight) -> None:
-    assert a.data.identical(b.data)
-    assert (a.rate, a.notices, a.faults, a.air) == (b.rate, b.notices, b.faults, b.air)
-    assert repr(dict(a.sources)) == repr(dict(b.sources))  # NaN is not equal to itself
+def opened(path: Path) -> Any:
+    """Open a file by xarray."""
+    import xarray as xr
+
+    return xr.open_dataset(path, engine="scipy", decode_timedelta=False)
 
 
 def test_there_and_back_bit_for_bit(tmp_path: Path) -> None:
     """Also beyond what a log may hold: the filter of the grid goes there, and columns may be set by hand."""
-    path, rng = tmp_path / "g.nc", np.random.default_rng(0)
-    ordinary = (*([x, -x] for x in (0.0, 1e6, 5e-324)), [1.0, np.nan, 2.0], rng.normal(size=30))
+    path = tmp_path / "g.nc"
+    ordinary = (
+        *([x, -x] for x in (0.0, 1e6, 5e-324)),
+        [1.0, np.nan, 2.0],
+        np.random.default_rng(0).normal(size=30),
+    )
     for values in (*ordinary, *(np.linspace(0.9e9, large, 30) for large in (1.0000001e9, -3e9, 1e12, 1e29))):
         there = flight(np.zeros(len(values)))
-        data = there.data.assign(p=("time", np.array(values), there.data["p"].attrs))
-        there = replace(there, data=data)
+        p = ("time", np.array(values), there.data["p"].attrs)
+        there = replace(there, data=there.data.assign(p=p))
         save(there, path)
         back = load(path, rate=50.0)
         assert (back.name, back.path, back.rate) == ("g", path, 100.0)
-        assert_same(there, back)
+        assert there.data.identical(back.data)
+        assert (there.rate, there.notices, there.faults, there.air) == (100.0, NOTICES, back.faults, back.air)
+        assert back.notices == NOTICES
+        assert repr(dict(there.sources)) == repr(dict(back.sources))  # NaN is not equal to itself
     assert [p.name for p in tmp_path.iterdir()] == ["g.nc"]
     with pytest.raises(OutputError, match="cannot be written"):
         save(there, tmp_path / "no" / "g.nc")
@@ -70,13 +78,6 @@ def test_air_data_and_faults_come_back(tmp_path: Path) -> None:
     assert np.isnan(back.air.pitot_scale)
     for name, trace in traces.items():
         np.testing.assert_array_equal(back.air.traces[name], trace)
-
-
-def opened(path: Path) -> Any:
-    """Open a file by xarray."""
-    import xarray as xr
-
-    return xr.open_dataset(path, engine="scipy", decode_timedelta=False)
 
 
 def test_sentences_of_older_files_come_back(tmp_path: Path) -> None:
