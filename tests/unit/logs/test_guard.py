@@ -38,15 +38,6 @@ def test_how_a_child_ends_is_one_line(log: Path, tmp_path: Path, monkeypatch: py
         read_in_child(READER, log)
 
 
-@pytest.mark.xfail(
-    strict=False, reason="where SciPy cannot be imported in so little memory, the file is called damaged"
-)
-def test_a_child_without_room_says_so(log: Path) -> None:
-    with pytest.raises(LogError) as caught:
-        read_in_child(READER, log, limits=Limits(memory=2**26))
-    assert "memory" in str(caught.value).removeprefix(str(log))
-
-
 def test_errors_come_back_with_the_name_that_was_given(log: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(LogError, match="os:remove is no format"):  # only readers are called
         read_in_child("os:remove", log)
@@ -59,9 +50,7 @@ def test_errors_come_back_with_the_name_that_was_given(log: Path, monkeypatch: p
 def test_a_package_that_is_missing(log: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(importlib.util, "find_spec", lambda _: None)
     assert read_guarded("matlab", log).streams  # of version 5: SciPy reads it
-    with pytest.raises(
-        LogError, match=r"needs the package rosbags; pip install '\.\[ros\]' in a clone of stoop$"
-    ):
+    with pytest.raises(LogError, match=r"needs the package rosbags; pip install '\.\[ros\]' in a clone"):
         read_guarded("rosbag", log)
 
 
@@ -80,8 +69,7 @@ def test_pickled_arrays_are_refused(tmp_path: Path) -> None:
 
 #: a matrix of doubles whose list of dimensions is empty: SciPy 1.17 reads beyond it and the process dies
 DEADLY = b"MATLAB 5.0 MAT-file".ljust(124) + bytes.fromhex(
-    "0001494d0e0000003800000000000000000000000600000000000000050000000000000001000000010000000000000000000000"
-    "0000000000000000"
+    f"0001494d0e00000038{'00' * 11}0600000000000000050000000000000001000000010000000000000000000000{'00' * 8}"
 )
 MAPPING = '[variables]\np = { column = "p", unit = "rad/s" }\n'
 CALLS = """
@@ -123,8 +111,6 @@ def test_readers_that_end_in_a_library_are_called_by_the_child_only() -> None:
     guarded = {form.reader for form in FORMATS.values() if form.name}
     assert {reader.partition(":")[0] for reader in guarded} == {"matlab", "parquet", "netcdf", "rosbag"}
     functions = {reader.partition(":")[2] for reader in guarded}
-    used = re.compile(
-        rf"(?<!def )(?<!:)\b({'|'.join(functions)})\b(?!\")"
-    )  # neither defined nor in the table
+    used = re.compile(rf"(?<!def )(?<!:)\b({'|'.join(functions)})\b(?!\")")  # not defined, nor in the table
     for path in Path(guard.__file__).parents[1].rglob("*.py"):
         assert not used.search(path.read_text()), path

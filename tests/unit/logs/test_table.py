@@ -36,10 +36,10 @@ def write(folder: Path, mapping: str = GOOD, log: str = LOG) -> tuple[Path, Path
     return log_path, map_path
 
 
-def mapped(
-    log: Path, mapping: Path | None = None
-) -> tuple[Recording, dict[str, tuple[FloatArray, FloatArray]]]:
-    """Return the recording, and time and values of each variable."""
+Signals = dict[str, tuple[FloatArray, FloatArray]]
+
+
+def mapped(log: Path, mapping: Path | None = None) -> tuple[Recording, Signals]:
     recording, found = read_mapped(log, mapping)
     assert found is not None
     return recording, {n: (group.time, x) for group in found.channels for n, x in group.values.items()}
@@ -81,20 +81,12 @@ def test_each_mistake_in_a_mapping_is_named(tmp_path: Path) -> None:
     for old, new, words in (
         ("scale = -1.0", 'scale = "x"', r"variables\.az\.scale"),
         ("scale = -1.0", "scale = nan", r"variables\.az\.scale"),
-        (
-            '{column = "T", unit = "K", offset = 273.15}',
-            '"T"',
-            r"variables\.temperature: this must be a table",
-        ),
+        ('{column = "T", unit = "K", offset = 273.15}', '"T"', r"variables\.temperature: this must be a table"),
         (', unit = "deg/s"', "", r"variables\.p\.unit: missing"),
         ('"roll rate", ', '"roll rate", file = "g.csv", ', "g.csv"),
         ("[time]", "[time", "not valid TOML"),
-        (
-            "[variables]",
-            '[variables]\npwm_1 = {column = "acc", unit = "deg"}',
-            "is unknown; choose from pwm, us, ms, s",
-        ),
-    ):
+        ("[variables]", '[variables]\npwm_1 = {column = "acc", unit = "deg"}', "is unknown; choose from pwm, us, ms, s"),
+    ):  # fmt: skip
         assert old in GOOD
         with pytest.raises(LogError, match=words) as caught:
             mapped(*write(tmp_path, GOOD.replace(old, new, 1)))

@@ -59,9 +59,8 @@ def everything() -> bytes:
     log = HEAD + flags(1) + b"".join(ulog_message("F", f) for f in FORMATS)
     log += keyed("I", "char[4] sys_name", b"PX4!") + keyed("I", "uint32_t ver", struct.pack("<I", 7))
     log += keyed("M", "char[5] boot", b"first", b"\0") + keyed("M", "char[6] boot", b"second", b"\x01")
-    log += keyed("P", "float GAIN", struct.pack("<f", 0.5)) + keyed(
-        "P", "int32_t MODE", struct.pack("<i", -3)
-    )
+    log += keyed("P", "float GAIN", struct.pack("<f", 0.5))
+    log += keyed("P", "int32_t MODE", struct.pack("<i", -3))
     log += keyed("Q", "float GAIN", struct.pack("<f", 0.25), b"\x03")
     log += add(3, "pack") + add(4, "plain") + add(5, "plain", 2)
     for i in range(30):
@@ -174,27 +173,6 @@ def test_rows_of_a_topic_without_format_are_counted(tmp_path: Path) -> None:
     assert corrupt.message == "4 rows skipped of topics that the log does not define"
 
 
-def test_changed_and_repeated_bytes(tmp_path: Path) -> None:
-    whole, rng, path = small(), np.random.default_rng(2), tmp_path / "a.ulg"
-    first = whole.index(b"ready") + 5
-    for place in rng.integers(first, len(whole), size=60):  # each costs a row or two
-        content = bytearray(whole)
-        content[place] ^= 1 << int(rng.integers(8))
-        assert sum(s.time.size for s in recorded(tmp_path, bytes(content)).streams.values()) >= 68
-    for unit in (
-        b"\x0a\x00D",
-        b"\x04\x00A\0\0\0z",
-        b"\x09\x00L0" + bytes(8),
-        b"\xff\xffI",
-    ):  # the same header again
-        found = recorded(tmp_path, whole[:-5] + unit * 30_000)
-        assert sum(s.time.size for s in found.streams.values()) >= 60
-    path.write_bytes(whole)
-    with path.open("rb") as file:  # a file that shrinks while it is read
-        assert sum(rows.count for rows in reader.scan(file, 10 * len(whole), None).streams) == 70
-    assert [d.kind for d in recorded(tmp_path, whole[:-2]).defects] == ["truncated"]
-
-
 @pytest.mark.parametrize("damage", [b"\xff" * 7, b"\0" * 5000, bytes(range(256)) * 20])
 def test_damage_costs_what_it_covers(tmp_path: Path, damage: bytes) -> None:
     log, one = everything(), row(4, "Qd", 1, 1.0)
@@ -203,10 +181,7 @@ def test_damage_costs_what_it_covers(tmp_path: Path, damage: bytes) -> None:
     assert ours.streams["plain"].time.size == 30
     assert ours.info["messages"].startswith("2.005 s")
     corrupt = next(d for d in ours.defects if d.kind == "corrupt")
-    assert (corrupt.place, corrupt.message) == (
-        f"a.ulg, byte {at}",
-        f"{len(damage)} damaged bytes were skipped",
-    )
+    assert str(corrupt) == f"a.ulg, byte {at}: {len(damage)} damaged bytes were skipped"
     hit = recorded(tmp_path, log[: at - len(one)] + damage + log[at - len(one) + 9 :])
     assert 28 <= hit.streams["plain"].time.size + hit.streams["plain/2"].time.size - 30 <= 30
     wrong = bytearray(log)
@@ -219,9 +194,8 @@ def long_log() -> bytes:
     time = 1.0 + np.arange(6000) / 400.0
     gyro = Topic("gyro", time, {f"xyz[{i}]": (time * (i + 1)).astype("f4") for i in range(3)})
     mode = Topic("mode", time[::10], {"n": np.arange(600, dtype="u1"), "on": np.ones(600, dtype=bool)}, 1)
-    log = bytearray(
-        ulog_definitions([gyro, mode], {"A": 1, "B": 0.5}, {"sys_name": "PX4"}) + ulog_rows([gyro, mode])[0]
-    )
+    head = ulog_definitions([gyro, mode], {"A": 1, "B": 0.5}, {"sys_name": "PX4"})
+    log = bytearray(head + ulog_rows([gyro, mode])[0])
     rng = np.random.default_rng(3)
     for at in rng.integers(2000, len(log), size=40):
         log[at] ^= 0xFF
@@ -265,27 +239,6 @@ def test_small_logs_are_read_without_numba(tmp_path: Path) -> None:
     code = "import pathlib, stoop.logs, sys; stoop.logs.read(pathlib.Path(sys.argv[1])); print('numba' in sys.modules)"
     command = [sys.executable, "-c", code, str(tmp_path / "a.ulg")]
     assert subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip() == "False"
-
-
-def test_what_is_written_is_read_by_both(tmp_path: Path) -> None:
-    rng = np.random.default_rng(7)
-    time = 5.0 + np.cumsum(rng.integers(1, 9, 200)) * 1e-3
-    types = ("i1", "u1", "i2", "u2", "i4", "u4", "i8", "u8", "f4", "f8")
-    wide = {f"v{i}": rng.integers(0, 100, 200).astype(kind) for i, kind in enumerate(types)}
-    topics = [
-        Topic("wide", time, {**wide, "q[0]": wide["v8"], "q[1]": wide["v8"], "odd[3]": wide["v9"]}),
-        Topic("wide", time[::3] + 1e-6, {**{k: x[::3] for k, x in wide.items()}, "q[0]": wide["v8"][::3],
-              "q[1]": wide["v8"][::3], "odd[3]": wide["v9"][::3]}, 1),
-        Topic("flag", time[:5], {"on": np.array([True, False, True, True, False])}),
-    ]  # fmt: skip
-    path = tmp_path / "w.ulg"
-    path.write_bytes(ulog(topics, {"N": 4, "X": 0.1}, {"sys_name": "PX4", "n": 3}, [(5.0, "ERROR", "ouch")]))
-    ours = read(path)
-    same_rows(ours, path)
-    assert ours.defects == ()
-    assert (ours.parameters["N"], ours.parameters["X"]) == (4.0, pytest.approx(0.1, rel=1e-7))
-    assert ours.info == {"sys_name": "PX4", "n": "3", "messages": "5.000 s [ERROR] ouch"}
-    np.testing.assert_array_equal(ours.streams["flag"].columns["on"], [1, 0, 1, 1, 0])
 
 
 def test_formats_that_no_message_can_hold(tmp_path: Path) -> None:
