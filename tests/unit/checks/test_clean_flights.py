@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from unit.flown import maneuver
 
 from stoop import check
 from stoop.base.variables import VARIABLES
 from stoop.checks.entries import Line
 from stoop.checks.mapping import check_mapping
 from stoop.simulation.fly import simulate_flight
-from stoop.simulation.maneuver import parse_maneuver
 from stoop.vehicle import parse_vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 
@@ -34,27 +34,18 @@ def accused(seed: int) -> list[str]:
     text, duration = resolve_vehicle(name).text, float(rng.choice([14, 30, 60]))
     if rng.random() < 0.5 and "[turbulence]" not in text:
         gusts = f"= {{ intensity = {rng.uniform(0.3, 1.5):.2f}, length = 30.0 }}\n"
-        text += f"\n[turbulence]\nairspeed = {35.0 if winged else 5.0}\n" + "".join(
-            f"{axis} {gusts}" for axis in "uvw"
-        )
-    wind = f"wind = [{rng.uniform(-4, 4):.2f}, {rng.uniform(-4, 4):.2f}, 0.0]"
-    lines = [f"duration = {duration}", "rate = 100.0", wind]
-    lines += [f"airspeed = {rng.uniform(30, 40):.1f}"] if winged else []
+        text += f"\n[turbulence]\nairspeed = {35.0 if winged else 5.0}\nu {gusts}v {gusts}w {gusts}"
+    more = {"wind": [*rng.uniform(-4, 4, 2).round(2), 0.0]}
+    more |= {"airspeed": round(rng.uniform(30, 40), 1)} if winged else {}
+    inputs = []
     for control, size, step in WINGS if winged else ROTORS:
         if rng.random() < 0.7:
-            lines += [
-                "[[input]]",
-                f'control = "{control}"',
-                f'shape = "{rng.choice(["doublet", "3-2-1-1"])}"',
-            ]
-            lines += [
-                f"start = {rng.uniform(1.0, duration - 6.0):.2f}",
-                f"step = {step * rng.uniform(0.7, 1.4):.3f}",
-            ]
-            lines += [f"amplitude = {size * rng.uniform(-1.0, 1.0):.4f}"]
-    maneuver = parse_maneuver("\n".join(lines), "m")
-    flight = simulate_flight(parse_vehicle(text, name), maneuver, seed=seed, name="sim")
-    data = {str(channel): flight.column(str(channel)) for channel in flight.data.data_vars}
+            shape, start = rng.choice(["doublet", "3-2-1-1"]), round(rng.uniform(1.0, duration - 6.0), 2)
+            step = round(step * rng.uniform(0.7, 1.4), 3)
+            inputs.append((control, str(shape), start, step, round(size * rng.uniform(-1.0, 1.0), 4)))
+    flown = maneuver(duration, *inputs, rate=100.0, **more)
+    flight = simulate_flight(parse_vehicle(text, name), flown, seed=seed, name="sim")
+    data = {channel: flight.column(channel) for channel in flight.channels}
     signals = {channel: (flight.time, x) for channel, x in data.items()}
     judged = check_mapping(signals, data, flight.rate, OWN)
     return [str(one) for one in (*judged.refused, *judged.notices, *check(flight, resolve_vehicle(name)))]

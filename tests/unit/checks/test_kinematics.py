@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from unit.checks.test_clean_flights import OWN
+from unit.flight.made_logs import body_rates
 
 from stoop.base.arrays import FloatArray
 from stoop.base.notices import Notice
@@ -11,10 +13,8 @@ from stoop.base.rotations import quaternions_of, to_body
 from stoop.base.units import FACTORS
 from stoop.base.variables import EULER, POSITION, QUATERNION, RATES, SPECIFIC_FORCE, VELOCITY
 from stoop.checks.engine import search
-from stoop.checks.entries import Line
 from stoop.checks.kinematics import check_rates
 from stoop.checks.mapping import Model, check_mapping
-from stoop.flight import VARIABLES
 
 RATE, GRAVITY = 100.0, 9.80665
 TIME = np.arange(3000) / RATE
@@ -34,13 +34,7 @@ def flown(seed: int, much: float = 1.0) -> dict[str, FloatArray]:
     angles = np.column_stack([doublet(2.0, 0.4), doublet(6.0, 0.4), doublet(14.0, 0.8)]) * much
     speed = np.column_stack([doublet(14.0, 4.0), doublet(18.0, 4.0), doublet(22.0, 3.0)]) * much
     place = np.cumsum(speed, axis=0) / RATE
-    phi, theta, _ = angles.T
-    dphi, dtheta, dpsi = np.gradient(angles, TIME, axis=0).T
-    rates = np.column_stack([
-        dphi - dpsi * np.sin(theta),
-        dtheta * np.cos(phi) + dpsi * np.sin(phi) * np.cos(theta),
-        dpsi * np.cos(phi) * np.cos(theta) - dtheta * np.sin(phi),
-    ])  # fmt: skip
+    rates = np.column_stack(body_rates(*angles.T[:2], *np.gradient(angles, TIME, axis=0).T))
     force = to_body(quaternions_of(angles), np.gradient(speed, TIME, axis=0) - [0.0, 0.0, GRAVITY])
     columns = (rates, angles, force, speed, place, 100.0 - place[:, 2:])
     noisy = {
@@ -54,9 +48,6 @@ def flown(seed: int, much: float = 1.0) -> dict[str, FloatArray]:
 def with_quaternion(data: dict[str, FloatArray]) -> dict[str, FloatArray]:
     angles = np.column_stack([data[name] for name in GROUPS[1]])
     return {**data, **dict(zip(QUATERNION, quaternions_of(angles).T, strict=True))}
-
-
-OWN = {name: Line("M.toml", f"variables.{name}", VARIABLES[name].unit) for name in VARIABLES}
 
 
 def told(data: dict[str, FloatArray]) -> list[list[tuple[str, ...]]]:
@@ -104,12 +95,10 @@ def test_wrong_lines_are_told(case: str) -> None:
 @pytest.mark.parametrize("unit", ["km/h", "kt", "ft/s", "cm/s"])
 def test_a_unit_of_the_velocity(unit: str) -> None:
     data = flown(2)
-    names = ("vn", "ve", "vd")
-    changed = {**data, **{name: data[name] / FACTORS[unit] for name in names}}
+    changed = {**data, **{name: data[name] / FACTORS[unit] for name in VELOCITY}}
     judged = check_mapping({name: (TIME, x) for name, x in changed.items()}, changed, RATE, OWN)
-    assert [(one.code, one.values["fix"]) for one in judged.notices] == [
-        ("mapping-unit", f'write unit = "{unit}"')
-    ]
+    (one,) = judged.notices
+    assert (one.code, one.values["fix"]) == ("mapping-unit", f'write unit = "{unit}"')
     np.testing.assert_allclose(judged.corrected(changed)["vn"], data["vn"], atol=1e-12)
 
 

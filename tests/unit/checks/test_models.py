@@ -16,11 +16,9 @@ from stoop.checks.controls import Controls
 from stoop.checks.engine import LIMITS as THRESHOLDS
 from stoop.checks.engine import Edit, Range, _largest, search
 
-LIFT = ("lift", "alpha", "az")
-
 
 def slope(alpha: np.ndarray, az: np.ndarray) -> float:
-    return float(Air({"alpha": alpha, "az": az}, LIMITS.rate)({}, None)[LIFT].value)
+    return float(Air({"alpha": alpha, "az": az}, LIMITS.rate)({}, None)["lift", "alpha", "az"].value)
 
 
 def test_the_slope_is_that_of_the_line_of_least_squares() -> None:
@@ -49,9 +47,8 @@ def test_flow_angles_that_no_force_follows_are_told(state: dict[str, tuple[str, 
     time = np.arange(600) / LIMITS.rate
     alpha, beta = 0.05 * np.sin(0.8 * time), 0.05 * np.sin(1.1 * time)
     readings = {"alpha": alpha, "beta": beta, "az": -9.8 - 60.0 * alpha, "ay": -20.0 * beta}
-    air = Air(
-        {n: x + 0.1 * rng.standard_normal(600) * n.startswith("a") for n, x in readings.items()}, LIMITS.rate
-    )
+    noisy = {n: x + 0.1 * rng.standard_normal(600) * n.startswith("a") for n, x in readings.items()}
+    air = Air(noisy, LIMITS.rate)
     right, wrong = (air(now, None)["flow", "beta", "ay"] for now in ({}, state))
     gained, clear = right.gain(wrong, THRESHOLDS, complete=True)
     assert clear
@@ -84,20 +81,18 @@ def flown() -> dict[str, FloatArray]:
     return {"q": y[:, 0] + 0.002 * noise[0], "az": -9.8 + y[:, 1] + 0.1 * noise[1]}
 
 
-@pytest.mark.parametrize("late", [-0.12, 0.0, 0.2, 0.4])
-def test_the_right_sign_explains_more_whatever_the_delay(late: float) -> None:
-    controls = Controls({**flown(), "elevator": commanded(TIME + late)}, RATE)
-    left = [controls({"elevator": ("elevator", s)}, None)["moment", "pitch"].left for s in (1.0, -1.0)]
-    assert left[0] @ left[0] < 0.6 * left[1] @ left[1]
-
-
-def test_the_aileron_is_positive_where_it_rolls_to_the_right() -> None:
+@pytest.mark.parametrize(
+    ("control", "late"), [*(("elevator", x) for x in (-0.12, 0.0, 0.2, 0.4)), ("aileron", 0.0)]
+)
+def test_the_right_sign_explains_more_whatever_the_delay(control: str, late: float) -> None:
+    """An aileron is positive where it rolls to the right."""
     p, u = np.zeros(TIME.size), commanded(TIME)
     for k in range(1, TIME.size):
         p[k] = p[k - 1] + (20.0 * u[k - 1] - 4.0 * p[k - 1]) / RATE
-    readings = {"p": p + 0.002 * np.random.default_rng(2).standard_normal(TIME.size), "aileron": u}
-    controls = Controls(readings, RATE)
-    left = [controls({"aileron": ("aileron", s)}, None)["moment", "roll"].left for s in (1.0, -1.0)]
+    rolling = {"p": p + 0.002 * np.random.default_rng(2).standard_normal(TIME.size)}
+    axis, readings = {"elevator": ("pitch", flown()), "aileron": ("roll", rolling)}[control]
+    controls = Controls({**readings, control: commanded(TIME + late)}, RATE)
+    left = [controls({control: (control, s)}, None)["moment", axis].left for s in (1.0, -1.0)]
     assert left[0] @ left[0] < 0.6 * left[1] @ left[1]
 
 

@@ -9,6 +9,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from unit.flown import Input, maneuver
 
 from stoop.base.notices import Notice
 from stoop.checks.motors import check_motors
@@ -16,29 +17,27 @@ from stoop.checks.rotors import _limited
 from stoop.flight import Flight, from_columns
 from stoop.problem.windows import whole
 from stoop.simulation.fly import simulate_flight
-from stoop.simulation.maneuver import parse_maneuver
 from stoop.simulation.rotors import channel_range
 from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 
-DOUBLETS = "".join(
-    f'[[input]]\ncontrol = "{axis}"\nshape = "3-2-1-1"\nstart = {start}\nstep = {step}\namplitude = {size}\n'
+INPUTS: tuple[Input, ...] = tuple(
+    (axis, "3-2-1-1", start, step, size)
     for axis, start, step, size in (("roll", 1, 0.15, 8), ("pitch", 4, 0.15, 8), ("yaw", 7, 0.4, 1.5))
 )
-HEAD = "duration = 14.0\nrate = 100.0\nwind = [2.0, -1.0, 0.0]\n"
-GUSTS = "\n[turbulence]\nairspeed = 5.0\n" + "".join(
-    f"{axis} = {{ intensity = 2.0, length = 20.0 }}\n" for axis in "uvw"
-)
+GUST = "= { intensity = 2.0, length = 20.0 }\n"
+GUSTS = f"\n[turbulence]\nairspeed = 5.0\nu {GUST}v {GUST}w {GUST}"
 NAMES = ("quad-x", "hexa-x", "octo-x", "quadplane")
 
 
-def flown(vehicle: Vehicle, inputs: str = DOUBLETS) -> Flight:
-    return simulate_flight(vehicle, parse_maneuver(HEAD + inputs, "m"), seed=1, name="sim")
+def flown(vehicle: Vehicle, *inputs: Input) -> Flight:
+    hover = maneuver(14.0, *inputs, rate=100.0, wind=[2.0, -1.0, 0.0])
+    return simulate_flight(vehicle, hover, seed=1, name="sim")
 
 
 @pytest.fixture(scope="module")
 def hexa() -> Flight:
-    return flown(resolve_vehicle("hexa-x"))
+    return flown(resolve_vehicle("hexa-x"), *INPUTS)
 
 
 def found(text: str, flight: Flight) -> list[Notice]:
@@ -51,11 +50,11 @@ def edited(rotor: str, pattern: str, new: str) -> str:
     return head + name + re.sub(pattern, new, rest, count=1)
 
 
-@pytest.mark.parametrize("inputs", [DOUBLETS, ""])
+@pytest.mark.parametrize("inputs", [INPUTS, ()])
 @pytest.mark.parametrize(("name", "gusts"), [*((n, "") for n in NAMES), ("quad-x", GUSTS), ("hexa-x", GUSTS)])
-def test_no_right_file_is_accused(name: str, gusts: str, inputs: str) -> None:
+def test_no_right_file_is_accused(name: str, gusts: str, inputs: tuple[Input, ...]) -> None:
     text = resolve_vehicle(name).text
-    assert found(text, flown(parse_vehicle(text + gusts, name), inputs)) == []
+    assert found(text, flown(parse_vehicle(text + gusts, name), *inputs)) == []
 
 
 def test_a_right_file_is_not_accused(hexa: Flight) -> None:
@@ -65,7 +64,7 @@ def test_a_right_file_is_not_accused(hexa: Flight) -> None:
     wrong = {"rotors.T2": 2.0, "rotors.lag": 0.4, "mass.inertia.xx": 2.0, "rotors.torque_ratio": 0.5}
     guess = right.with_numbers({n: {"value": right.value(n) * f} for n, f in wrong.items()})
     assert check_motors(guess, hexa, whole({"sim": hexa})) == []
-    calm = flown(right, "")
+    calm = flown(right)
     for text in (right.text, edited("m3", 'spin = "cw"', 'spin = "ccw"')):
         assert found(text, calm) == []
 
@@ -91,10 +90,9 @@ def test_exchanged_channels_are_named_with_the_lines_to_write(
 
 
 def test_one_spin_and_one_arm_are_named(hexa: Flight) -> None:
-    heave = '[[input]]\ncontrol = "heave"\nshape = "3-2-1-1"\nstart = 10.0\nstep = 0.4\namplitude = 3.0\n'
-    quad = resolve_vehicle("quad-x")
+    heave, quad = ("heave", "3-2-1-1", 10.0, 0.4, 3.0), resolve_vehicle("quad-x")
     turned = re.sub(r'spin = "c?cw"', 'spin = "cw"', quad.text, count=1)
-    (one,) = found(turned, flown(quad, DOUBLETS + heave))
+    (one,) = found(turned, flown(quad, *INPUTS, heave))
     assert (one.values["kind"], one.values["lines"], one.values["axis"]) == ("spin", ("rotor.m1",), "yaw")
     (one,) = found(edited("m4", r"\[-0\.238, 0\.1375", "[0.238, 0.1375"), hexa)
     assert (one.values["kind"], one.values["lines"]) == ("position", ("rotor.m4", "x"))
@@ -123,12 +121,9 @@ def test_without_rates_or_time_nothing_is_found(hexa: Flight) -> None:
 @pytest.mark.parametrize("name", ["quad-x", "hexa-x"])
 def test_commands_in_any_other_order_are_put_in_theirs_at_once(name: str) -> None:
     right = resolve_vehicle(name)
-    flight, channels = flown(right), sorted(rotor.channel for rotor in right.file.rotor.values())
-    rng = np.random.default_rng(0)
-    every = (
-        [*permutations(channels)][1:] if name == "quad-x" else [rng.permutation(channels) for _ in range(12)]
-    )
-    for order in every:
+    flight, channels = flown(right, *INPUTS), sorted(rotor.channel for rotor in right.file.rotor.values())
+    rng, every = np.random.default_rng(0), [*permutations(channels)][1:]
+    for order in every if name == "quad-x" else [rng.permutation(channels) for _ in range(12)]:
         taken = dict(zip(channels, order, strict=True))
         text = re.sub(r'(?<=channel = ")motor_\d', lambda m, taken=taken: str(taken[m[0]]), right.text)
         (one,) = found(text, flight)

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from unit.flight.made_logs import csv_log
 
 from stoop.base.arrays import FloatArray
 from stoop.errors import FlightError
@@ -27,10 +28,9 @@ def sound(tmp_path_factory: pytest.TempPathFactory) -> tuple[Columns, str]:
 
 def test_wrong_lines_are_named_and_drafts_correct_them(sound: tuple[Columns, str], tmp_path: Path) -> None:
     c, mapping = sound
-    negative = {n: -x for n, x in c.items()}
 
     def but(*names: str) -> Columns:
-        return {n: negative[n] for n in names}
+        return {n: -c[n] for n in names}
 
     for wrong, found, corrected in (
         ({}, set(), True),
@@ -42,19 +42,13 @@ def test_wrong_lines_are_named_and_drafts_correct_them(sound: tuple[Columns, str
         (but("y_n", "z_n", "pitch", "yaw"), {("mapping-frame", "theta")}, True),
         ({"roll": c["roll"] + 0.4 * (c["t"] > 35.0)}, {("pose-jumps", "log.csv")}, False),  # no line is wrong
     ):
-        written = write(tmp_path, c | wrong)
+        written = csv_log(tmp_path / "log.csv", c | wrong)
         for text, expected in ((mapping, found), (draft(written).text, set() if corrected else found)):
             assert warnings(written, text) == expected, (found, text)
-    degrees = write(tmp_path, c | {n: np.degrees(c[n]) for n in ("roll", "pitch", "yaw")})
+    degrees = csv_log(tmp_path / "log.csv", c | {n: np.degrees(c[n]) for n in ("roll", "pitch", "yaw")})
     with pytest.raises(FlightError, match='write unit = "deg"'):
         warnings(degrees, mapping)
     assert warnings(degrees, draft(degrees).text) == set()
-
-
-def write(folder: Path, columns: Columns) -> Path:
-    rows, head = np.column_stack([*columns.values()]), ",".join(columns)
-    np.savetxt(folder / "log.csv", rows, delimiter=",", header=head, comments="", fmt="%.7g")
-    return folder / "log.csv"
 
 
 def warnings(path: Path, mapping: str) -> set[tuple[str, str]]:

@@ -6,6 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from unit.checks.test_clean_flights import OWN
+from unit.flight.made_logs import body_rates, mapped_log
 
 from stoop.base.arrays import FloatArray
 from stoop.base.notices import Notice
@@ -18,45 +20,36 @@ from stoop.flight import Flight, load
 
 T = 0.01 * np.arange(3000)
 DEG = 180.0 / np.pi
-
-
-UNITS = {
-    "phi": "rad", "theta": "rad", "psi": "rad", "p": "rad/s", "q": "rad/s", "r": "rad/s", "ax": "m/s2", "ay": "m/s2",
-    "az": "m/s2", "voltage": "V",
-}  # fmt: skip
+FORCE = ("ax", "ay", "az")
 
 
 def motion() -> dict[str, np.ndarray]:
     """A vehicle that turns about all axes, in level flight."""
     phi, theta, psi = 0.4 * np.sin(1.7 * T), 0.3 * np.sin(2.3 * T), 0.5 * np.sin(1.1 * T)
-    dphi, dtheta, dpsi = (np.gradient(x, T) for x in (phi, theta, psi))
+    p, q, r = body_rates(phi, theta, *(np.gradient(x, T) for x in (phi, theta, psi)))
     return {
-        "phi": phi, "theta": theta, "psi": psi,
-        "p": dphi - dpsi * np.sin(theta),
-        "q": dtheta * np.cos(phi) + dpsi * np.sin(phi) * np.cos(theta),
-        "r": -dtheta * np.sin(phi) + dpsi * np.cos(phi) * np.cos(theta),
+        "phi": phi, "theta": theta, "psi": psi, "p": p, "q": q, "r": r,
         "ax": 9.8 * np.sin(theta), "ay": -9.8 * np.sin(phi), "az": -9.8 * np.cos(phi), "voltage": 12.0 + 0 * T,
     }  # fmt: skip
 
 
 def flight(folder: Path, **changed: np.ndarray) -> Flight:
-    columns = {**motion(), **changed}
-    rows, head = np.column_stack([T, *columns.values()]), ",".join(("t", *columns))
-    np.savetxt(folder / "f.csv", rows, delimiter=",", header=head, comments="")
-    lines = [f'{name} = {{column = "{name}", unit = "{unit}"}}' for name, unit in UNITS.items()]
-    (folder / "f.csv.toml").write_text('[time]\ncolumn = "t"\nunit = "s"\n[variables]\n' + "\n".join(lines))
-    return load(folder / "f.csv")
+    return load(mapped_log(folder / "f.csv", {"t": T, **motion(), **changed}))
 
 
 def test_a_sign_a_unit_and_exchanged_axes(tmp_path: Path) -> None:
     assert flight(tmp_path).faults == ()
-    m, force = motion(), {name: motion()[name] / 9.8 for name in ("ax", "ay", "az")}
+    m = motion()
     whole = 'p = {column = "q", unit = "rad/s"} and q = {column = "p", unit = "rad/s"} under [variables] in'
     for changed, variable, fix in (
         ({"p": -m["p"]}, "p", "write scale = -1 for variables.p in"),
         ({"az": -m["az"]}, "az", "write scale = -1 for variables.az in"),
         ({"voltage": 1e3 * m["voltage"]}, "voltage", 'write unit = "mV" for variables.voltage in'),
-        (force, "az", 'write unit = "g" for variables.ax, variables.ay and variables.az in'),
+        (
+            {name: m[name] / 9.8 for name in FORCE},
+            "az",
+            'write unit = "g" for variables.ax, variables.ay and variables.az in',
+        ),
         ({"p": m["q"], "q": m["p"]}, "p", f"write {whole}"),
     ):
         (fault,) = flight(tmp_path, **changed).faults
@@ -64,9 +57,8 @@ def test_a_sign_a_unit_and_exchanged_axes(tmp_path: Path) -> None:
         assert fix in fault.message
         assert fault.message.endswith("f.csv.toml")
     for name, unit in (("p", "deg/s"), ("phi", "deg")):
-        with pytest.raises(
-            FlightError, match=rf'write unit = "{unit}" for variables\.{name} in .*f\.csv\.toml'
-        ):
+        words = rf'write unit = "{unit}" for variables\.{name} in .*f\.csv\.toml'
+        with pytest.raises(FlightError, match=words):
             flight(tmp_path, **{name: np.degrees(m[name])})
 
 
@@ -77,12 +69,12 @@ def noticed(lines: Lines | None = None, **columns: np.ndarray | float) -> list[N
 
 def test_units_that_explain_a_size() -> None:
     sizes = {
-        "pressure": 1013.0,
-        "temperature": 15.0,
-        "rotor_1": 9000.0,
+        "pressure": 1013,
+        "temperature": 15,
+        "rotor_1": 9000,
         "pwm_1": 1.5e-3,
-        "motor_1": 55.0,
-        "density": 3.0,
+        "motor_1": 55,
+        "density": 3,
     }
     meant = {"pressure": "hPa", "temperature": "degC", "rotor_1": "rpm", "pwm_1": "s", "motor_1": "percent"}
     found = {one.subject: one for one in noticed({"motor_1": Line("m.toml", "variables.motor_1")}, **sizes)}
@@ -101,19 +93,15 @@ def test_units_that_explain_a_size() -> None:
 
 def noisy(folder: Path, units: str, **factors: float) -> list[str]:
     """Return what is told of a flight whose accelerometers are noisy and whose mapping says these units of them."""
-    rng = np.random.default_rng(0)
-    columns = motion()
-    for name in ("ax", "ay", "az"):
-        columns[name] = factors.get(name, 1.0) * (columns[name] + rng.normal(0.0, 0.1, T.size))
-    flight(folder, **columns)
+    rng, m = np.random.default_rng(0), motion()
+    flight(folder, **{n: factors.get(n, 1.0) * (m[n] + rng.normal(0.0, 0.1, T.size)) for n in FORCE})
     file = folder / "f.csv.toml"
     text = file.read_text()
-    for name, unit in zip(("ax", "ay", "az"), units.split(), strict=True):
+    for name, unit in zip(FORCE, units.split(), strict=True):
         text = text.replace(f'"{name}", unit = "m/s2"', f'"{name}", unit = "{unit}"')
     file.write_text(text)
-    return [
-        f.message.replace(str(file), "M") for f in load(folder / "f.csv").faults if f.kind == "wrong unit"
-    ]
+    found = load(folder / "f.csv").faults
+    return [f.message.replace(str(file), "M") for f in found if f.kind == "wrong unit"]
 
 
 def test_g_and_metres_per_second_squared_are_told_apart(tmp_path: Path) -> None:
@@ -132,11 +120,9 @@ def test_g_and_metres_per_second_squared_are_told_apart(tmp_path: Path) -> None:
 
 def test_a_heading_near_north_is_no_degree() -> None:
     """It jumps by a whole turn wherever it passes north, whichever way it turns."""
-    rng = np.random.default_rng(0)
-    values = motion()
     r = 0.02 * np.sin(9.0 * T)
-    heading = np.cumsum(r) * 0.01 + 2e-4 * rng.standard_normal(T.size)
-    values |= {"r": r, "psi": np.mod(heading, 2.0 * np.pi)}
+    heading = np.cumsum(r) * 0.01 + 2e-4 * np.random.default_rng(0).standard_normal(T.size)
+    values = motion() | {"r": r, "psi": np.mod(heading, 2.0 * np.pi)}
     sizes = Sizes({name: (T, x) for name, x in values.items()})
     assert sizes.growth({}, "psi", "r") == pytest.approx(1.0, rel=0.2)
 
@@ -145,7 +131,7 @@ def test_a_heading_near_north_is_no_degree() -> None:
 def test_a_rate_that_was_converted_twice_is_multiplied_back(unit: str, factor: float) -> None:
     values = {name: x for name, x in motion().items() if name != "voltage"}
     values["q"] = values["q"] / factor
-    lines = {name: Line("m.toml", f"variables.{name}", UNITS[name]) for name in values}
+    lines = {name: OWN[name] for name in values}
     lines["q"] = Line("m.toml", "variables.q", unit, {"column": "q", "unit": unit})
     found = check_mapping({name: (T, x) for name, x in values.items()}, values, 100.0, lines)
     (one,) = (*found.refused, *found.notices)
@@ -158,9 +144,6 @@ def test_turns_of_any_size_are_counted_on() -> None:
     for unit in (1.0, DEG, 1.0 / DEG):
         recorded = unit * np.mod(heading, 2.0 * np.pi)
         np.testing.assert_allclose(without_jumps("psi", recorded), unit * heading, rtol=0.0, atol=1e-9)
-
-
-DEG = 180.0 / np.pi
 
 
 def maneuver(size: float = 0.3, noise: float = 0.0) -> dict[str, FloatArray]:
@@ -180,10 +163,6 @@ def check(values: dict[str, FloatArray], lines: Lines | None = None) -> list[Not
     time = 0.01 * np.arange(next(iter(values.values())).size)
     signals = {name: (time, x) for name, x in values.items()}
     return list(check_mapping(signals, {}, 100.0, lines or {}).refused)
-
-
-def accused(found: list[Notice]) -> list[tuple[str, ...]]:
-    return [one.values["lines"] for one in found]
 
 
 def test_radians_pass() -> None:
@@ -214,9 +193,10 @@ def test_several_channels_in_degrees() -> None:
         (0.02, ("phi", "theta", "psi"), [("phi", "theta", "psi")]),  # of one sensor: one finding
     ):
         values = maneuver(size)
-        assert accused(check(values | {name: values[name] * DEG for name in names})) == lines
-    found = accused(check({name: x * DEG for name, x in maneuver(0.3).items()}))
-    assert {name for names in found for name in names} == {*maneuver()}
+        found = check(values | {name: values[name] * DEG for name in names})
+        assert [one.values["lines"] for one in found] == lines
+    found = check({name: x * DEG for name, x in maneuver(0.3).items()})
+    assert {name for one in found for name in one.values["lines"]} == {*maneuver()}
     (one,) = check({"theta": np.full(100, 12.0)})
     assert one.values["suggestion"] == 'write unit = "deg" for theta in a mapping (see stoop map)'
 
@@ -236,4 +216,5 @@ def test_a_heading_counted_through_turns_is_no_heading_in_degrees() -> None:
     heading = np.cumsum(rate) * 0.01
     assert check({"psi": heading, "r": rate}) == []
     assert check({"psi": wrap(heading), "r": rate}) == []
-    assert accused(check({"psi": wrap(heading) * DEG, "r": rate})) == [("psi",)]
+    (found,) = check({"psi": wrap(heading) * DEG, "r": rate})
+    assert found.values["lines"] == ("psi",)

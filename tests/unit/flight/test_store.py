@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -13,7 +12,7 @@ import pytest
 
 from stoop.base.arrays import FloatArray
 from stoop.base.notices import notice
-from stoop.errors import LogError, OutputError, StoopError
+from stoop.errors import LogError, OutputError
 from stoop.flight import Fault, Flight, from_columns, load, save
 from stoop.flight.flight import AirData
 
@@ -123,20 +122,3 @@ def test_files_that_stoop_did_not_write(tmp_path: Path) -> None:
         words = {"another make": "not a flight written by stoop", "clock": "stoop did not write"}
         with pytest.raises(LogError, match=words.get(case, "write the flight again")):
             load(tmp_path / "h.nc")
-
-
-def test_cut_and_damaged_at_many_places(tmp_path: Path) -> None:
-    save(flight(np.arange(40.0)), tmp_path / "g.nc")
-    whole, path, rng = (tmp_path / "g.nc").read_bytes(), tmp_path / "h.nc", np.random.default_rng(0)
-    for end in range(0, len(whole) - 1, 53):
-        path.write_bytes(whole[:end])
-        with pytest.raises(LogError) as caught:
-            load(path)
-        assert "\n" not in str(caught.value)
-    for _ in range(60):
-        content = bytearray(whole)
-        for place in rng.integers(0, min(len(whole), 4000), rng.integers(1, 5)):
-            content[place] = rng.integers(256)
-        path.write_bytes(content)
-        with suppress(StoopError):
-            load(path)

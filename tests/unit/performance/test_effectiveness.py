@@ -8,10 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 import sympy as sp
-import xarray as xr
 
 from stoop.errors import FlightError, VehicleError
-from stoop.flight import Flight
+from stoop.flight import Flight, from_columns
 from stoop.performance.effectiveness import (
     USUAL,
     Balance,
@@ -89,23 +88,16 @@ def flown(balance: Balance, rng: np.random.Generator, name: str, **truth: float)
     Truth: rotor name -> share that it loses, "mass" -> share of the weight taped to the rotor named by `near`, "scatter"
     -> times the usual one.
     """
-    n = len(balance.vehicle.rotors)
-    near = int(truth.pop("near", 0))
+    near, ratio = int(truth.pop("near", 0)), 0.01
     taped, scatter = truth.pop("mass", 0.0), truth.pop("scatter", 1.0)
-    weight, ratio = 1.0, 0.01
-    unit = np.array([weight, weight * balance.arm, weight * balance.arm, weight * ratio])
-    needed = np.array([weight, 0.0, 0.0, 0.0]) + scatter * unit * np.array(USUAL) * rng.normal(size=4)
-    needed += taped * weight * balance.of_thrust[:, near] * np.array([1.0, 1.0, 1.0, 0.0])
+    unit = np.array([1.0, balance.arm, balance.arm, ratio])  # of a weight of one
+    needed = np.array([1.0, 0.0, 0.0, 0.0]) + scatter * unit * np.array(USUAL) * rng.normal(size=4)
+    needed += taped * balance.of_thrust[:, near] * np.array([1.0, 1.0, 1.0, 0.0])
     share = np.array([1.0 - truth.get(rotor, 0.0) for rotor in balance.vehicle.rotors])
     acts = balance.of_thrust + ratio * balance.of_torque
-    thrust = np.linalg.pinv(acts * share) @ needed if n == 4 else _mixed(acts, share, needed)
+    mixer = np.linalg.pinv(acts)  # of more than four rotors: it does not know the loss
+    thrust = mixer @ np.linalg.solve(acts * share @ mixer, needed)
     return Hover(name, thrust, ratio * thrust, np.zeros((4, 4)), float("nan"), 10.0)
-
-
-def _mixed(acts: np.ndarray, share: np.ndarray, needed: np.ndarray) -> np.ndarray:
-    """Commands of more than four rotors, as a mixer makes them that does not know the loss."""
-    mixer = np.linalg.pinv(acts)
-    return mixer @ np.linalg.solve(acts * share @ mixer, needed)
 
 
 def healthy(balance: Balance, rng: np.random.Generator, count: int, scatter: float = 1.0) -> Reference:
@@ -158,9 +150,7 @@ def test_a_weak_rotor_is_found_and_its_error_bar_holds(quad: Balance, hexa: Bala
 def test_a_mass_is_told_by_the_yaw_that_it_leaves_alone(quad: Balance) -> None:
     rng = np.random.default_rng(6)
     found = assess(flown(quad, rng, "new", near=2, mass=0.2), healthy(quad, rng, 5))
-    verdict = judge(found)
-    assert verdict.kind == "mass"
-    assert verdict.rotors == ("M3",)
+    assert (judge(found).kind, judge(found).rotors) == ("mass", ("M3",))
     mass = found.mass_near("M3")
     assert abs(mass.size - 0.2) < 3.0 * mass.std
 
@@ -168,17 +158,16 @@ def test_a_mass_is_told_by_the_yaw_that_it_leaves_alone(quad: Balance) -> None:
 def test_what_no_rotor_explains_is_called_odd(quad: Balance) -> None:
     rng = np.random.default_rng(8)
     reference = healthy(quad, rng, 5)
-    light = flown(quad, rng, "new")
-    light = Hover("light", 0.8 * light.thrust, 0.8 * light.torque, light.covariance, light.voltage, 10.0)
+    one = flown(quad, rng, "light")
+    light = replace(one, thrust=0.8 * one.thrust, torque=0.8 * one.torque)
     assert judge(assess(light, reference)).kind == "odd"
 
 
 def logged(thrust: np.ndarray, **more: np.ndarray) -> Flight:
     """A flight at 50 Hz whose four motors have one command."""
-    time = np.arange(thrust.size) / 50.0
-    columns = {f"motor_{i}": thrust for i in range(1, 5)} | more
-    data = xr.Dataset({name: ("time", values) for name, values in columns.items()}, {"time": time})
-    return Flight("flight", None, data, 50.0, {})
+    return from_columns(
+        "flight", np.arange(thrust.size) / 50.0, {f"motor_{i}": thrust for i in range(1, 5)} | more
+    )
 
 
 def hops() -> np.ndarray:
@@ -205,14 +194,11 @@ def test_error_of_the_mean_knows_that_commands_correlate(quad: Balance) -> None:
 
 
 def test_what_cannot_be_used_is_said(quad: Balance) -> None:
-    size, still = (
-        hops().size,
-        EXAMPLE.read_text("utf-8").replace("torque_ratio = 0.00596", "torque_ratio = 0.0"),
-    )
-    without, idle = logged(hops()), Balance(parse_vehicle(still, "still"))
-    without = replace(without, data=without.data.drop_vars("motor_2"))
+    still = EXAMPLE.read_text("utf-8").replace("torque_ratio = 0.00596", "torque_ratio = 0.0")
+    whole, idle = logged(hops()), Balance(parse_vehicle(still, "still"))
+    without = replace(whole, data=whole.data.drop_vars("motor_2"))
     ended = np.concatenate([np.zeros(50), np.full(300, 0.6)])
-    fast = logged(hops(), vn=np.full(size, 8.0), ve=np.zeros(size))
+    fast = logged(hops(), vn=np.full(hops().size, 8.0), ve=np.zeros(hops().size))
     for call, words in (
         (lambda: hover(logged(np.zeros(500)), quad), "motors are off"),
         (lambda: hover(logged(ended), quad), "near hover, take-offs and landings aside"),
@@ -232,10 +218,8 @@ def test_what_cannot_be_used_is_said(quad: Balance) -> None:
 def test_what_the_voltage_does_is_told_by_repeats(quad: Balance) -> None:
     rng = np.random.default_rng(11)
     groups = [3.6 + 0.1 * rng.normal(size=4) for _ in range(6)]
-    lifts = [
-        rng.uniform(0.3, 0.5) * (1.0 + 0.5 * (v / v.mean() - 1.0) + 0.003 * rng.normal(size=4))
-        for v in groups
-    ]
+    noisy = [1.0 + 0.5 * (v / v.mean() - 1.0) + 0.003 * rng.normal(size=4) for v in groups]
+    lifts = [rng.uniform(0.3, 0.5) * x for x in noisy]
     told = battery(lifts, groups)
     assert abs(told.slope - 0.5) < 3.0 * told.std < 0.3
     assert battery([np.array([0.3])], [np.array([3.6])]) == Battery()

@@ -13,11 +13,8 @@ from stoop.performance.polar import Blocks, Propulsion, fit_polar, useful_power
 
 AREA, MASS, GRAVITY, DENSITY = 1.5, 9.4, 9.81, 1.2
 EFFICIENCY, DIAMETER = 0.72, 0.4
+DISC = 0.25 * np.pi * DIAMETER**2
 TRUTH = (0.04, 0.08, 0.5)  #: CD0, K, CL0
-
-
-def disc_area() -> float:
-    return 0.25 * np.pi * DIAMETER**2
 
 
 def flown(seed: int, count: int = 80, gusty: float = 0.15) -> Blocks:
@@ -28,7 +25,7 @@ def flown(seed: int, count: int = 80, gusty: float = 0.15) -> Blocks:
     dynamic = 0.5 * DENSITY * speed**2 * AREA
     CL = MASS * GRAVITY / dynamic
     CD = TRUTH[0] + TRUTH[1] * (CL - TRUTH[2]) ** 2
-    useful = useful_power(power, speed, np.full(count, DENSITY), EFFICIENCY, disc_area())
+    useful = useful_power(power, speed, np.full(count, DENSITY), EFFICIENCY, DISC)
     gust = lfilter([1.0], [1.0, -0.5], gusty * rng.standard_normal(count))
     climbing = useful - CD * dynamic * speed + MASS * GRAVITY * gust
     zeros = np.zeros(count)
@@ -54,9 +51,8 @@ def test_with_next_to_no_gusts_the_polar_and_the_efficiency_come_back() -> None:
     found = fit_polar(flown(0, gusty=0.002), MASS, AREA, 1e-3, Propulsion(0.65, 0.2, DIAMETER)).summary
     CL = np.linspace(0.1, 2.0, 2000)
     glide = np.max(CL / (TRUTH[0] + TRUTH[1] * (CL - TRUTH[2]) ** 2))
-    truth = dict(
-        zip(("CD0", "K", "CL0", "best glide", "efficiency"), (*TRUTH, glide, EFFICIENCY), strict=True)
-    )
+    names = ("CD0", "K", "CL0", "best glide", "efficiency")
+    truth = dict(zip(names, (*TRUTH, glide, EFFICIENCY), strict=True))
     assert {n: found[n][0] for n in truth} == pytest.approx(truth, rel=0.02)
 
 
@@ -72,7 +68,7 @@ def test_no_power_balances_a_drag_far_below_zero() -> None:
 def test_momentum_theory_against_its_closed_form() -> None:
     """At a thrust T the induced speed is (sqrt(V^2 + 2 T / (rho A)) - V) / 2."""
     speed, thrust = np.array([5.0, 10.0, 20.0]), np.array([20.0, 8.0, 3.0])
-    induced = 0.5 * (np.sqrt(speed**2 + 2.0 * thrust / (DENSITY * disc_area())) - speed)
+    induced = 0.5 * (np.sqrt(speed**2 + 2.0 * thrust / (DENSITY * DISC)) - speed)
     power = thrust * (speed + induced) / 0.7
-    useful = useful_power(power, speed, np.full(3, DENSITY), 0.7, disc_area())
+    useful = useful_power(power, speed, np.full(3, DENSITY), 0.7, DISC)
     np.testing.assert_allclose(useful, thrust * speed, rtol=1e-12)

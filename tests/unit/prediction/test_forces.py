@@ -29,9 +29,8 @@ def flown(vehicle: Vehicle) -> Flight:
     start = initial_states(vehicle, {"u": 3.0, "v": -1.0, "w": 0.5, "h": 50.0}, rows, inputs[0])
     out = vehicle.kernel().trajectories(rows, start, inputs, DT)[0]
     recorded = dict(zip(vehicle.inputs, inputs.T, strict=True))
-    columns = dict(zip(vehicle.outputs, out.T, strict=True)) | {
-        c: x for c, x in recorded.items() if c.startswith("motor")
-    }
+    motors = {c: x for c, x in recorded.items() if c.startswith("motor")}
+    columns = dict(zip(vehicle.outputs, out.T, strict=True)) | motors
     return from_columns("quad", t, columns | {"altitude": np.full(len(t), 50.0)})
 
 
@@ -53,11 +52,10 @@ def test_a_constant_and_static_thrust_are_learned_from_what_was_fitted() -> None
     force = np.column_stack([np.full(50, 0.3), np.full(50, -0.1), -4.0 - 3.0 * squares])
     learned = ForceCurves(DT * np.arange(50), force, force, squares)
     later = ForceCurves(learned.time, force + np.array([1.0, 0.0, 0.0]), force, squares)
-    found = later.residuals([learned])
-    assert found["ax"].constant == found["ax"].static == pytest.approx(1.0)
-    assert found["az"].static == pytest.approx(0.0, abs=1e-9)
-    assert found["az"].constant == pytest.approx(float(np.std(force[:, 2])))
-    assert found["ax"].model == pytest.approx(1.0)
+    ax, az = (later.residuals([learned])[name] for name in ("ax", "az"))
+    assert ax.constant == ax.static == ax.model == pytest.approx(1.0)
+    assert az.static == pytest.approx(0.0, abs=1e-9)
+    assert az.constant == pytest.approx(float(np.std(force[:, 2])))
 
 
 def test_half_is_left_at_the_cutoff() -> None:
@@ -81,9 +79,8 @@ rotors = { nominal_voltage = 16.8, voltage_average = 10.0, T2 = 30.0 }
 rotor.m1 = { channel = "motor_1", position = [0.0, 0.0, 0.0], spin = "ccw" }
 """
     steady = from_columns("quad", t, {"voltage": drained})
-    slow, mean = (
-        with_average_voltage(parse_vehicle(text, "one"), f).column("voltage") for f in (flight, steady)
-    )
+    vehicle = parse_vehicle(text, "one")
+    slow, mean = (with_average_voltage(vehicle, f).column("voltage") for f in (flight, steady))
     np.testing.assert_allclose(
         mean[600:-600], drained[600:-600], atol=1e-9
     )  # the mean of a line is its middle

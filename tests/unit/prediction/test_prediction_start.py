@@ -25,9 +25,9 @@ RUNS = 24
 
 def model_of(vehicle: Vehicle, sigma: dict[str, float], errors: dict[str, float] | None = None) -> Predictor:
     """Return a vehicle whose noise is known, and some of whose numbers have a standard error."""
-    names = tuple(errors or {})
+    known = errors or {}
     covariance = Covariance(
-        names, np.diag([v**2 for v in (errors or {}).values()]).reshape(len(names), len(names))
+        tuple(known), np.diag(np.square([*known.values()])).reshape(len(known), len(known))
     )
     variance = np.diag([sigma[c] ** 2 for c in vehicle.outputs])
     return Predictor(vehicle, covariance, NoiseCovariance(vehicle.outputs, variance))
@@ -35,9 +35,9 @@ def model_of(vehicle: Vehicle, sigma: dict[str, float], errors: dict[str, float]
 
 @pytest.fixture(scope="module")
 def truth(aircraft: Vehicle) -> Flight:
-    silent = MANEUVER[: MANEUVER.index("[noise]")] if "[noise]" in MANEUVER else MANEUVER
     quiet = "\n".join(f"{c} = 0.0" for c in aircraft.outputs)
-    return simulate_flight(aircraft, parse_maneuver(f"{silent}\n[noise]\n{quiet}\n", "m"), seed=0, name="sim")
+    maneuver = parse_maneuver(f"{MANEUVER.partition('[noise]')[0]}\n[noise]\n{quiet}\n", "m")
+    return simulate_flight(aircraft, maneuver, seed=0, name="sim")
 
 
 def noisy(truth: Flight, sigma: dict[str, float], seed: int) -> Flight:
@@ -160,9 +160,8 @@ def test_a_flight_whose_sensors_have_other_biases_lies_within_the_band(
     model = model_of(aircraft.with_numbers(numbers), sigma)
 
     def inside(deviation: float) -> dict[str, float]:
-        priors = {
-            name: BiasPrior(0.0, deviation * abs(b)) for name, b in zip(numbers, own.values(), strict=True)
-        }
+        widths = zip(numbers, own.values(), strict=True)
+        priors = {name: BiasPrior(0.0, deviation * abs(b)) for name, b in widths}
         found = predict(model, {"sim": flight}, [window], [priors])
         error = np.abs(found.prepared.pieces[0].measured - found.readings[0])
         shares = np.mean(error < 1.96 * found.deviations[0], axis=0)
