@@ -37,7 +37,6 @@ def told(**controls: FloatArray) -> list[Notice]:
 
 
 def test_feedback_and_mixed_controls_are_named() -> None:
-    """An open-loop input is not accused."""
     moved, other = 0.1 * np.sign(np.sin(0.7 * TIME)), 0.1 * np.sign(np.sin(1.3 * TIME))
     assert told(elevator=other, aileron=moved) == []
     (one,) = told(elevator=-2.0 * ALPHA + noise(0.005))
@@ -83,7 +82,6 @@ def test_nothing_is_said_of_fast_flight_or_of_held_coefficients(hover: Flight) -
 
 @pytest.fixture
 def crashed(flight: Flight) -> Flight:
-    """Return a flight that ends at 20 s."""
     down = flight.time >= 20.0
     V = np.where(down, 0.3 * np.abs(np.sin(flight.time)), flight.column("V"))
     return replace(flight, data=flight.data.assign(V=("time", V)))

@@ -98,7 +98,6 @@ def test_an_attitude_to_the_left_whose_pitch_counts_nose_up(tmp_path: Path) -> N
 
 
 def test_thrust_ahead_tells_pitch_from_its_rate() -> None:
-    """A multirotor by motion capture."""
     time, truth = airborne((*SPECIFIC_FORCE, "altitude"), winged=False)
     for name in ("q", "theta"):
         assert [one.values["lines"] for one in found(time, {**truth, name: -truth[name]})] == [(name,)]

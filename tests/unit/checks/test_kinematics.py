@@ -51,7 +51,6 @@ def with_quaternion(data: dict[str, FloatArray]) -> dict[str, FloatArray]:
 
 
 def told(data: dict[str, FloatArray]) -> list[list[tuple[str, ...]]]:
-    """Return the lines of each finding; several where no channel decides."""
     model = Model({name: (TIME[: x.size], x) for name, x in data.items()}, data, RATE)
     found, _ = search({}, lambda state: model.edits(state, OWN), model)
     return [list(one.lines) for one in found]

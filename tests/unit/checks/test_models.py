@@ -62,7 +62,6 @@ L_ALPHA, M_Q, M_ALPHA, M_ELEVATOR = 3.0, -4.0, -6.0, -20.0
 
 
 def commanded(t: FloatArray) -> FloatArray:
-    """Return doublets and 3-2-1-1, rad."""
     u = np.zeros_like(t)
     for start in (5.0, 35.0, 65.0, 95.0):
         edges = (0.0, 2.1, 3.5, 4.2, 4.9, 12.0, 12.6, 13.2)
@@ -72,7 +71,6 @@ def commanded(t: FloatArray) -> FloatArray:
 
 
 def flown() -> dict[str, FloatArray]:
-    """Return the readings of a short period with a little noise."""
     system = StateSpace(
         [[-L_ALPHA, 1.0], [M_ALPHA, M_Q]], [[0.0], [M_ELEVATOR]], [[0.0, 1.0], [-40.0 * L_ALPHA, 0.0]], [[0.0], [0.0]]
     )  # fmt: skip

@@ -45,7 +45,6 @@ def found(text: str, flight: Flight) -> list[Notice]:
 
 
 def edited(rotor: str, pattern: str, new: str) -> str:
-    """Return the hexarotor's file with one line of one rotor changed."""
     head, name, rest = resolve_vehicle("hexa-x").text.partition(f"[rotor.{rotor}]")
     return head + name + re.sub(pattern, new, rest, count=1)
 

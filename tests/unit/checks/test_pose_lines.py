@@ -19,7 +19,6 @@ Columns = dict[str, FloatArray]
 
 @pytest.fixture(scope="module")
 def sound(tmp_path_factory: pytest.TempPathFactory) -> tuple[Columns, str]:
-    """Return the columns of a log of motion capture and a mapping that reads them right."""
     flown, _ = capture.fly("wings", 0, tmp_path_factory.mktemp("room"))
     table = np.genfromtxt(flown.path, delimiter=",", names=True)
     assert table.dtype.names is not None

@@ -24,7 +24,6 @@ FORCE = ("ax", "ay", "az")
 
 
 def motion() -> dict[str, np.ndarray]:
-    """A vehicle that turns about all axes, in level flight."""
     phi, theta, psi = 0.4 * np.sin(1.7 * T), 0.3 * np.sin(2.3 * T), 0.5 * np.sin(1.1 * T)
     p, q, r = body_rates(phi, theta, *(np.gradient(x, T) for x in (phi, theta, psi)))
     return {
@@ -147,7 +146,6 @@ def test_turns_of_any_size_are_counted_on() -> None:
 
 
 def maneuver(size: float = 0.3, noise: float = 0.0) -> dict[str, FloatArray]:
-    """Make angles and the rates that belong to them, not at the same time scale."""
     time = np.arange(0.0, 10.0, 0.01)
     rng = np.random.default_rng(1)
     values = {}

@@ -12,7 +12,7 @@ import xarray as xr
 from scipy.interpolate import CubicSpline
 from scipy.signal import lfilter
 
-from stoop.base.rotations import matrices_of, quaternions_of
+from stoop.base.rotations import euler_angles, matrices_of, quaternions_of
 from stoop.flight import air_data
 from stoop.flight.flight import AirData
 from stoop.flight.velocity_smoother import PRIORS, smooth_velocity
@@ -88,7 +88,6 @@ def weathercock(truth: Truth) -> Callable[[Array], Array]:
 def fly(
     truth: Truth, seed: int = 0, *, gaps: bool = True, beta: Any = None
 ) -> tuple[xr.Dataset, dict[str, Array]]:
-    """Make the log of a flight and its truth."""
     rng = np.random.default_rng(seed)
     t = np.arange(0.0, truth.duration, 1.0 / RATE)
     beta = beta or truth.free_beta
@@ -205,6 +204,7 @@ def test_pitot_offset_at_rest_is_its_own_finding() -> None:
     still = still.assign_coords(time=still["time"] - 10.0 - 1.0 / RATE)
     out, air = reconstruct(xr.concat([still, flying], dim="time"))
     assert air.rest_offset == pytest.approx(-3.0)
+    assert np.isnan(out["alpha"][:900]).all(), "nothing is given on the ground"
     smooth = [out[name].to_numpy() for name in air_data.SMOOTHED]  # such a pitot has no say in V
     through = np.linalg.norm(np.array(smooth).T - np.array([air.wind_n, air.wind_e, 0.0]), axis=1)
     np.testing.assert_allclose(out["V"], through)
@@ -288,31 +288,17 @@ def test_a_stretch_without_velocity_gets_none() -> None:
     assert np.isfinite(out["alpha"]).sum() > 0.5 * data.sizes["time"]
 
 
-def test_euler_angles_serve_where_there_is_no_quaternion() -> None:
-    truth = Truth(duration=40.0)
-    data, _ = fly(truth, 17, gaps=False)
-    angles = truth.attitude(data["time"].to_numpy() - 1000.0)
-    named = {name: ("time", x) for name, x in zip(("phi", "theta", "psi"), angles.T, strict=True)}
-    euler = data.drop_vars(["q0", "q1", "q2", "q3"]).assign(named)
-    np.testing.assert_allclose(reconstruct(euler)[0]["beta"], reconstruct(data)[0]["beta"], atol=1e-9)
-
-
-def test_nothing_is_given_on_the_ground() -> None:
-    data, _ = fly(Truth(duration=40.0), 18, gaps=False)
-    ground = data["time"].to_numpy() < 1008.0
-    stay = {"vn": 0.0, "ve": 0.0, "vd": 0.0, "airspeed_pitot": 0.0}
-    out, _ = reconstruct(data.assign({name: data[name].where(~ground, x) for name, x in stay.items()}))
-    assert np.isnan(out["alpha"].to_numpy()[data["time"].to_numpy() < 1007.0]).all()
-
-
 @pytest.mark.parametrize(("turn", "shift"), [(0.7, 0.0), (-2.9, 1e4)])
 def test_turning_the_world_turns_the_wind_only(turn: float, shift: float) -> None:
+    """Euler angles serve where there is no quaternion."""
     data, _ = fly(Truth(duration=40.0), 19)
-    c, s, hc, hs = np.cos(turn), np.sin(turn), np.cos(turn / 2.0), np.sin(turn / 2.0)
-    q0, q1, q2, q3 = (data[f"q{i}"] for i in range(4))
-    turned = data.assign(
+    c, s, names = np.cos(turn), np.sin(turn), ["q0", "q1", "q2", "q3"]
+    angles = euler_angles(np.column_stack([data[name] for name in names])).T + np.array(
+        [[0.0], [0.0], [turn]]
+    )
+    turned = data.drop_vars(names).assign(
         vn=c * data["vn"] - s * data["ve"], ve=s * data["vn"] + c * data["ve"],
-        q0=hc * q0 - hs * q3, q1=hc * q1 - hs * q2, q2=hc * q2 + hs * q1, q3=hc * q3 + hs * q0,
+        **{name: ("time", x) for name, x in zip(("phi", "theta", "psi"), angles, strict=True)},
     )  # fmt: skip
     out, air = reconstruct(data)
     turned_out, turned_air = reconstruct(turned.assign_coords(time=data["time"] + shift))

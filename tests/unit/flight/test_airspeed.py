@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from stoop.base.atmosphere import density_at_pressure, density_of_gas, standard_density
+from stoop.base.atmosphere import standard_density
 from stoop.exporters.log_bytes import Table, dataflash_bytes
 from stoop.flight import Flight, load
 from stoop.flight.load import without_faults
@@ -21,14 +21,12 @@ T = np.arange(0.0, 10.0, 0.01)
 
 
 def table(name: str, **columns: np.ndarray | float) -> Table:
-    """Return messages of plain numbers, a hundred a second."""
     values = {"TimeUS": (1e6 * (T + 1.0)).astype(np.uint64)} | {n: x + 0.0 * T for n, x in columns.items()}
     letters = "Q" + "f" * len(columns)
     return Table(name, ",".join(values), letters, "-" * len(letters), "-" * len(letters), values)
 
 
 def flown(folder: Path, airspeed: np.ndarray, mapping: str = "", **others: Table) -> Flight:
-    """Return a flight that goes straight on, as the package's own mapping reads it."""
     log = [
         table("ATT", Roll=1.0, Pitch=3.0, Yaw=90.0),
         table("IMU", GyrX=0.01, GyrY=0.0, GyrZ=0.0, AccX=0.5, AccY=0.0, AccZ=-9.8),
@@ -97,10 +95,3 @@ def test_a_pitot_that_froze_is_one_in_true_airspeed_too(tmp_path: Path) -> None:
     assert fault.kind == "stuck"
     assert fault.start == pytest.approx(1.0 + 5.0, abs=0.1)
     assert np.isnan(without_faults(flight).column("airspeed_pitot")[-100:-1]).all()
-
-
-def test_the_standard_atmosphere() -> None:
-    pressure, temperature, density = (np.array(x) for x in STANDARD)
-    assert density_at_pressure(pressure) == pytest.approx(density, rel=1e-4)
-    assert density_of_gas(pressure, temperature) == pytest.approx(density, rel=1e-4)
-    assert standard_density(np.array(HEIGHT)) == pytest.approx(density, rel=1e-4)

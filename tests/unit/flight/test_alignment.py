@@ -29,7 +29,6 @@ def yaw_rate(t: FloatArray) -> FloatArray:
 
 
 def lag_of(shift: float, noise: float = 0.0, rate: float = 50.0, seed: int = 0, drift: float = 0.0) -> Lag:
-    """One stream tells the heading on a clock that reads `shift` less, the other the yaw rate."""
     rng = np.random.default_rng(seed)
     t, s = np.arange(0.0, 60.0, 0.01), np.arange(5.0, 55.0, 1.0 / rate)
     fixed = yaw_rate(t) + noise * rng.normal(size=t.size)
@@ -177,7 +176,6 @@ def test_a_late_attitude_is_told() -> None:
 
 
 def test_a_file_of_another_kind_beside_the_log(tmp_path: Path) -> None:
-    """A ULog, and the CSV of a motion-capture system on a clock of its own."""
     t, s = np.arange(0.0, 60.0, 0.01), np.arange(0.0, 40.0, 0.02)
     (tmp_path / "f.ulg").write_bytes(ulog([Topic("data", t, {"gz": yaw_rate(t)})]))
     csv_log(tmp_path / "mocap.csv", {"ms": 1e3 * s, "yaw": np.degrees(heading(s + 3.7))})

@@ -44,7 +44,6 @@ def test_recorded_euler_angles_are_not_interpolated_through_the_turn_of_heading(
 
 
 def wobbling(t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return Euler angles (n, 3) and body rates (n, 3) of a quick motion."""
     phi, theta, psi = 0.4 * np.sin(9.0 * t), 0.3 * np.cos(7.0 * t), 0.8 * t
     rates = body_rates(phi, theta, 3.6 * np.cos(9.0 * t), -2.1 * np.sin(7.0 * t), np.full(t.size, 0.8))
     return np.column_stack([phi, theta, psi]), np.column_stack(rates)
@@ -60,7 +59,6 @@ def recorded(slow: np.ndarray, fast: np.ndarray, bias: float = 0.0) -> list[Chan
 
 
 def off(channels: list[Channels], follow: bool) -> tuple[float, list[Notice]]:
-    """Return the largest error of phi and theta on the grid, rad, and the notices."""
     grid, data, sources = grid_channels(channels, 100.0, "test")
     notices: list[Notice] = []
     if follow:

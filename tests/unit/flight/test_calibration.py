@@ -38,7 +38,6 @@ def test_a_table_is_read_between_its_points_and_beyond() -> None:
 
 
 def test_a_fitted_curve_is_the_polynomial_through_its_points() -> None:
-    """Three points and degree two: Lagrange's formula gives the same parabola."""
     text = ELEVATOR.replace("points", "degree = 2\npoints")
     x = np.linspace(1100, 1900, 9)
     lagrange = -0.4 * (x - 1500) * (x - 1900) / (400 * 800) + 0.38 * (x - 1100) * (x - 1500) / (800 * 400)

@@ -22,7 +22,6 @@ AXES = ("roll", "pitch", "yaw", "heave")
 
 
 def wave(start: float, step: float, size: float) -> FloatArray:
-    """Return a doublet."""
     since = TIME - start
     return size * (((since >= 0) & (since < step)).astype(float) - ((since >= step) & (since < 2 * step)))
 
@@ -144,7 +143,6 @@ def test_a_gimbal_and_a_dead_output_are_no_motors(copter: Flight) -> None:
 
 
 def test_four_surfaces_that_answer_a_plane_in_the_hand_are_none() -> None:
-    """Two ailerons and two elevators at mid-travel, held against the attitude of a plane that is carried about."""
     rng, t = np.random.default_rng(0), np.arange(6000) / 100.0
     tones = rng.random((2, 5, 3)) * [0.2, 4.0, 1.0]
     phi, theta = (sum(a * np.sin(w * t + 6.0 * b) for a, w, b in one) for one in tones)
@@ -159,7 +157,6 @@ def test_four_surfaces_that_answer_a_plane_in_the_hand_are_none() -> None:
 
 
 def test_surfaces_of_any_effect_are_no_motors() -> None:
-    """Four to seven outputs at mid-travel, each of which may turn the vehicle by any amount."""
     t = np.arange(4000) / 100.0
     for seed in range(10):
         rng = np.random.default_rng(seed)

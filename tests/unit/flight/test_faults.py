@@ -25,7 +25,6 @@ def found(**values: FloatArray) -> list[tuple[str, str]]:
 
 
 def test_what_is_no_fault() -> None:
-    """Noise, a gap, commands that stand still, and numbers of few digits."""
     for seed in range(20):
         assert found(p=noise(seed), theta=np.cumsum(noise(seed + 1)) * 0.01, V=20.0 + noise(seed)) == []
     gap = np.where((TIME >= 5.0) & (TIME < 7.0), np.nan, noise(0))

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from stoop.exporters.log_bytes import Topic, ulog
 from stoop.flight import Flight, from_columns, save
 
 TIME = 100.0 + np.arange(50) / 10.0
@@ -43,7 +44,6 @@ def test_a_flight_with_another_data_set(flight: Flight) -> None:
 
 
 def test_copies_and_pickles(flight: Flight) -> None:
-    """Before the data set was asked for, and after."""
     for _ in range(2):
         for other in (copy.deepcopy(flight), pickle.loads(pickle.dumps(flight))):  # noqa: S301 (ours)
             np.testing.assert_array_equal(other.column("p"), flight.column("p"))
@@ -57,11 +57,14 @@ def test_samples_between_two_times(flight: Flight) -> None:
         np.testing.assert_array_equal(between, TIME[(start <= TIME) & (stop >= TIME)])
 
 
-def test_reading_and_describing_a_flight_needs_no_xarray(flight: Flight, tmp_path: Path) -> None:
+def test_reading_and_describing_a_flight_needs_no_heavy_library(flight: Flight, tmp_path: Path) -> None:
     """To import it takes half a second, and Dask comes with it where that is installed."""
     save(flight, tmp_path / "f.nc")
-    script = "import sys; from stoop.flight import load, describe; describe(load(sys.argv[1])); print(*sys.modules)"
-    told = subprocess.run(
-        [sys.executable, "-c", script, tmp_path / "f.nc"], check=True, capture_output=True, text=True
+    (tmp_path / "f.ulg").write_bytes(ulog([Topic("a", TIME, {"x": TIME})]))
+    script = (
+        "import sys, pathlib, stoop.logs as l; from stoop.flight import load, describe; f, u = sys.argv[1:];"
     )
-    assert not {"xarray", "pandas", "dask"} & set(told.stdout.split())
+    script += "l.read(pathlib.Path(u)); describe(load(f)); print(*sys.modules)"
+    command = [sys.executable, "-c", script, tmp_path / "f.nc", tmp_path / "f.ulg"]
+    told = subprocess.run(command, check=True, capture_output=True, text=True)
+    assert not {"xarray", "pandas", "dask", "pyulog", "numba", "sympy"} & set(told.stdout.split())

@@ -32,7 +32,6 @@ def lag(u: FloatArray, seconds: float = 0.3, noise: float = 0.1, seed: int = 1) 
 
 
 def test_one_window_length_is_the_welch_estimate() -> None:
-    """Cross spectrum over power spectrum, and coherence, of scipy.signal at its own frequencies."""
     n, size = 4000, 600
     u = inputs(n - (n - size) % (size // 2), 1)
     y = lag(u[:, 0])
@@ -62,7 +61,6 @@ def test_inputs_that_move_together_are_told_apart() -> None:
 
 
 def test_bands_hold_the_analytic_response() -> None:
-    """95 % of the bands hold the truth, in magnitude and in phase."""
     inside = []
     for seed in range(25):
         u = inputs(4500, 1, seed)
@@ -116,7 +114,6 @@ def test_windows_fit_side_by_side(durations: list[float], count: int) -> None:
 
 
 def test_windows_of_several_lengths_are_weighed_as_printed() -> None:
-    """All frequencies at once against dense matrices, one at a time."""
     u, lengths = inputs(1500, 2, seed=3), [12.0, 7.0, 4.0]
     y = lag(u[:, 0], noise=0.5) - 0.4 * u[:, 1]
     found = estimate_responses([Stretch(RATE, u, y[:, None])], ["a", "b"], ["y"], lengths=lengths)

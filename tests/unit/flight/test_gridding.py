@@ -67,7 +67,6 @@ def test_stretches_hold_every_sample_that_has_a_near_neighbor(gaps: list[float])
 
 
 def amplitude(frequency: float, recorded: float, smooth: bool = True) -> tuple[float, float]:
-    """Return in-phase and quadrature amplitude of a sine on the grid, at its own frequency."""
     time = np.arange(0.0, 12.0, 1.0 / recorded)
     grid = make_grid(0.0, time[-1], 100.0, 1, "f")
     out = resample(grid, time, np.sin(2 * np.pi * frequency * time)[:, None], smooth=smooth)[:, 0]
@@ -121,7 +120,6 @@ def test_the_grid_lies_on_whole_periods_of_the_log_s_clock() -> None:
 
 
 def noisy_gyros(start: float, rate: float, clock: float) -> tuple[Grid, FloatArray, FloatArray]:
-    """Grid white noise of gyros read at `clock` [Hz] from `start` [s], beside commands on the multiples of 20 ms."""
     time, commands = start + np.arange(800) / clock, np.arange(900) / 50.0
     noise = np.random.default_rng(7).standard_normal(len(time))
     gyro, servo = ("gyro", time, {"p": noise}), ("servo", commands, {"elevator": np.sin(commands)})
@@ -146,7 +144,6 @@ def test_any_short_stretch_can_be_filtered() -> None:
 
 
 def test_clocks_that_no_sensor_has() -> None:
-    """A median period that says billions of samples a second, bursts, and samples that nearly coincide."""
     for step in (5e-324, 1e-300, 1e-12, 1e-8):
         time = np.cumsum(np.concatenate([np.full(30, step), [0.04, 0.04]]))
         out = resample(make_grid(0.0, 0.08, 100.0, 1, "here"), time, np.ones((time.size, 1)), smooth=True)
@@ -172,7 +169,6 @@ def test_grids_that_cannot_be() -> None:
 
 @given(st.lists(st.floats(0.0, 1e4), max_size=5))
 def test_a_grid_is_as_fast_as_the_fastest_channel_within_its_limits(rates: list[float]) -> None:
-    """So that nothing up to 100 Hz is decimated, and no lower grid would do."""
     fastest, found = max(rates, default=0.0), grid_rate(rates)
     assert found in GRID_RATES
     assert fastest <= SAME_RATE * found or found == max(GRID_RATES)

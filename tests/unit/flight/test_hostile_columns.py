@@ -22,7 +22,6 @@ SIZES = LARGE | dict.fromkeys(SMALL.split(), 0.1)  #: usual size of a variable, 
 
 
 def column(random: np.random.Generator, t: FloatArray, size: float) -> FloatArray:
-    """Return numbers of a usual size, most of them with something hostile."""
     n, hostile = len(t), float(random.choice(HOSTILE))
     usual = size * (1.0 + 0.1 * np.sin(t * random.uniform(0.1, 30.0)) + 0.01 * random.normal(size=n))
     with np.errstate(all="ignore"):

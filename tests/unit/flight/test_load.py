@@ -48,7 +48,6 @@ def test_channels_come_as_they_are(tmp_path: Path) -> None:
 
 
 def test_logs_that_are_read_together_have_one_rate(tmp_path: Path) -> None:
-    """That of the fastest; each alone has its own."""
     (tmp_path / "slow").mkdir()
     fast, slow = write(tmp_path, rows()), write(tmp_path / "slow", rows()[::2])
     assert [load(path).rate for path in (fast, slow)] == [100.0, 50.0]

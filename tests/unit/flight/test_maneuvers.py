@@ -44,7 +44,6 @@ def test_each_maneuver_is_found_once_under_its_axis() -> None:
 
 
 def test_what_is_no_maneuver() -> None:
-    """Control checks on the ground, a step, and nothing that moves; take-off and landing are left alone."""
     checks = signal((65.0, "doublet", 0.5), (175.0, "3211", 0.5))
     for u in (checks, np.where(TIME > 120.0, 0.3, 0.0), np.zeros(TIME.size), np.full(TIME.size, np.nan)):
         assert find_maneuvers(flight(elevator=u)) == []

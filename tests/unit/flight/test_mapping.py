@@ -106,7 +106,6 @@ def test_an_attitude_of_one_form_takes_the_place_of_the_other(tmp_path: Path) ->
 
 
 def test_ready_mappings_name_only_what_there_is() -> None:
-    """An empty wind and unused outputs are left out."""
     streams = {"RCOU": stream(C1=1500.0, C2=0.0), "XKF2": stream(VWN=0.0, VWE=0.0)}
     found = apply_mapping(ready("ardupilot"), Recording(Path("l"), "dataflash", streams))
     assert set(values(found)) == {"pwm_1"}

@@ -43,7 +43,6 @@ def test_a_scale_that_stands_there_is_kept(tmp_path: Path) -> None:
 
 
 def test_one_variable_of_a_group_is_turned_and_the_others_stay(tmp_path: Path) -> None:
-    """In a mapping with a mark of its encoding."""
     truth = flown()
     path, mapping = written(tmp_path, {**truth, "q": -truth["q"]}, MAPPING + GROUPED)
     mapping.write_text(mapping.read_text(), "utf-8-sig")

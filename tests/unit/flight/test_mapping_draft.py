@@ -13,7 +13,6 @@ from unit.flight.made_logs import body_rates, csv_log
 
 from stoop.base.arrays import FloatArray
 from stoop.base.units import FACTORS
-from stoop.checks.units import growth
 from stoop.flight import VARIABLES, load
 from stoop.flight.column_guesses import recognized
 from stoop.flight.mapping_draft import Draft, draft, draft_of
@@ -23,7 +22,6 @@ T = 0.01 * np.arange(4000)
 
 
 def flown() -> dict[str, FloatArray]:
-    """A vehicle that turns about all axes and climbs, SI and forward-right-down."""
     phi, theta, psi = 0.5 * np.sin(1.7 * T), 0.3 * np.sin(2.3 * T), 0.8 * np.sin(0.7 * T)
     p, q, r = body_rates(phi, theta, *(np.gradient(x, T) for x in (phi, theta, psi)))
     height = 100.0 + 10.0 * np.sin(0.3 * T)
@@ -105,7 +103,6 @@ def test_what_is_unsure_is_marked(tmp_path: Path) -> None:
 
 
 def test_units_of_a_log_without_units(tmp_path: Path) -> None:
-    """Motors share their unit; a rate that nothing tells has that of its siblings; a thrust is a force whatever its size."""
     columns = {
         **{name: flown()[name] for name in ("ax", "ay", "az", "vd", "voltage")},
         "altitude (m)": flown()["altitude"] / 0.3048, "thrust": 1500.0 + 150.0 * np.sin(T), "m4_rpm": 5000 + T,
@@ -261,7 +258,6 @@ def test_a_draft_is_valid_whatever_the_columns_are_called(columns: dict[str, flo
 
 
 def test_the_stream_says_what_its_components_are_of() -> None:
-    """As in bags of ROS, where every vector has x, y and z."""
     turn = {name: Stream(T, {"point.x": flown()[x], "point.y": flown()[y]}) for name, x, y in (
         ("/plane/euler", "phi", "theta"), ("/plane/bodyrate", "p", "q"), ("/rompc/att_error", "phi", "theta"))}  # fmt: skip
     found = lines_of(draft_of(Recording(Path("x.bag"), "rosbag", turn)))
@@ -269,16 +265,6 @@ def test_the_stream_says_what_its_components_are_of() -> None:
         "phi": ("/plane/euler", "point.x", "rad"), "theta": ("/plane/euler", "point.y", "rad"),
         "p": ("/plane/bodyrate", "point.x", "rad/s"), "q": ("/plane/bodyrate", "point.y", "rad/s"),
     }  # fmt: skip
-
-
-def test_growth_is_the_factor_between_an_angle_and_its_rate() -> None:
-    angle, rate = np.sin(T), np.cos(T)
-    for factor in (1.0, -1.0, 57.3):
-        found, likeness = growth((T, factor * angle), (T, rate))
-        assert found == pytest.approx(factor, rel=0.01)
-        assert abs(likeness) > 0.99
-    for clock in (T[:5], np.arange(100) * 5e-324):  # too short, and one that hardly moves
-        assert growth((clock, angle[: clock.size]), (clock, rate[: clock.size]))[1] == 0.0
 
 
 def test_what_a_log_says_of_its_clock_stays_a_comment() -> None:

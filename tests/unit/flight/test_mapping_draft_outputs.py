@@ -20,7 +20,6 @@ QUAD = {f"SERVO{n}_FUNCTION": 32.0 + motor for n, motor in enumerate((3, 1, 4, 2
 
 
 def logged(pulses: dict[str, FloatArray], parameters: dict[str, float], **imu: FloatArray) -> Recording:
-    """Return a log as ArduPilot writes it."""
     t = 0.01 * np.arange(len(next(iter(pulses.values()))))
     streams = {"RCOU": Stream(t, pulses)} | ({"IMU": Stream(t, imu)} if imu else {})
     return Recording(Path("f.bin"), "dataflash", streams, parameters=parameters)

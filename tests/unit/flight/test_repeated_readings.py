@@ -19,7 +19,6 @@ RATE = 50.0
 
 
 def motion(seed: int, noise: float, period: float = 7.0) -> FloatArray:
-    """Return a smooth motion over the rows with white noise."""
     rng = np.random.default_rng(seed)
     swing = np.sin(2.0 * np.pi * TIME / period + rng.uniform(0.0, 2.0 * np.pi))
     return np.asarray(5.0 * swing + noise * rng.standard_normal(TIME.size))
@@ -34,12 +33,10 @@ def readings(every: float, phase: float) -> IntArray:
 
 
 def hold(x: FloatArray, rows: IntArray) -> FloatArray:
-    """Return a column that holds what it was at the rows."""
     return np.asarray(x[np.r_[0, rows]][np.searchsorted(rows, np.arange(x.size), "right")])
 
 
 def found(**columns: FloatArray) -> dict[str, Channels]:
-    """Return the channels of columns by the variables that they hold."""
     groups, notices = at_own_rates(Channels("log", TIME, columns))
     assert len(notices) == len(groups) - any(one.time is TIME for one in groups)
     return {name: one for one in groups for name in one.values}

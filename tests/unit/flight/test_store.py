@@ -25,7 +25,6 @@ def flight(values: FloatArray) -> Flight:
 
 
 def opened(path: Path) -> Any:
-    """Open a file by xarray."""
     import xarray as xr
 
     return xr.open_dataset(path, engine="scipy", decode_timedelta=False)
@@ -80,7 +79,6 @@ def test_air_data_and_faults_come_back(tmp_path: Path) -> None:
 
 
 def test_sentences_of_older_files_come_back(tmp_path: Path) -> None:
-    """Before notices were typed, files held sentences."""
     sentences = ["a note: ±1 °C", "another"]
     fault = {
         "kind": "stuck",

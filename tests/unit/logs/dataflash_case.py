@@ -38,7 +38,6 @@ def small_log(samples: int = SAMPLES) -> bytes:
 
 
 def as_text(log: list[Table]) -> bytes:
-    """Write a log as text, as ground stations do."""
     lines = ["FMT, 128, 89, FMT, BBnNZ, Type,Length,Name,Format,Columns"]
     lines += [f"FMT, {k + 1}, 50, {t.name}, {t.letters}, {t.columns}" for k, t in enumerate(log)]
     for table in log:

@@ -61,7 +61,6 @@ def satellites(n: int) -> dict[str, Rows]:
 
 
 def raw(content: bytes) -> dict[str, npt.NDArray[Any]]:
-    """Return the numbers of the main frames as they were logged."""
     found = blackbox._session(content, 0, len(content), "log", 10**7)
     assert isinstance(found, blackbox.Session)
     return dict(zip(found.names[walk.I], found.rows[walk.I][:, 1:].T, strict=True))
@@ -222,14 +221,12 @@ def rows(values: dict[str, npt.NDArray[Any]], apart: str = ",") -> str:
 
 
 def explorer(values: dict[str, npt.NDArray[Any]]) -> str:
-    """Return a table as Blackbox Explorer exports it."""
     lines = ('"Firmware revision","Betaflight 4.5.1 (1) X"', '"acc_1G",2048', '"gyroScale",1.7453292519943295e-8',
              '"motorOutput","158,2047"', '"motor_poles",14', ",".join(f'"{name}"' for name in values))  # fmt: skip
     return "\n".join([*lines, rows(values)])
 
 
 def decoded(values: dict[str, npt.NDArray[Any]]) -> str:
-    """Return a table as blackbox_decode writes it."""
     units = {"time": "time (us)", "vbatLatest": "vbatLatest (V)", "amperageLatest": "amperageLatest (A)"}
     table = values | {name: values[name] / 100.0 for name in ("vbatLatest", "amperageLatest")}
     return ", ".join(units.get(name, name) for name in table) + "\n" + rows(table, ", ")

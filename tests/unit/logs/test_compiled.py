@@ -24,7 +24,6 @@ LOG = np.frombuffer(small_log(5), np.uint8)
 
 @pytest.fixture(scope="module")
 def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return a cache that holds the walk over DataFlash logs."""
     root = tmp_path_factory.mktemp("kept")
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("STOOP_CACHE_DIR", str(root))
@@ -50,7 +49,6 @@ def the_only(root: Path, pattern: str) -> Path:
 
 
 def counted(monkeypatch: pytest.MonkeyPatch, walk: Any) -> list[int]:
-    """Return how many messages of each kind a walk finds."""
     with monkeypatch.context() as patch:
         patch.setattr(dataflash_survey, "walk", walk)
         found = dataflash_survey.survey(LOG)

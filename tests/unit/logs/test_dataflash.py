@@ -50,15 +50,6 @@ def test_bytes_and_text_leave_the_same_unread() -> None:
             assert set(ours.unread) == {"IMU", "ATT", "BAT", "POS", "MODE", "TST"} - topics
 
 
-def test_text_holds_the_same(tmp_path: Path) -> None:
-    log, path = tables()[1:], tmp_path / "a.log"  # no units here, and thus no instances
-    path.write_bytes(as_text(log))
-    recording = read(path)
-    assert recording.defects == ()
-    np.testing.assert_array_equal(recording.streams["ATT"].columns["Roll"], log[0].values["Roll"])
-    assert same_as_pymavlink(recording, path) > 5 * SAMPLES
-
-
 def test_text_with_units_parameters_and_commas() -> None:
     text = (
         b"FMT, 128, 89, FMT, BBnNZ, Type,Length,Name,Format,Columns\nFMT,1,2,UNIT,QbZ,TimeUS,Id,Label\n"
@@ -80,7 +71,6 @@ def test_text_with_units_parameters_and_commas() -> None:
 
 
 def test_instances_that_no_number_counts() -> None:
-    """NaN is equal to nothing, not even to itself."""
     head = (
         b"FMT,1,2,UNIT,QbZ,TimeUS,Id,Label\nFMT,3,2,FMTU,QBNN,TimeUS,FmtType,UnitIds,MultIds\n"
         b"FMT,7,2,GYR,QBf,TimeUS,I,GyrX\nUNIT, 0, 35, instance\nFMTU, 0, 7, s#E, F-0\n"

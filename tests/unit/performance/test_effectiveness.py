@@ -116,7 +116,6 @@ def test_healthy_flights_are_accused_as_often_as_stated(quad: Balance, count: in
 
 
 def test_more_are_accused_where_flights_scatter_twice_as_much(quad: Balance) -> None:
-    """The shares are those of docs/propellers.md."""
     for count, share in ((1, 0.26), (3, 0.23), (8, 0.14)):
         rng, accused = np.random.default_rng(count), []
         for _ in range(400):
@@ -164,7 +163,6 @@ def test_what_no_rotor_explains_is_called_odd(quad: Balance) -> None:
 
 
 def logged(thrust: np.ndarray, **more: np.ndarray) -> Flight:
-    """A flight at 50 Hz whose four motors have one command."""
     return from_columns(
         "flight", np.arange(thrust.size) / 50.0, {f"motor_{i}": thrust for i in range(1, 5)} | more
     )

@@ -19,7 +19,6 @@ DT = 0.01
 
 
 def flown(vehicle: Vehicle) -> Flight:
-    """Return two seconds of a quadrotor that falls off to the side under commands that swing."""
     t = DT * np.arange(200)
     swing = 0.02 * np.sin(np.outer(t, [9.0, 11.0, 13.0, 7.0]))
     inputs = np.zeros((len(t), len(vehicle.inputs)))
@@ -53,7 +52,7 @@ def test_a_constant_and_static_thrust_are_learned_from_what_was_fitted() -> None
     learned = ForceCurves(DT * np.arange(50), force, force, squares)
     later = ForceCurves(learned.time, force + np.array([1.0, 0.0, 0.0]), force, squares)
     ax, az = (later.residuals([learned])[name] for name in ("ax", "az"))
-    assert ax.constant == ax.static == ax.model == pytest.approx(1.0)
+    assert (ax.constant, ax.static, ax.model) == pytest.approx((1.0, 1.0, 1.0))
     assert az.static == pytest.approx(0.0, abs=1e-9)
     assert az.constant == pytest.approx(float(np.std(force[:, 2])))
 

@@ -110,7 +110,6 @@ def test_what_hovers_is_in_the_air_at_any_speed() -> None:
 
 
 def turning(time: np.ndarray) -> dict[str, np.ndarray]:
-    """Return rates and an attitude that agree."""
     still = 0.0 * time
     return {
         **dict.fromkeys(("theta", "psi", "q", "r"), still),
