@@ -8,15 +8,23 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from unit.checks.test_clean_flights import OWN
 from unit.flight.made_logs import csv_log
 
 from stoop.base.arrays import FloatArray
+from stoop.base.notices import Notice
 from stoop.base.units import DEGREE, FOOT, KNOT
+from stoop.base.variables import SPECIFIC_FORCE
+from stoop.checks.mapping import check_mapping
 from stoop.flight import load
 from stoop.flight.mapping_corrections import corrected_mapping
 from stoop.flight.mapping_draft import draft
 from stoop_studies.verify.lines import (
+    CALIBRATED,
+    FRAMES,
+    GROUND,
     Mangled,
+    _quarter,
     accusations,
     flown,
     lost,
@@ -30,6 +38,15 @@ from stoop_studies.verify.lines import (
 )
 
 
+def put(
+    folder: Path, time: FloatArray, columns: dict[str, FloatArray], form: str = "CSV"
+) -> tuple[Path, Path]:
+    path, places = write_log(folder, form, time, columns)
+    mapping = folder / "m.toml"
+    mapping.write_text(mapping_text(form, places))
+    return path, mapping
+
+
 @functools.cache
 def aircraft() -> tuple[FloatArray, dict[str, FloatArray]]:
     time, columns = flown(2000, True)
@@ -39,10 +56,7 @@ def aircraft() -> tuple[FloatArray, dict[str, FloatArray]]:
 def logged(folder: Path, mangled: Mangled, without: tuple[str, ...] = ()) -> tuple[Path, Path]:
     time, truth = aircraft()
     columns = {name: x for name, x in mangled.apply(truth).items() if name not in without}
-    path, places = write_log(folder, "CSV", time, columns)
-    mapping = folder / "m.toml"
-    mapping.write_text(mapping_text("CSV", places))
-    return path, mapping
+    return put(folder, time, columns)
 
 
 def test_a_right_mapping_has_no_fault_whatever_the_estimator_held_before_take_off(tmp_path: Path) -> None:
@@ -101,9 +115,7 @@ def test_a_heading_in_degrees_beside_rates_in_degrees_is_no_radian(tmp_path: Pat
     kept = {n: x for n, x in truth.items() if n not in ("phi", "theta")}
     written = {**kept, **{n: truth[n] / DEGREE for n in names}}
     written["psi"] %= 360.0
-    path, places = write_log(tmp_path, "MATLAB", time, written)
-    mapping = tmp_path / "m.toml"
-    mapping.write_text(mapping_text("MATLAB", places))
+    path, mapping = put(tmp_path, time, written, "MATLAB")
     made = corrected_mapping(path, mapping)
     units = {name: line["unit"] for name, line in tomllib.loads(made.text)["variables"].items()}
     assert [units[n] for n in names] == ["deg", "deg/s", "deg/s", "deg/s"]
@@ -137,3 +149,81 @@ def test_without_velocity_over_ground_forces_tell_of_the_airspeed(tmp_path: Path
     knots = times("knots", 1.0 / KNOT, "V")
     place = logged(tmp_path, knots, ("vn", "ve", "vd", "pn", "pe", "altitude"))
     assert verdict(accusations(*place), knots.lines) == "named"
+
+
+@functools.cache
+def recorded(winged: bool) -> tuple[FloatArray, dict[str, FloatArray]]:
+    return flown(3000, winged)
+
+
+def columns(winged: bool, without: tuple[str, ...] = ()) -> tuple[FloatArray, dict[str, FloatArray]]:
+    time, truth = recorded(winged)
+    return time, {name: x for name, x in truth.items() if name not in ("pd", *without)}
+
+
+def airborne(without: tuple[str, ...] = (), winged: bool = True) -> tuple[FloatArray, dict[str, FloatArray]]:
+    time, truth = columns(winged, without)
+    return time[time >= GROUND], {name: x[time >= GROUND] for name, x in truth.items()}
+
+
+def named_and_corrected(folder: Path, frame: Mangled, winged: bool) -> None:
+    time, truth = columns(winged)
+    path, mapping = put(folder, time, dict(frame.apply(truth)))
+    assert verdict(accusations(path, mapping), frame.lines) == "named"
+    made = corrected_mapping(path, mapping)
+    assert made.left == ()
+    assert misread(path, made.text, frame.shown(truth), truth, CALIBRATED) == []
+
+
+ROS = next(frame for frame in FRAMES if frame.words == "all in flu and enu")
+#: as meters a second it is most of the speed, and where it is small the aircraft is no less in the air
+FEET = times("climb in ft/min", 60.0 / 0.3048, "vd")
+
+
+@pytest.mark.parametrize("frame", [ROS, FEET], ids=["ros", "feet"])
+def test_axes_of_ros_and_a_climb_in_feet_are_named_and_corrected(tmp_path: Path, frame: Mangled) -> None:
+    named_and_corrected(tmp_path, frame, winged=True)
+
+
+@pytest.mark.parametrize("winged", [True, False], ids=["aircraft", "multirotor"])
+@pytest.mark.parametrize("frame", FRAMES, ids=lambda frame: frame.words)
+def test_other_axes_are_named_and_corrected(tmp_path: Path, frame: Mangled, winged: bool) -> None:
+    named_and_corrected(tmp_path, frame, winged)
+
+
+def found(time: FloatArray, shown: dict[str, FloatArray]) -> list[Notice]:
+    own = {name: OWN[name] for name in shown}
+    judged = check_mapping({name: (time, x) for name, x in shown.items()}, shown, 50.0, own)
+    return [*judged.refused, *judged.notices]
+
+
+@pytest.mark.parametrize("winged", [True, False], ids=["aircraft", "multirotor"])
+def test_without_accelerometers_path_and_bank_tell_of_z(winged: bool) -> None:
+    """Motion capture with z up, whose attitude is that of z down; what carries a multirotor says nothing of a climb."""
+    time, truth = airborne((*SPECIFIC_FORCE, "altitude", "elevator", "aileron", "rudder"), winged)
+    assert found(time, truth) == []
+    if winged:
+        assert [one.subject for one in found(time, {**truth, "vd": -truth["vd"]})] == ["vd"]
+        turned = {**truth, **{n: -truth[n] for n in ("ve", "vd", "pe")}}  # ground axes are told by the bank
+        assert {name for one in found(time, turned) for name in one.values["lines"]} == {"ve", "vd", "pe"}
+        noise = 0.02 * np.random.default_rng(0).standard_normal(time.size)
+        assert (
+            found(time, {**truth, "theta": truth["theta"] + noise}) == []
+        )  # it shrinks with a unit: no reason
+
+
+def test_an_attitude_to_the_left_whose_pitch_counts_nose_up(tmp_path: Path) -> None:
+    """As small loggers write it; nothing shows where north is."""
+    time, truth = columns(True)
+    left = times("left and up", -1.0, "q", "r", "ay", "az", "psi", "ve", "vd", "pe")
+    path, mapping = put(tmp_path, time, dict(left.apply(truth)))
+    made = corrected_mapping(path, mapping)
+    assert len(made.applied) == 1
+    assert made.left == ()
+    assert [] in [misread(path, made.text, x, truth, CALIBRATED) for x in (truth, _quarter(truth))]
+
+
+def test_thrust_ahead_tells_pitch_from_its_rate() -> None:
+    time, truth = airborne((*SPECIFIC_FORCE, "altitude"), winged=False)
+    for name in ("q", "theta"):
+        assert [one.values["lines"] for one in found(time, {**truth, name: -truth[name]})] == [(name,)]

@@ -170,10 +170,9 @@ def test_files_that_stoop_did_not_write(tmp_path: Path) -> None:
     text = json.dumps([notice("clock-aligned", "log", **told).to_dict()])
     with opened(path) as whole:
         data = whole.load()
-    cases = {
-        number: data.assign_attrs(notices=text.replace("0.5", number))
-        for number in ("1" * 400, "[" * 100 + "]" * 100)
-    }
+    unheard = text.replace("clock-aligned", "unheard-of").replace("message", "said")
+    wrongs = (text.replace("0.5", "1" * 400), text.replace("0.5", "[" * 100 + "]" * 100), unheard)
+    cases = {wrong: data.assign_attrs(notices=wrong) for wrong in wrongs}
     cases |= {"another make": data.drop_attrs(), "clock": data.assign_coords(time=data["time"] ** 2)}
     for case, wrong in cases.items():
         wrong.to_netcdf(tmp_path / "h.nc", engine="scipy", format="NETCDF3_64BIT")

@@ -12,13 +12,12 @@ from unit.flight.made_logs import mapped_log
 from unit.flown import maneuver
 
 from stoop.base.arrays import FloatArray
-from stoop.base.rotations import euler_angles, quaternions_of
 from stoop.flight import Flight, load
 from stoop.flight.apply_mapping import apply_mapping
 from stoop.flight.gridding import Channels
 from stoop.flight.mapping import flight_mapping
 from stoop.flight.mapping_draft import draft_of
-from stoop.flight.pose import motion, without_jumps
+from stoop.flight.pose import without_jumps
 from stoop.logs import Recording, Stream
 from stoop.simulation.fly import simulate_flight
 from stoop.vehicle.builtin import resolve_vehicle
@@ -57,14 +56,6 @@ def test_a_turn_has_the_motion_of_its_closed_form(tmp_path: Path) -> None:
     assert flight.sources["V"].derived
     assert not flight.sources["pn"].derived
     assert "motion-of-pose" in [n.code for n in flight.notices]
-
-
-def test_a_vehicle_at_rest_feels_gravity_alone() -> None:
-    q = quaternions_of(np.tile([0.0, 0.3, 0.0], (50, 1)))
-    found = motion(np.zeros((50, 3)), q, RATE)
-    np.testing.assert_allclose(found["ax"], 9.80665 * np.sin(0.3), atol=1e-9)
-    np.testing.assert_allclose(found["az"], -9.80665 * np.cos(0.3), atol=1e-9)
-    np.testing.assert_allclose(euler_angles(q)[:, 1], 0.3)
 
 
 def test_what_was_measured_stays(tmp_path: Path) -> None:

@@ -56,6 +56,7 @@ def test_text_with_units_parameters_and_commas() -> None:
         b"FMT,2,2,MULT,Qbd,TimeUS,Id,Mult\nFMT,3,2,FMTU,QBNN,TimeUS,FmtType,UnitIds,MultIds\n"
         b"FMT, 5, 2, PARM, QNf, TimeUS,Name,Value\nFMT, 6, 2, MSG, QZ, TimeUS,Message\nFMT,7,2,GYR,QBf,TimeUS,I,GyrX\n"
         b"UNIT, 0, 69, rad/s\nUNIT, 0, 35, instance\nMULT, 0, 67, 0.001\nFMTU, 0, 7, s#E, F-C\n"
+        b"FMT, \xb2, 50, BAD, QB, TimeUS,I\n"
         b"PARM, 1, A_B, 3.5\nMSG, 2, ArduCopter V4.3, hello, world\nGYR, 5, 1, 2.5\nGYR, 5, 0, 3.5\nGYR, 9, 0, nan\n"
         b"GYR, 11, 0\nXYZ, 1, 2\n\x00\xff\nGYR, 12, 0, abc\n"
     )

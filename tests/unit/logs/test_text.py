@@ -57,6 +57,9 @@ def test_a_cut_archive_yields_what_is_left_or_says_so(tmp_path: Path) -> None:
             sizes.append(columns["timestamp"].size)
     assert sizes == sorted(sizes)
     assert sizes[-1] > 1000
+    path.write_bytes(whole + whole[:900] + bytes(90))  # a damaged member behind a sound one
+    columns, (defect,) = read_table(path)
+    assert (columns["timestamp"].size, defect.kind) == (2000, "corrupt")
 
 
 def test_what_is_no_table_is_refused_in_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
