@@ -15,13 +15,7 @@ from stoop.vehicle import parse_vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 
 OWN = {name: Line("M.toml", f"variables.{name}", known.unit) for name, known in VARIABLES.items()}
-ROTORS = (
-    ("roll", 12.0, 0.15),
-    ("pitch", 12.0, 0.15),
-    ("yaw", 1.5, 0.4),
-    ("heave", 2.5, 0.3),
-    ("north", 2.0, 1.5),
-)
+ROTORS = (("roll", 12, 0.15), ("pitch", 12, 0.15), ("yaw", 1.5, 0.4), ("heave", 2.5, 0.3), ("north", 2, 1.5))
 WINGS = (("elevator", 0.08, 0.3), ("aileron", 0.08, 0.5), ("rudder", 0.08, 0.6))
 NAMES = ("quad-x", "twin-boom", "hexa-x", "twin-boom", "octo-x", "quadplane")
 

@@ -112,11 +112,8 @@ def test_a_sign_that_is_turned_back_is_no_finding() -> None:
 
     def model(signs: tuple[int, int], changed: object) -> dict[tuple[str, ...], Range]:
         of_rate, of_angle, other = odds[signs]
-        numbers = {
-            ("turn", "q"): of_rate,
-            ("turn", "p"): of_angle,
-            **{("size", f"{i}"): other for i in range(6)},
-        }
+        numbers = {("turn", "q"): of_rate, ("turn", "p"): of_angle}
+        numbers |= {("size", f"{i}"): other for i in range(6)}
         return {name: Range(1.0, 0.0, 0.0, x) for name, x in numbers.items()}
 
     found, state = search((1, -1), lambda state: (rate, angle), model)

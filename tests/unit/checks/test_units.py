@@ -38,17 +38,13 @@ def flight(folder: Path, **changed: np.ndarray) -> Flight:
 
 def test_a_sign_a_unit_and_exchanged_axes(tmp_path: Path) -> None:
     assert flight(tmp_path).faults == ()
-    m = motion()
+    m, in_g = motion(), {name: motion()[name] / 9.8 for name in FORCE}
     whole = 'p = {column = "q", unit = "rad/s"} and q = {column = "p", unit = "rad/s"} under [variables] in'
     for changed, variable, fix in (
         ({"p": -m["p"]}, "p", "write scale = -1 for variables.p in"),
         ({"az": -m["az"]}, "az", "write scale = -1 for variables.az in"),
         ({"voltage": 1e3 * m["voltage"]}, "voltage", 'write unit = "mV" for variables.voltage in'),
-        (
-            {name: m[name] / 9.8 for name in FORCE},
-            "az",
-            'write unit = "g" for variables.ax, variables.ay and variables.az in',
-        ),
+        (in_g, "az", 'write unit = "g" for variables.ax, variables.ay and variables.az in'),
         ({"p": m["q"], "q": m["p"]}, "p", f"write {whole}"),
     ):
         (fault,) = flight(tmp_path, **changed).faults
@@ -67,14 +63,7 @@ def noticed(lines: Lines | None = None, **columns: np.ndarray | float) -> list[N
 
 
 def test_units_that_explain_a_size() -> None:
-    sizes = {
-        "pressure": 1013,
-        "temperature": 15,
-        "rotor_1": 9000,
-        "pwm_1": 1.5e-3,
-        "motor_1": 55,
-        "density": 3,
-    }
+    sizes = dict(pressure=1013, temperature=15, rotor_1=9000, pwm_1=1.5e-3, motor_1=55, density=3)  # noqa: C408
     meant = {"pressure": "hPa", "temperature": "degC", "rotor_1": "rpm", "pwm_1": "s", "motor_1": "percent"}
     found = {one.subject: one for one in noticed({"motor_1": Line("m.toml", "variables.motor_1")}, **sizes)}
     fixes = {name: one.values["fix"] for name, one in found.items() if name != "density"}

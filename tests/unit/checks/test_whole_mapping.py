@@ -19,36 +19,21 @@ from stoop.checks.mapping import check_mapping
 from stoop.flight import load
 from stoop.flight.mapping_corrections import corrected_mapping
 from stoop.flight.mapping_draft import draft
-from stoop_studies.verify.lines import (
-    CALIBRATED,
-    FRAMES,
-    GROUND,
-    Mangled,
-    _quarter,
-    accusations,
-    flown,
-    lost,
-    mapping_text,
-    misread,
-    swap,
-    times,
-    turned,
-    verdict,
-    write_log,
-)
+from stoop_studies.verify import lines
+from stoop_studies.verify.lines import CALIBRATED, FRAMES, Mangled, flown, misread, times
+
+Columns = dict[str, FloatArray]
 
 
-def put(
-    folder: Path, time: FloatArray, columns: dict[str, FloatArray], form: str = "CSV"
-) -> tuple[Path, Path]:
-    path, places = write_log(folder, form, time, columns)
+def put(folder: Path, time: FloatArray, columns: Columns, form: str = "CSV") -> tuple[Path, Path]:
+    path, places = lines.write_log(folder, form, time, columns)
     mapping = folder / "m.toml"
-    mapping.write_text(mapping_text(form, places))
+    mapping.write_text(lines.mapping_text(form, places))
     return path, mapping
 
 
 @functools.cache
-def aircraft() -> tuple[FloatArray, dict[str, FloatArray]]:
+def aircraft() -> tuple[FloatArray, Columns]:
     time, columns = flown(2000, True)
     return time, {name: x for name, x in columns.items() if name != "pd"}
 
@@ -69,20 +54,20 @@ def test_a_right_mapping_has_no_fault_whatever_the_estimator_held_before_take_of
     np.testing.assert_array_equal(flight.column("V"), flight.column("airspeed_pitot"))
     assert "airspeed-of-pitot" in {one.code for one in flight.notices}
     rates = times("rates 2 % high", 1.02, "p", "q", "r")  # which the attitude follows within calibration
-    assert accusations(*logged(tmp_path, rates)) == []
+    assert lines.accusations(*logged(tmp_path, rates)) == []
 
 
 @pytest.mark.parametrize(
     "mangled",
     [
-        lost("vd"), swap("vn", "ve"), times("theta in degrees", 1.0 / DEGREE, "theta"), lost("elevator"),
+        lines.lost("vd"), lines.swap("vn", "ve"), times("theta in degrees", 1.0 / DEGREE, "theta"), lines.lost("elevator"),
         times("pitot low", 0.8, "V"), times("knots", 1.0 / KNOT, "V"), times("alpha in degrees", 1.0 / DEGREE, "alpha"),
-        lost("beta"), times("q declared deg/s", DEGREE, "q"), swap("elevator", "rudder"),
+        lines.lost("beta"), times("q declared deg/s", DEGREE, "q"), lines.swap("elevator", "rudder"),
     ],
     ids=lambda mangled: mangled.words,
 )  # fmt: skip
 def test_any_wrong_line_alone_is_named(tmp_path: Path, mangled: Mangled) -> None:
-    assert verdict(accusations(*logged(tmp_path, mangled)), mangled.lines) == "named"
+    assert lines.verdict(lines.accusations(*logged(tmp_path, mangled)), mangled.lines) == "named"
 
 
 @pytest.mark.parametrize(
@@ -94,7 +79,7 @@ def test_any_wrong_line_alone_is_named(tmp_path: Path, mangled: Mangled) -> None
     ids=lambda mangled: mangled.words,
 )  # fmt: skip
 def test_lines_that_are_wrong_together_are_named_together(tmp_path: Path, mangled: Mangled) -> None:
-    ((said,),) = accusations(*logged(tmp_path, mangled))
+    ((said,),) = lines.accusations(*logged(tmp_path, mangled))
     assert set(said) == set(mangled.lines)
 
 
@@ -104,7 +89,7 @@ def test_speeds_over_ground_in_knots_do_not_accuse_the_airspeed(
 ) -> None:
     mangled = times("vn and ve in knots", 1.0 / KNOT, "vn", "ve")
     path, mapping = logged(tmp_path, mangled, without)
-    assert verdict(accusations(path, mapping), mangled.lines) == "named"
+    assert lines.verdict(lines.accusations(path, mapping), mangled.lines) == "named"
     made = corrected_mapping(path, mapping)
     assert misread(path, made.text, aircraft()[1], ("vn", "ve", "vd", "V")) == []
 
@@ -130,46 +115,47 @@ def test_feet_a_minute_and_a_heading_are_drafted(tmp_path: Path) -> None:
         "alt": truth["altitude"] / FOOT, "climb": -truth["vd"] / FOOT * 60.0,
         "yaw_vane": truth["beta"], "yaw_old": np.roll(truth["psi"], 400), "heading": truth["psi"],
     }  # fmt: skip
-    lines = tomllib.loads(draft(csv_log(tmp_path / "log.csv", columns)).text)["variables"]
-    assert (lines["altitude"]["unit"], lines["vd"]["unit"]) == ("ft", "ft/min")
-    assert (lines["psi"]["column"], lines["beta"]["column"]) == ("heading", "yaw_vane")
+    drafted = tomllib.loads(draft(csv_log(tmp_path / "log.csv", columns)).text)["variables"]
+    assert (drafted["altitude"]["unit"], drafted["vd"]["unit"]) == ("ft", "ft/min")
+    assert (drafted["psi"]["column"], drafted["beta"]["column"]) == ("heading", "yaw_vane")
 
 
 def test_axes_of_east_north_up_are_drafted_whole(tmp_path: Path) -> None:
     time, truth = aircraft()
     every = ("q", "r", "ay", "az", "theta", "psi", "vn", "ve", "vd", "pn", "pe")
-    path, places = write_log(tmp_path, "MATLAB", time, turned("flu in enu", *every, east=True).apply(truth))
+    turned = lines.turned("flu in enu", *every, east=True).apply(truth)
+    path, places = lines.write_log(tmp_path, "MATLAB", time, turned)
     made = draft(path)
     assert misread(path, made.text, truth, every) == []
-    lines = tomllib.loads(made.text)["variables"]
-    assert (lines["vn"]["column"], lines["ve"]["column"]) == (places["ve"][0], places["vn"][0])
+    drafted = tomllib.loads(made.text)["variables"]
+    assert (drafted["vn"]["column"], drafted["ve"]["column"]) == (places["ve"][0], places["vn"][0])
 
 
 def test_without_velocity_over_ground_forces_tell_of_the_airspeed(tmp_path: Path) -> None:
     knots = times("knots", 1.0 / KNOT, "V")
     place = logged(tmp_path, knots, ("vn", "ve", "vd", "pn", "pe", "altitude"))
-    assert verdict(accusations(*place), knots.lines) == "named"
+    assert lines.verdict(lines.accusations(*place), knots.lines) == "named"
 
 
 @functools.cache
-def recorded(winged: bool) -> tuple[FloatArray, dict[str, FloatArray]]:
+def recorded(winged: bool) -> tuple[FloatArray, Columns]:
     return flown(3000, winged)
 
 
-def columns(winged: bool, without: tuple[str, ...] = ()) -> tuple[FloatArray, dict[str, FloatArray]]:
+def columns(winged: bool, without: tuple[str, ...] = ()) -> tuple[FloatArray, Columns]:
     time, truth = recorded(winged)
     return time, {name: x for name, x in truth.items() if name not in ("pd", *without)}
 
 
-def airborne(without: tuple[str, ...] = (), winged: bool = True) -> tuple[FloatArray, dict[str, FloatArray]]:
+def airborne(without: tuple[str, ...] = (), winged: bool = True) -> tuple[FloatArray, Columns]:
     time, truth = columns(winged, without)
-    return time[time >= GROUND], {name: x[time >= GROUND] for name, x in truth.items()}
+    return time[time >= lines.GROUND], {name: x[time >= lines.GROUND] for name, x in truth.items()}
 
 
 def named_and_corrected(folder: Path, frame: Mangled, winged: bool) -> None:
     time, truth = columns(winged)
     path, mapping = put(folder, time, dict(frame.apply(truth)))
-    assert verdict(accusations(path, mapping), frame.lines) == "named"
+    assert lines.verdict(lines.accusations(path, mapping), frame.lines) == "named"
     made = corrected_mapping(path, mapping)
     assert made.left == ()
     assert misread(path, made.text, frame.shown(truth), truth, CALIBRATED) == []
@@ -191,7 +177,7 @@ def test_other_axes_are_named_and_corrected(tmp_path: Path, frame: Mangled, wing
     named_and_corrected(tmp_path, frame, winged)
 
 
-def found(time: FloatArray, shown: dict[str, FloatArray]) -> list[Notice]:
+def found(time: FloatArray, shown: Columns) -> list[Notice]:
     own = {name: OWN[name] for name in shown}
     judged = check_mapping({name: (time, x) for name, x in shown.items()}, shown, 50.0, own)
     return [*judged.refused, *judged.notices]
@@ -204,8 +190,8 @@ def test_without_accelerometers_path_and_bank_tell_of_z(winged: bool) -> None:
     assert found(time, truth) == []
     if winged:
         assert [one.subject for one in found(time, {**truth, "vd": -truth["vd"]})] == ["vd"]
-        turned = {**truth, **{n: -truth[n] for n in ("ve", "vd", "pe")}}  # ground axes are told by the bank
-        assert {name for one in found(time, turned) for name in one.values["lines"]} == {"ve", "vd", "pe"}
+        other = truth | {n: -truth[n] for n in ("ve", "vd", "pe")}  # ground axes are told by the bank
+        assert {name for one in found(time, other) for name in one.values["lines"]} == {"ve", "vd", "pe"}
         noise = 0.02 * np.random.default_rng(0).standard_normal(time.size)
         assert (
             found(time, {**truth, "theta": truth["theta"] + noise}) == []
@@ -220,7 +206,7 @@ def test_an_attitude_to_the_left_whose_pitch_counts_nose_up(tmp_path: Path) -> N
     made = corrected_mapping(path, mapping)
     assert len(made.applied) == 1
     assert made.left == ()
-    assert [] in [misread(path, made.text, x, truth, CALIBRATED) for x in (truth, _quarter(truth))]
+    assert [] in [misread(path, made.text, x, truth, CALIBRATED) for x in (truth, lines._quarter(truth))]
 
 
 def test_thrust_ahead_tells_pitch_from_its_rate() -> None:

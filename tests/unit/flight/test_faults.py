@@ -37,12 +37,8 @@ def test_stuck() -> None:
     p = noise(0)
     p[500:700] = p[500]
     (fault,) = recorded_faults([Channels("x", TIME, {"p": p})])
-    assert (fault.kind, fault.start, fault.stop, fault.notice.code) == (
-        "stuck",
-        5.0,
-        6.99,
-        "constant-reading",
-    )
+    assert (fault.kind, fault.notice.code) == ("stuck", "constant-reading")
+    assert (fault.start, fault.stop) == (5.0, 6.99)
 
 
 def test_clipped_on_both_sides_or_on_one() -> None:

@@ -67,10 +67,8 @@ def test_reading_and_describing_a_flight_needs_no_heavy_library(flight: Flight, 
     """To import it takes half a second, and Dask comes with it where that is installed."""
     save(flight, tmp_path / "f.nc")
     (tmp_path / "f.ulg").write_bytes(ulog([Topic("a", TIME, {"x": TIME})]))
-    script = (
-        "import sys, pathlib, stoop.logs as l; from stoop.flight import load, describe; f, u = sys.argv[1:];"
-    )
-    script += "l.read(pathlib.Path(u)); describe(load(f)); print(*sys.modules)"
+    script = "import sys, pathlib, stoop.logs; from stoop.flight import load, describe; f, u = sys.argv[1:];"
+    script += "stoop.logs.read(pathlib.Path(u)); describe(load(f)); print(*sys.modules)"
     command = [sys.executable, "-c", script, tmp_path / "f.nc", tmp_path / "f.ulg"]
     told = subprocess.run(command, check=True, capture_output=True, text=True)
     assert not {"xarray", "pandas", "dask", "pyulog", "numba", "sympy"} & set(told.stdout.split())
@@ -93,11 +91,8 @@ def opened(path: Path) -> Any:
 def test_there_and_back_bit_for_bit(tmp_path: Path) -> None:
     """Also beyond what a log may hold: the filter of the grid goes there, and columns may be set by hand."""
     path = tmp_path / "g.nc"
-    ordinary = (
-        *([x, -x] for x in (0.0, 1e6, 5e-324)),
-        [1.0, np.nan, 2.0],
-        np.random.default_rng(0).normal(size=30),
-    )
+    noise = np.random.default_rng(0).normal(size=30)
+    ordinary = (*([x, -x] for x in (0.0, 1e6, 5e-324)), [1.0, np.nan, 2.0], noise)
     for values in (*ordinary, *(np.linspace(0.9e9, large, 30) for large in (1.0000001e9, -3e9, 1e12, 1e29))):
         there = holding(np.zeros(len(values)))
         p = ("time", np.array(values), there.data["p"].attrs)
@@ -146,7 +141,7 @@ def test_sentences_of_older_files_come_back(tmp_path: Path) -> None:
         "value": 0.5,
         "start": 1.0,
         "stop": 2.0,
-        "message": "p stands still",
+        "message": "it stands",
     }
     save(replace(holding(np.arange(5.0)), air=AirData("none")), tmp_path / "g.nc")
     with opened(tmp_path / "g.nc") as whole:
@@ -157,7 +152,7 @@ def test_sentences_of_older_files_come_back(tmp_path: Path) -> None:
     data.to_netcdf(tmp_path / "old.nc", engine="scipy", format="NETCDF3_64BIT")
     back = load(tmp_path / "old.nc")
     assert [str(found) for found in back.notices] == sentences
-    assert [(f.kind, f.value, f.message) for f in back.faults] == [("stuck", 0.5, "p stands still")]
+    assert [(f.kind, f.value, f.message) for f in back.faults] == [("stuck", 0.5, "it stands")]
     assert back.air is not None
     assert [str(found) for found in back.air.notices] == sentences
 

@@ -16,21 +16,14 @@ from stoop.base.notices import Notice
 from stoop.base.rotations import continuous, quaternions_of, wrap
 from stoop.base.variables import EULER, QUATERNION, RATES
 from stoop.errors import FlightError
+from stoop.flight import gridding
 from stoop.flight.gridding import (
-    CUTOFF,
-    GRID_RATES,
-    ORDER,
-    SAME_RATE,
     Channels,
     Grid,
     grid_channels,
-    grid_rate,
-    interpolate_by_rates,
     longest_allowed,
-    low_pass,
     make_grid,
     resample,
-    source_rate,
     stretches,
 )
 
@@ -67,7 +60,7 @@ def test_stretches_hold_every_sample_that_has_a_near_neighbor(gaps: list[float])
         covered[part] = True
     near = np.append(np.diff(time) <= limit, False) | np.append(False, np.diff(time) <= limit)
     assert np.array_equal(covered, near)
-    described = source_rate("x", time)
+    described = gridding.source_rate("x", time)
     assert described.gaps == np.sum(np.diff(time) > limit)
     assert described.longest_gap == np.max(np.diff(time))
 
@@ -88,8 +81,8 @@ def test_the_low_pass_weakens_as_a_butterworth_run_both_ways() -> None:
     fine = 800.0
     for frequency in (1.0, 5.0, 10.0, 20.0, 30.0, 41.0, 80.0, 95.0, 120.0):
         wave, phase = amplitude(frequency, fine)
-        warped = np.tan(np.pi * frequency / fine) / np.tan(np.pi * CUTOFF * 100.0 / fine)
-        assert wave == pytest.approx(1.0 / (1.0 + warped ** (2 * ORDER)), abs=1e-5)
+        warped = np.tan(np.pi * frequency / fine) / np.tan(np.pi * gridding.CUTOFF * 100.0 / fine)
+        assert wave == pytest.approx(1.0 / (1.0 + warped ** (2 * gridding.ORDER)), abs=1e-5)
         assert abs(phase) < 1e-3
     for frequency in (90.0, 110.0, 190.0):
         assert np.hypot(*amplitude(frequency, fine)) < 2e-4
@@ -146,7 +139,7 @@ def test_gyros_that_read_between_the_multiples_of_the_period_are_taken_as_they_a
 
 def test_any_short_stretch_can_be_filtered() -> None:
     for samples in range(1, 61):
-        np.testing.assert_allclose(low_pass(np.ones((samples, 2)), 400.0, 100.0), 1.0, atol=1e-9)
+        np.testing.assert_allclose(gridding.low_pass(np.ones((samples, 2)), 400.0, 100.0), 1.0, atol=1e-9)
 
 
 def test_clocks_that_no_sensor_has() -> None:
@@ -175,11 +168,11 @@ def test_grids_that_cannot_be() -> None:
 
 @given(st.lists(st.floats(0.0, 1e4), max_size=5))
 def test_a_grid_is_as_fast_as_the_fastest_channel_within_its_limits(rates: list[float]) -> None:
-    fastest, found = max(rates, default=0.0), grid_rate(rates)
-    assert found in GRID_RATES
-    assert fastest <= SAME_RATE * found or found == max(GRID_RATES)
-    lower = [rate for rate in GRID_RATES if rate < found]
-    assert not lower or fastest > SAME_RATE * max(lower)
+    fastest, found = max(rates, default=0.0), gridding.grid_rate(rates)
+    assert found in gridding.GRID_RATES
+    assert fastest <= gridding.SAME_RATE * found or found == max(gridding.GRID_RATES)
+    lower = [rate for rate in gridding.GRID_RATES if rate < found]
+    assert not lower or fastest > gridding.SAME_RATE * max(lower)
 
 
 def test_the_rate_of_a_grid() -> None:
@@ -242,7 +235,7 @@ def off(channels: list[Channels], follow: bool) -> tuple[float, list[Notice]]:
     grid, data, sources = grid_channels(channels, 100.0, "test")
     notices: list[Notice] = []
     if follow:
-        data, notices = interpolate_by_rates(grid, data, sources, channels)
+        data, notices = gridding.interpolate_by_rates(grid, data, sources, channels)
     truth = wobbling(grid.time)[0]
     there = np.isfinite(data["q0"]) & np.isfinite(data["p"])
     found = np.column_stack([data["phi"], data["theta"]])
@@ -263,7 +256,7 @@ def test_holes_stay() -> None:
     fast = fast[(fast < 12.0) | (fast > 13.0)]
     channels = recorded(slow, fast)
     grid, data, sources = grid_channels(channels, 100.0, "test")
-    after, _ = interpolate_by_rates(grid, data, sources, channels)
+    after, _ = gridding.interpolate_by_rates(grid, data, sources, channels)
     for name in ("q0", "phi"):
         np.testing.assert_array_equal(np.isnan(after[name]), np.isnan(data[name]))
     assert off(channels, True)[0] < 0.03
@@ -274,6 +267,6 @@ def test_fast_attitudes_and_slow_rates_are_left() -> None:
     slow = recorded(np.arange(0.0, 5.0, 0.1), np.arange(0.0, 5.0, 0.1))
     for channels in (fast, slow, slow[:1], slow[1:]):
         grid, data, sources = grid_channels(channels, 100.0, "test")
-        after, notices = interpolate_by_rates(grid, data, sources, channels)
+        after, notices = gridding.interpolate_by_rates(grid, data, sources, channels)
         assert notices == []
         assert all(after[name] is data[name] for name in data)

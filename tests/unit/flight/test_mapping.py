@@ -181,10 +181,8 @@ def test_betaflight_and_inav() -> None:
 
 
 def test_px4_of_a_hovering_vehicle() -> None:
-    rotors = {
-        "esc_status": stream(**{"esc[0].esc_rpm": 3000.0, "esc[1].esc_rpm": 0.0}),
-        "rpm": stream(rpm_estimate=9.0),
-    }
+    turning = stream(**{"esc[0].esc_rpm": 3000.0, "esc[1].esc_rpm": 0.0})
+    rotors = {"esc_status": turning, "rpm": stream(rpm_estimate=9.0)}
     for thrust in (0.6, 0.0):
         asked = stream(**{"xyz[0]": 0.0, "xyz[1]": 0.0, "xyz[2]": -thrust})
         found = first("px4", "ulog", {"vehicle_thrust_setpoint": asked, **rotors})

@@ -92,11 +92,9 @@ def test_the_verb_writes_the_mapping_and_says_what_it_did(
 def test_columns_that_are_not_plain_get_advice_without_changes(tmp_path: Path) -> None:
     place = tmp_path / "m.toml"
     for entry in (
-        'columns = ["g[{0..2}]"]',
-        'columns = "g[{0..2}]"',
-        'columns = ["p", "q", "r"]\nframe = "flu"',
-        'columns = [{p = 1.0, q = -1.0}, "q", "r"]',
-    ):
+        'columns = ["g[{0..2}]"]', 'columns = "g[{0..2}]"',
+        'columns = ["p", "q", "r"]\nframe = "flu"', 'columns = [{p = 1.0, q = -1.0}, "q", "r"]',
+    ):  # fmt: skip
         place.write_text(f'[group.gyro]\nvariables = ["p", "q", "r"]\nunit = "rad/s"\n{entry}\n')
         lines = read_lines(dict.fromkeys("pqr", f"{place}: group.gyro.sources[0]"))
         for edit in (*mapping_edits(dict.fromkeys("pqr", (T, T)), "pqr", lines, {}), *frame_edits(lines)):

@@ -89,13 +89,8 @@ def test_clocks_are_told_by_name_or_by_their_steps(tmp_path: Path) -> None:
 
 def test_what_is_unsure_is_marked(tmp_path: Path) -> None:
     truth = flown()
-    columns = {
-        "x": T,
-        "acc_y": truth["ay"],
-        "acc_z": -truth["az"],
-        "roll": 0.1 * truth["phi"],
-        "noise": np.cos(99 * T),
-    }
+    columns = {"x": T, "acc_y": truth["ay"], "acc_z": -truth["az"], "roll": 0.1 * truth["phi"]}
+    columns["noise"] = np.cos(99 * T)
     lines = drafted(tmp_path, columns).text.splitlines()
     told = {line.split(" = ")[0]: line.partition("# ")[2] for line in lines}
     assert "unsure: whether x is north" in told["pn"]
@@ -194,9 +189,7 @@ def test_columns_as_others_write_them() -> None:
 
 
 @pytest.mark.parametrize(("stem", "turns"), [("u", True), ("x", False)])
-def test_numbered_columns_are_motors_where_they_turn_the_vehicle(
-    tmp_path: Path, stem: str, turns: bool
-) -> None:
+def test_numbered_columns_are_motors_where_they_turn(tmp_path: Path, stem: str, turns: bool) -> None:
     """Four commands of a quadrotor, recorded 0.2 s before they act; and four that turn nothing."""
     steps = np.repeat(np.random.default_rng(3).standard_normal((3, 400)), 10, axis=1)
     roll, pitch, yaw = 0.05 * steps
@@ -223,12 +216,8 @@ def test_rotors_are_written_as_the_rates(tmp_path: Path) -> None:
 
 def test_what_was_measured_of_a_surface_is_taken_before_what_was_asked(tmp_path: Path) -> None:
     surface = flown()["elevator"]
-    columns = {
-        "fcs/elevator-cmd-norm": surface / 0.3,
-        "fcs/elevator-pos-rad": surface,
-        "load cell": np.cos(T),
-    }
-    made = drafted(tmp_path, columns)
+    columns = {"fcs/elevator-cmd-norm": surface / 0.3, "fcs/elevator-pos-rad": surface}
+    made = drafted(tmp_path, columns | {"load cell": np.cos(T)})
     assert lines_of(made)["elevator"]["column"] == "fcs/elevator-pos-rad"
     assert made.unknown == ("load cell",)
 

@@ -169,11 +169,8 @@ def test_damage_to_one_array_costs_no_other(files: dict[str, Path], tmp_path: Pa
     assert recording.defects[0].place == "time"
     path = tmp_path / "flight.mat"
     with h5py.File(path, "w", libver="latest") as file:
-        file["t"], file["good"], file["bad"] = (
-            np.arange(100) / 10.0,
-            np.sin(np.arange(100.0)),
-            np.arange(77.0),
-        )
+        file["t"], file["good"] = np.arange(100) / 10.0, np.sin(np.arange(100.0))
+        file["bad"] = np.arange(77.0)
     content = bytearray(path.read_bytes())
     heads = [place for place in range(len(content)) if content.startswith(b"OHDR", place)]
     content[heads[3]] ^= 1  # after those of the file, t and good

@@ -18,10 +18,7 @@ N = 200
 
 def events() -> dict[str, Event]:
     rng = np.random.default_rng(4)
-    fixed = {
-        "motor.m1": rng.integers(0, 65536, N).astype(np.uint32),
-        "stateEstimate.x": np.float32(rng.normal(size=N)),
-    }
+    fixed = {"m1": rng.integers(0, 65536, N).astype(np.uint32), "x": np.float32(rng.normal(size=N))}
     sparse = {"mode": rng.integers(0, 3, 7).astype(np.uint8), "half": np.float16(rng.normal(size=7))}
     return {
         "fixedFrequency": Event(0xFFFF, 9.5 + 0.01 * np.arange(N), fixed),

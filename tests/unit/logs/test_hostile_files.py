@@ -61,12 +61,8 @@ def test_what_cannot_be_read_is_said_in_one_line(tmp_path: Path) -> None:
             with pytest.raises(LogError, match=words) as caught:
                 read(path, mapping)
             assert "\n" not in str(caught.value)
-    for name, words in (
-        ("none.ulg", "no such file"),
-        ("none.csv", "no such file"),
-        ("none", "no such file"),
-        ("x" * 5000 + ".ulg", r"cannot be read|no such file"),
-        ("a\0b.ulg", r"cannot be read|no such file"),
-    ):
-        with pytest.raises(LogError, match=words):
+    for name in ("none.ulg", "none.csv", "none", "x" * 5000 + ".ulg", "a\0b.ulg"):
+        with pytest.raises(
+            LogError, match="no such file" if "none" in name else "cannot be read|no such file"
+        ):
             read(tmp_path / name)

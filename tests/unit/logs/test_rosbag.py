@@ -71,11 +71,9 @@ def write_second(path: Path, plugin: StoragePlugin) -> Path:
 @pytest.fixture(scope="module")
 def bags(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     folder = tmp_path_factory.mktemp("bags")
-    return {
-        "first": write_first(folder / "a.bag"),
-        "db3": write_second(folder / "b", StoragePlugin.SQLITE3),
-        "mcap": write_second(folder / "c", StoragePlugin.MCAP),
-    }
+    plugins = {"db3": StoragePlugin.SQLITE3, "mcap": StoragePlugin.MCAP}
+    second = {name: write_second(folder / name, plugin) for name, plugin in plugins.items()}
+    return {"first": write_first(folder / "a.bag"), **second}
 
 
 @pytest.mark.parametrize("name", ["first", "db3", "mcap"])

@@ -152,19 +152,9 @@ def put(folder: Path, *names: str, body: str = BODY) -> None:
 
 
 def test_topics_are_found_behind_any_prefix(tmp_path: Path) -> None:
-    known = {
-        "vehicle_attitude",
-        "vehicle_attitude_setpoint",
-        "actuator_controls_0",
-        "airspeed",
-        "airspeed_validated",
-    }
-    few = {
-        "airspeed",
-        "vehicle_attitude",
-        "estimator_aid_src_airspeed",
-        "my_airspeed",
-    }  # that end in another's name
+    shared = {"vehicle_attitude", "airspeed"}
+    known = shared | {"vehicle_attitude_setpoint", "actuator_controls_0", "airspeed_validated"}
+    few = shared | {"estimator_aid_src_airspeed", "my_airspeed"}  # that end in another's name
     prefixes = ("log_5_2021-7-20-11-12-20_", "flight3_", "", "a_vehicle_", "wind_", "log_")
     for k, (prefix, topics) in enumerate((prefix, topics) for prefix in prefixes for topics in (known, few)):
         folder = tmp_path / f"{k}"
@@ -191,11 +181,7 @@ def test_further_instances_are_numbered_and_unknown_topics_follow(tmp_path: Path
 
 def test_one_bad_file_does_not_lose_the_others(tmp_path: Path) -> None:
     put(tmp_path, "log_airspeed_0.csv")
-    bad = {
-        "sensor_combined": "",
-        "vehicle_attitude": "time,x\n1,2\n",
-        "battery_status": "timestamp,x\nnan,2\n",
-    }
+    bad = {"sensor_combined": "", "vehicle_attitude": "time,x\n1,2\n", "status": "timestamp,x\nnan,2\n"}
     for topic, body in bad.items():
         put(tmp_path, f"log_{topic}_0.csv", body=body)
     recording = read(tmp_path)

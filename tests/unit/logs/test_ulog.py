@@ -10,15 +10,8 @@ import numpy as np
 import pytest
 
 from stoop.errors import LogError
-from stoop.exporters.log_bytes import (
-    Topic,
-    ulog,
-    ulog_definitions,
-    ulog_dropout,
-    ulog_message,
-    ulog_rows,
-    ulog_text,
-)
+from stoop.exporters import log_bytes
+from stoop.exporters.log_bytes import Topic, ulog, ulog_dropout, ulog_message, ulog_text
 from stoop.logs import Recording, read
 from stoop.logs import ulog as reader
 from stoop.logs.ulog import MAGIC
@@ -189,8 +182,8 @@ def long_log() -> bytes:
     time = 1.0 + np.arange(6000) / 400.0
     gyro = Topic("gyro", time, {f"xyz[{i}]": (time * (i + 1)).astype("f4") for i in range(3)})
     mode = Topic("mode", time[::10], {"n": np.arange(600, dtype="u1"), "on": np.ones(600, dtype=bool)}, 1)
-    head = ulog_definitions([gyro, mode], {"A": 1, "B": 0.5}, {"sys_name": "PX4"})
-    log = bytearray(head + ulog_rows([gyro, mode])[0])
+    head = log_bytes.ulog_definitions([gyro, mode], {"A": 1, "B": 0.5}, {"sys_name": "PX4"})
+    log = bytearray(head + log_bytes.ulog_rows([gyro, mode])[0])
     rng = np.random.default_rng(3)
     for at in rng.integers(2000, len(log), size=40):
         log[at] ^= 0xFF

@@ -11,20 +11,8 @@ import sympy as sp
 
 from stoop.errors import FlightError, VehicleError
 from stoop.flight import Flight, from_columns
-from stoop.performance.effectiveness import (
-    USUAL,
-    Balance,
-    Battery,
-    Hover,
-    Reference,
-    assess,
-    battery,
-    hover,
-    indistinct,
-    judge,
-    leave_one_out,
-    pooled,
-)
+from stoop.performance import effectiveness
+from stoop.performance.effectiveness import Balance, Hover, Reference, assess, hover, indistinct, judge
 from stoop.vehicle import Vehicle, load_vehicle, parse_vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 
@@ -91,7 +79,8 @@ def flown(balance: Balance, rng: np.random.Generator, name: str, **truth: float)
     near, ratio = int(truth.pop("near", 0)), 0.01
     taped, scatter = truth.pop("mass", 0.0), truth.pop("scatter", 1.0)
     unit = np.array([1.0, balance.arm, balance.arm, ratio])  # of a weight of one
-    needed = np.array([1.0, 0.0, 0.0, 0.0]) + scatter * unit * np.array(USUAL) * rng.normal(size=4)
+    usual = scatter * unit * np.array(effectiveness.USUAL)
+    needed = np.array([1.0, 0.0, 0.0, 0.0]) + usual * rng.normal(size=4)
     needed += taped * balance.of_thrust[:, near] * np.array([1.0, 1.0, 1.0, 0.0])
     share = np.array([1.0 - truth.get(rotor, 0.0) for rotor in balance.vehicle.rotors])
     acts = balance.of_thrust + ratio * balance.of_torque
@@ -178,7 +167,7 @@ def test_takeoffs_and_landings_are_left_out(quad: Balance) -> None:
     np.testing.assert_allclose(found.thrust, HALF)
     np.testing.assert_allclose(found.torque, HALF * 0.00596)
     assert found.duration == pytest.approx(2 * (510 / 50 - 4.0))
-    both = pooled((found, found))
+    both = effectiveness.pooled((found, found))
     np.testing.assert_allclose(both.thrust, found.thrust)
 
 
@@ -209,8 +198,8 @@ def test_what_cannot_be_used_is_said(quad: Balance) -> None:
         with pytest.raises((FlightError, VehicleError), match=words):
             call()
     rng = np.random.default_rng(9)
-    assert leave_one_out(healthy(quad, rng, 1)) == ()
-    assert [a.name for a in leave_one_out(healthy(quad, rng, 2))] == ["healthy 0", "healthy 1"]
+    assert effectiveness.leave_one_out(healthy(quad, rng, 1)) == ()
+    assert [a.name for a in effectiveness.leave_one_out(healthy(quad, rng, 2))] == ["healthy 0", "healthy 1"]
 
 
 def test_what_the_voltage_does_is_told_by_repeats(quad: Balance) -> None:
@@ -218,10 +207,11 @@ def test_what_the_voltage_does_is_told_by_repeats(quad: Balance) -> None:
     groups = [3.6 + 0.1 * rng.normal(size=4) for _ in range(6)]
     noisy = [1.0 + 0.5 * (v / v.mean() - 1.0) + 0.003 * rng.normal(size=4) for v in groups]
     lifts = [rng.uniform(0.3, 0.5) * x for x in noisy]
-    told = battery(lifts, groups)
+    told = effectiveness.battery(lifts, groups)
     assert abs(told.slope - 0.5) < 3.0 * told.std < 0.3
-    assert battery([np.array([0.3])], [np.array([3.6])]) == Battery()
-    assert battery([np.array([0.3, 0.4])], [np.array([np.nan, np.nan])]) == Battery()
+    assert effectiveness.battery([np.array([0.3])], [np.array([3.6])]) == effectiveness.Battery()
+    unknown = [np.array([np.nan, np.nan])]
+    assert effectiveness.battery([np.array([0.3, 0.4])], unknown) == effectiveness.Battery()
 
 
 def test_rotors_that_explain_it_nearly_as_well_are_named_with_it(hexa: Balance, quad: Balance) -> None:
