@@ -23,6 +23,9 @@ from stoop_studies.verify import lines
 from stoop_studies.verify.lines import CALIBRATED, FRAMES, Mangled, flown, misread, times
 
 Columns = dict[str, FloatArray]
+ROS = next(frame for frame in FRAMES if frame.words == "all in flu and enu")
+#: as meters a second it is most of the speed, and where it is small the aircraft is no less in the air
+FEET = times("climb in ft/min", 60.0 / 0.3048, "vd")
 
 
 def put(folder: Path, time: FloatArray, columns: Columns, form: str = "CSV") -> tuple[Path, Path]:
@@ -159,11 +162,6 @@ def named_and_corrected(folder: Path, frame: Mangled, winged: bool) -> None:
     made = corrected_mapping(path, mapping)
     assert made.left == ()
     assert misread(path, made.text, frame.shown(truth), truth, CALIBRATED) == []
-
-
-ROS = next(frame for frame in FRAMES if frame.words == "all in flu and enu")
-#: as meters a second it is most of the speed, and where it is small the aircraft is no less in the air
-FEET = times("climb in ft/min", 60.0 / 0.3048, "vd")
 
 
 @pytest.mark.parametrize("frame", [ROS, FEET], ids=["ros", "feet"])

@@ -18,6 +18,11 @@ from stoop.flight.mapping import flight_mapping
 
 RNG = np.random.default_rng(7)
 TONES = [*zip(RNG.normal(size=12), RNG.uniform(0.1, 2.0, 12), RNG.uniform(0, 6.28, 12), strict=True)]
+MAPPING = (
+    CLOCK + 'r = {stream = "autopilot.csv", column = "gz", unit = "rad/s"}\n'
+    'psi = {stream = "mocap.csv", column = "yaw", unit = "deg"}\n'
+)
+ALIGN = '[align."mocap.csv"]\nwith = "autopilot.csv"\n'
 
 
 def heading(t: FloatArray) -> FloatArray:
@@ -128,13 +133,6 @@ def test_mistakes() -> None:
     ):
         with pytest.raises(LogError, match=words):
             flight_mapping("m.toml", {"extends": "px4", "align": {"m": entry}})
-
-
-MAPPING = (
-    CLOCK + 'r = {stream = "autopilot.csv", column = "gz", unit = "rad/s"}\n'
-    'psi = {stream = "mocap.csv", column = "yaw", unit = "deg"}\n'
-)
-ALIGN = '[align."mocap.csv"]\nwith = "autopilot.csv"\n'
 
 
 def test_from_two_files_to_one_clock(tmp_path: Path) -> None:

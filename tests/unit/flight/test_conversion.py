@@ -26,6 +26,8 @@ GROUND = {
     "enu": np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]]),
 }  #: columns of that frame -> ours
 FRAMES = [(body, ground) for body in BODY for ground in GROUND]
+POINTS = "points = [[1100, -0.4], [1500, 0.0], [1900, 0.38]]\n"
+ELEVATOR = f"[calibration.pwm_3]\n{POINTS}[surface.elevator]\nfrom = {{pwm_3 = 1}}\n"
 
 
 def columns(names: tuple[str, ...], rows: FloatArray) -> dict[str, FloatArray]:
@@ -64,10 +66,6 @@ def test_what_cannot_be_turned_alone() -> None:
     for names in (("phi",), ("vn",), ("V",), ("p", "vn"), ("q0", "q1")):
         with pytest.raises(LogError, match="says nothing about"):
             check_frame("m.toml: group.x", names, "enu")
-
-
-POINTS = "points = [[1100, -0.4], [1500, 0.0], [1900, 0.38]]\n"
-ELEVATOR = f"[calibration.pwm_3]\n{POINTS}[surface.elevator]\nfrom = {{pwm_3 = 1}}\n"
 
 
 def surfaces(text: str) -> Surfaces:

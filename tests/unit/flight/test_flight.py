@@ -22,6 +22,7 @@ from stoop.flight import Fault, Flight, from_columns, load, save
 from stoop.flight.flight import AirData
 
 TIME = 100.0 + np.arange(50) / 10.0
+NOTICES = (notice("untyped-flight-note", text="a note: ±1 °C"), notice("gaps", counts=("imu 2", "gps 1")))
 
 
 @pytest.fixture
@@ -72,9 +73,6 @@ def test_reading_and_describing_a_flight_needs_no_heavy_library(flight: Flight, 
     command = [sys.executable, "-c", script, tmp_path / "f.nc", tmp_path / "f.ulg"]
     told = subprocess.run(command, check=True, capture_output=True, text=True)
     assert not {"xarray", "pandas", "dask", "pyulog", "numba", "sympy"} & set(told.stdout.split())
-
-
-NOTICES = (notice("untyped-flight-note", text="a note: ±1 °C"), notice("gaps", counts=("imu 2", "gps 1")))
 
 
 def holding(values: FloatArray) -> Flight:

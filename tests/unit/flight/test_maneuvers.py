@@ -16,6 +16,15 @@ from stoop.vehicle.builtin import resolve_vehicle
 
 TIME = 60.0 + np.arange(12000) / 100.0
 STEPS = {"3211": ((3, 1), (2, -1), (1, 1), (1, -1)), "doublet": ((1, 1), (1, -1))}
+RATE = 100.0
+HOVER = TIME[:9000]
+MIX = np.array([[-1.0, 1.0, 1.0, 1.0], [1.0, -1.0, 1.0, 1.0], [1.0, 1.0, -1.0, 1.0], [-1.0, -1.0, -1.0, 1.0]])
+POWER = np.array([60.0, 40.0, 8.0, 20.0])  # rad/s2 and m/s2 per unit of roll, pitch, yaw, heave
+AXES = ("roll", "pitch", "yaw", "heave")
+FLOWN = maneuver(
+    20.0, *((axis, "doublet", start, 0.2, size) for axis, start, size in (("roll", 3, 8), ("pitch", 9, 8), ("yaw", 15, 1))),
+    rate=100.0, wind=[2.0, 1.0, 0.0],
+)  # fmt: skip
 
 
 def signal(*at: tuple[float, str, float]) -> FloatArray:
@@ -111,23 +120,12 @@ def test_running_means_are_those_of_each_window() -> None:
                 np.testing.assert_allclose(mean, expected, atol=1e-12)
 
 
-RATE = 100.0
-HOVER = TIME[:9000]
-MIX = np.array([[-1.0, 1.0, 1.0, 1.0], [1.0, -1.0, 1.0, 1.0], [1.0, 1.0, -1.0, 1.0], [-1.0, -1.0, -1.0, 1.0]])
-POWER = np.array([60.0, 40.0, 8.0, 20.0])  # rad/s2 and m/s2 per unit of roll, pitch, yaw, heave
-AXES = ("roll", "pitch", "yaw", "heave")
-
-
-def wave(start: float, step: float, size: float) -> FloatArray:
-    since = HOVER - start
-    return size * (((since >= 0) & (since < step)).astype(float) - ((since >= step) & (since < 2 * step)))
-
-
 def hover(seed: int = 0, **extra: FloatArray) -> Flight:
     """Return four motors at hover, each axis moved once; a rate decays with 0.3 s, as rotors damp it."""
     rng = np.random.default_rng(seed)
     calm = np.array([rng.normal(size=HOVER.size).cumsum() * 2e-4 for _ in AXES])
-    moved = calm + np.array([wave(75.0 + 15.0 * i, 0.4, 0.06) for i in range(4)])
+    since = HOVER - np.array([[75.0], [90.0], [105.0], [120.0]])  # doublets of 0.4 s
+    moved = calm + 0.06 * (((since >= 0) & (since < 0.4)).astype(float) - ((since >= 0.4) & (since < 0.8)))
     motors = 0.5 + MIX @ moved
     pushed = (POWER[:3, None] * moved[:3]) / RATE
     rates = lfilter([0.0, 1.0], [1.0, -(1.0 - 1.0 / (0.3 * RATE))], pushed, axis=1)
@@ -190,12 +188,6 @@ def test_pulses_are_read_above_idle() -> None:
     assert carried_by_rotors(flight)
     assert np.median(lift_command(flight)) == pytest.approx(0.45, abs=0.02)  # type: ignore[arg-type]
     assert [m.variable for m in find_maneuvers(flight)] == ["pwm_1..4"] * 4
-
-
-FLOWN = maneuver(
-    20.0, *((axis, "doublet", start, 0.2, size) for axis, start, size in (("roll", 3, 8), ("pitch", 9, 8), ("yaw", 15, 1))),
-    rate=100.0, wind=[2.0, 1.0, 0.0],
-)  # fmt: skip
 
 
 @pytest.fixture(scope="module", params=["quad-x", "hexa-x"])

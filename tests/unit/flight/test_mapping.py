@@ -15,6 +15,10 @@ from stoop.flight.mapping import READY, read_flight_mapping, ready
 from stoop.logs import Recording, Stream
 
 T = np.arange(200) * 0.01
+GOOD = '[variables]\np = {stream = "g", column = "x", unit = "rad/s"}\n'
+GYRO = ("xyz[0]", "xyz[1]", "xyz[2]")
+COMBINED = ("gyro_rad[0]", "gyro_rad[1]", "gyro_rad[2]", *(f"accelerometer_m_s2[{i}]" for i in range(3)))
+GPS = ("vel_n_m_s", "vel_e_m_s", "vel_d_m_s")
 
 
 def stream(**columns: FloatArray | float) -> Stream:
@@ -198,9 +202,6 @@ def test_a_unit_that_the_file_contradicts_is_told(tmp_path: Path) -> None:
     assert (found.values["unit"], found.values["stated"]) == ("deg/s", "rad/s")
 
 
-GOOD = '[variables]\np = {stream = "g", column = "x", unit = "rad/s"}\n'
-
-
 def test_each_mistake_is_one_line(tmp_path: Path) -> None:
     for text, words in (
         (GOOD.replace("p =", "pp ="), r"variables\.pp is no variable of stoop"),
@@ -244,10 +245,6 @@ def named(**streams: Stream) -> dict[str, tuple[str, FloatArray]]:
     return {name: (one.source, x) for one in as_px4(streams).channels for name, x in one.values.items()}
 
 
-GYRO = ("xyz[0]", "xyz[1]", "xyz[2]")
-COMBINED = ("gyro_rad[0]", "gyro_rad[1]", "gyro_rad[2]", *(f"accelerometer_m_s2[{i}]" for i in range(3)))
-
-
 def test_the_first_source_is_trusted_unless_a_later_one_is_much_faster() -> None:
     found = named(vehicle_angular_velocity=sampled(400, *GYRO), sensor_combined=sampled(200, *COMBINED))
     assert found["q"][0] == "vehicle_angular_velocity"
@@ -256,9 +253,6 @@ def test_the_first_source_is_trusted_unless_a_later_one_is_much_faster() -> None
     faster = named(vehicle_angular_velocity=sampled(50, *GYRO), sensor_combined=sampled(200, *COMBINED))
     assert faster["q"][0] == "sensor_combined"
     assert named(vehicle_angular_velocity=sampled(50, *GYRO[:2])) == {}, "it lacks a column"
-
-
-GPS = ("vel_n_m_s", "vel_e_m_s", "vel_d_m_s")
 
 
 @pytest.mark.parametrize(("void", "lost", "kept"), [("v_xy_valid", "vn", "vd"), ("v_z_valid", "vd", "vn")])

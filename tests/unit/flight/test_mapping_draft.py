@@ -22,6 +22,62 @@ from stoop.simulation.fly import simulate_flight
 from stoop.vehicle.builtin import resolve_vehicle
 
 T = 0.01 * np.arange(4000)
+DEG, G = 180.0 / np.pi, 1.0 / 9.80665
+DIALECTS = {
+    "degrees and g, z up": {
+        "roll": ("phi", DEG), "pitch": ("theta", DEG), "yaw": ("psi", DEG), "roll_rate": ("p", DEG), "GyrY": ("q", DEG),
+        "gyro_z": ("r", DEG), "acc_x": ("ax", G), "acc_y": ("ay", G), "acc_z": ("az", -G), "climb": ("vd", -1.0),
+        "Alt": ("altitude", 1.0), "battery_mv": ("voltage", 1e3), "elev_deg": ("elevator", DEG),
+    },
+    "degrees with rates in radians": {
+        "Roll": ("phi", DEG), "Pitch": ("theta", DEG), "Heading": ("psi", DEG), "p": ("p", 1.0), "q": ("q", 1.0), "r": ("r", 1.0),
+        "linear_acceleration.x": ("ax", 1.0), "linear_acceleration.y": ("ay", 1.0), "linear_acceleration.z": ("az", 1.0),
+        "vd": ("vd", -1.0), "altitude (ft)": ("altitude", 1.0 / 0.3048), "Vbat": ("voltage", 1.0), "de": ("elevator", DEG),
+    },
+    "a rate that counts the other way": {
+        "phi_rad": ("phi", 1.0), "theta_rad": ("theta", 1.0), "psi_rad": ("psi", 1.0), "p_dps": ("p", DEG), "q_dps": ("q", DEG),
+        "r_dps": ("r", -DEG), "az": ("az", 1.0), "h": ("altitude", 1.0), "vbatt [mV]": ("voltage", 1e3),
+        "elevator": ("elevator", 1.0),
+    },
+}  # fmt: skip
+#: columns as others write them: JSBSim's properties and labels, X-Plane, Garmin's engine monitor, EuRoC, FlightGear,
+#: Crazyflie, motion capture -> variable, unit, and sign
+FOREIGN = {
+    "elev_cmd_deg": ("elevator", "deg", 1), "ail_cmd_deg": ("aileron", "deg", 1), "rud_cmd_deg": ("rudder", "deg", 1),
+    "gps_vn_kt": ("vn", "kt", 1), "gps_climb_fpm": ("vd", "ft/min", -1), "rpm": ("rotor_1", "", 1),
+    "z_n": ("pd", "", 1), "velocities/p-rad_sec": ("p", "rad/s", 1), "aero/alpha-deg": ("alpha", "deg", 1),
+    "fcs/elevator-pos-rad": ("elevator", "rad", 1), "velocities/v-down-fps": ("vd", "ft/s", 1),
+    "position/h-sl-ft": ("altitude", "ft", 1), "velocities/vtrue-kts": ("V", "kt", 1),
+    "V_{North} (ft/s)": ("vn", "ft/s", 1), "Left Aileron Position (deg)": ("aileron", "deg", 1),
+    "Altitude ASL (ft)": ("altitude", "ft", 1), "pitch,__deg": ("theta", "deg", 1), "VVI,__fpm": ("vd", "ft/min", -1),
+    "Q,rad/s": ("q", "rad/s", 1), "elev1,__deg": ("elevator", "deg", 1), "E1 RPM": ("rotor_1", "rpm", 1),
+    "NormAc": ("az", "", -1), "VSpd": ("vd", "", -1), "hding,_true": ("psi", "", 1),
+    "w_RS_S_x [rad s^-1]": ("p", "rad/s", 1), "a_RS_S_z [m s^-2]": ("az", "m/s2", 1), "q_RS_w []": ("q0", "", 1),
+    "p_RS_R_x [m]": ("pn", "m", 1), "/surface-positions/elevator-pos-norm": ("elevator", "1", 1),
+    "/orientation/roll-deg": ("phi", "deg", 1), "stateEstimate.x": ("pn", "", 1), "baro.asl": ("altitude", "", 1),
+    "ElevatorDeg": ("elevator", "deg", 1), "ThrottlePct": ("throttle", "percent", 1), "LonAc": ("ax", "", 1),
+    "Longitudinal Acceleration [g]": ("ax", "g", 1), "Vertical Acceleration [g]": ("az", "g", -1),
+    "ctrl.thrust": ("control_throttle", "", 1), "elev_us": ("elevator", "", 1),
+    "rpm.m1": ("rotor_1", "", 1), "MotorPct2": ("motor_2", "percent", 1),
+    "tx": ("pn", "", 1), "imu_p": ("p", "", 1), "alpha_vane_deg": ("alpha", "deg", 1),
+}  # fmt: skip
+NAMES = {
+    "p": "p roll_rate_dps GyrX gyro[0] angular_velocity.x rollspeed w_x omega_b[0] omega[0]",
+    "az": "az AccZ accel[2] accelerometer_m_s2[2] imu.linear_acceleration.z acc_z",
+    "q0": "q0 qw q[0] orientation.w quat_w", "phi": "phi roll bank_angle roll_deg att[0] eul[0]",
+    "ax": "a_b[0]", "ve": "v_n[1] vel_ned[1]",
+    "psi": "psi yaw heading",
+    "V": "V vt TAS", "airspeed_pitot": "airspeed ARSPD", "airspeed_equivalent": "IAS EAS calibrated_airspeed",
+    "rotor_3": "rpm3 esc[2].rpm motor3_rpm RPM[2] Omega3 w3",
+    "motor_2": "motor2 motor.m2 motors[1] esc2_us", "pwm_4": "pwm_4 C4 ch4 output[3]", "voltage": "vbat battery_voltage Volt",
+    "control_roll": "ControlRoll ctrl_roll roll_control roll_cmd cmd_roll", "control_pitch": "control.pitch u_pitch",
+    "control_yaw": "yaw_command control_yaw", "control_throttle": "throttle_cmd control_throttle_pct thr_control",
+    "": "DesRoll roll_setpoint lat FrameNumber status xyz[0] p1 checksum",
+}  # fmt: skip
+#: words of a role alone
+NOTHING = ("theta_cmd", "roll_cmd_deg", "pitch position setpoint", "left", "cmd", "gps", "u_fps")
+FLOWN = maneuver(20.0, ("roll", "doublet", 3, 0.2, 8), ("pitch", "doublet", 9, 0.2, 8), rate=100.0)
+QUAD = {f"SERVO{n}_FUNCTION": 32.0 + motor for n, motor in enumerate((3, 1, 4, 2), 1)}
 
 
 def flown() -> dict[str, FloatArray]:
@@ -44,26 +100,6 @@ def drafted(
 
 def lines_of(made: Draft) -> dict[str, dict[str, object]]:
     return tomllib.loads(made.text)["variables"]  # type: ignore[no-any-return]
-
-
-DEG, G = 180.0 / np.pi, 1.0 / 9.80665
-DIALECTS = {
-    "degrees and g, z up": {
-        "roll": ("phi", DEG), "pitch": ("theta", DEG), "yaw": ("psi", DEG), "roll_rate": ("p", DEG), "GyrY": ("q", DEG),
-        "gyro_z": ("r", DEG), "acc_x": ("ax", G), "acc_y": ("ay", G), "acc_z": ("az", -G), "climb": ("vd", -1.0),
-        "Alt": ("altitude", 1.0), "battery_mv": ("voltage", 1e3), "elev_deg": ("elevator", DEG),
-    },
-    "degrees with rates in radians": {
-        "Roll": ("phi", DEG), "Pitch": ("theta", DEG), "Heading": ("psi", DEG), "p": ("p", 1.0), "q": ("q", 1.0), "r": ("r", 1.0),
-        "linear_acceleration.x": ("ax", 1.0), "linear_acceleration.y": ("ay", 1.0), "linear_acceleration.z": ("az", 1.0),
-        "vd": ("vd", -1.0), "altitude (ft)": ("altitude", 1.0 / 0.3048), "Vbat": ("voltage", 1.0), "de": ("elevator", DEG),
-    },
-    "a rate that counts the other way": {
-        "phi_rad": ("phi", 1.0), "theta_rad": ("theta", 1.0), "psi_rad": ("psi", 1.0), "p_dps": ("p", DEG), "q_dps": ("q", DEG),
-        "r_dps": ("r", -DEG), "az": ("az", 1.0), "h": ("altitude", 1.0), "vbatt [mV]": ("voltage", 1e3),
-        "elevator": ("elevator", 1.0),
-    },
-}  # fmt: skip
 
 
 @pytest.mark.parametrize("dialect", DIALECTS)
@@ -151,29 +187,6 @@ def test_units_that_the_file_states_are_taken() -> None:
     assert "temperature" in dead.text
 
 
-#: columns as others write them: JSBSim's properties and labels, X-Plane, Garmin's engine monitor, EuRoC, FlightGear,
-#: Crazyflie, motion capture -> variable, unit, and sign
-FOREIGN = {
-    "elev_cmd_deg": ("elevator", "deg", 1), "ail_cmd_deg": ("aileron", "deg", 1), "rud_cmd_deg": ("rudder", "deg", 1),
-    "gps_vn_kt": ("vn", "kt", 1), "gps_climb_fpm": ("vd", "ft/min", -1), "rpm": ("rotor_1", "", 1),
-    "z_n": ("pd", "", 1), "velocities/p-rad_sec": ("p", "rad/s", 1), "aero/alpha-deg": ("alpha", "deg", 1),
-    "fcs/elevator-pos-rad": ("elevator", "rad", 1), "velocities/v-down-fps": ("vd", "ft/s", 1),
-    "position/h-sl-ft": ("altitude", "ft", 1), "velocities/vtrue-kts": ("V", "kt", 1),
-    "V_{North} (ft/s)": ("vn", "ft/s", 1), "Left Aileron Position (deg)": ("aileron", "deg", 1),
-    "Altitude ASL (ft)": ("altitude", "ft", 1), "pitch,__deg": ("theta", "deg", 1), "VVI,__fpm": ("vd", "ft/min", -1),
-    "Q,rad/s": ("q", "rad/s", 1), "elev1,__deg": ("elevator", "deg", 1), "E1 RPM": ("rotor_1", "rpm", 1),
-    "NormAc": ("az", "", -1), "VSpd": ("vd", "", -1), "hding,_true": ("psi", "", 1),
-    "w_RS_S_x [rad s^-1]": ("p", "rad/s", 1), "a_RS_S_z [m s^-2]": ("az", "m/s2", 1), "q_RS_w []": ("q0", "", 1),
-    "p_RS_R_x [m]": ("pn", "m", 1), "/surface-positions/elevator-pos-norm": ("elevator", "1", 1),
-    "/orientation/roll-deg": ("phi", "deg", 1), "stateEstimate.x": ("pn", "", 1), "baro.asl": ("altitude", "", 1),
-    "ElevatorDeg": ("elevator", "deg", 1), "ThrottlePct": ("throttle", "percent", 1), "LonAc": ("ax", "", 1),
-    "Longitudinal Acceleration [g]": ("ax", "g", 1), "Vertical Acceleration [g]": ("az", "g", -1),
-    "ctrl.thrust": ("control_throttle", "", 1), "elev_us": ("elevator", "", 1),
-    "rpm.m1": ("rotor_1", "", 1), "MotorPct2": ("motor_2", "percent", 1),
-    "tx": ("pn", "", 1), "imu_p": ("p", "", 1), "alpha_vane_deg": ("alpha", "deg", 1),
-}  # fmt: skip
-
-
 def test_columns_as_others_write_them() -> None:
     assert {n: (g.variable, g.unit, g.scale) for n in FOREIGN if (g := recognized(n))} == FOREIGN
     own = {n: (g.variable, g.scale) for n in VARIABLES.keys() - {"height"} if (g := recognized(n))}
@@ -222,23 +235,6 @@ def test_what_was_measured_of_a_surface_is_taken_before_what_was_asked(tmp_path:
     assert made.unknown == ("load cell",)
 
 
-NAMES = {
-    "p": "p roll_rate_dps GyrX gyro[0] angular_velocity.x rollspeed w_x omega_b[0] omega[0]",
-    "az": "az AccZ accel[2] accelerometer_m_s2[2] imu.linear_acceleration.z acc_z",
-    "q0": "q0 qw q[0] orientation.w quat_w", "phi": "phi roll bank_angle roll_deg att[0] eul[0]",
-    "ax": "a_b[0]", "ve": "v_n[1] vel_ned[1]",
-    "psi": "psi yaw heading",
-    "V": "V vt TAS", "airspeed_pitot": "airspeed ARSPD", "airspeed_equivalent": "IAS EAS calibrated_airspeed",
-    "rotor_3": "rpm3 esc[2].rpm motor3_rpm RPM[2] Omega3 w3",
-    "motor_2": "motor2 motor.m2 motors[1] esc2_us", "pwm_4": "pwm_4 C4 ch4 output[3]", "voltage": "vbat battery_voltage Volt",
-    "control_roll": "ControlRoll ctrl_roll roll_control roll_cmd cmd_roll", "control_pitch": "control.pitch u_pitch",
-    "control_yaw": "yaw_command control_yaw", "control_throttle": "throttle_cmd control_throttle_pct thr_control",
-    "": "DesRoll roll_setpoint lat FrameNumber status xyz[0] p1 checksum",
-}  # fmt: skip
-#: words of a role alone
-NOTHING = ("theta_cmd", "roll_cmd_deg", "pitch position setpoint", "left", "cmd", "gps", "u_fps")
-
-
 @settings(max_examples=60, deadline=None)
 @given(st.dictionaries(st.text(min_size=1, max_size=12), st.floats(-1e6, 1e6), min_size=1, max_size=8))
 def test_a_draft_is_valid_whatever_the_columns_are_called(columns: dict[str, float]) -> None:
@@ -272,10 +268,6 @@ def test_axes_that_point_to_the_left_are_doubted_with_z(tmp_path: Path) -> None:
     rows = {row.split(" = ")[0]: row for row in text.splitlines() if " = {" in row}
     assert all("y may point to the left" in rows[name] for name in ("q", "r", "ay"))
     assert "y may point" not in rows["p"] + rows["ax"]
-
-
-FLOWN = maneuver(20.0, ("roll", "doublet", 3, 0.2, 8), ("pitch", "doublet", 9, 0.2, 8), rate=100.0)
-QUAD = {f"SERVO{n}_FUNCTION": 32.0 + motor for n, motor in enumerate((3, 1, 4, 2), 1)}
 
 
 def logged(pulses: dict[str, FloatArray], parameters: dict[str, float], **imu: FloatArray) -> Recording:

@@ -16,15 +16,14 @@ from stoop.flight.gridding import Channels
 from stoop.flight.repeated_readings import at_own_rates, regular
 
 RATE = 50.0
+TIME: FloatArray = np.arange(3000) / RATE
+SEEDS = st.integers(0, 2**31)
 
 
 def motion(seed: int, noise: float, period: float = 7.0) -> FloatArray:
     rng = np.random.default_rng(seed)
     swing = np.sin(2.0 * np.pi * TIME / period + rng.uniform(0.0, 2.0 * np.pi))
     return np.asarray(5.0 * swing + noise * rng.standard_normal(TIME.size))
-
-
-TIME: FloatArray = np.arange(3000) / RATE
 
 
 def readings(every: float, phase: float) -> IntArray:
@@ -44,9 +43,6 @@ def found(**columns: FloatArray) -> dict[str, Channels]:
 
 def rounded(x: FloatArray, resolution: float) -> FloatArray:
     return np.round(x / resolution) * resolution if resolution else x
-
-
-SEEDS = st.integers(0, 2**31)
 
 
 @given(SEEDS, st.sampled_from([2, 2.78, 5, 10, 50]), st.floats(0.0, 1.9), st.sampled_from([0.0, 1e-3, 1e-2]))

@@ -6,7 +6,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from stoop.base.arrays import FloatArray
@@ -38,7 +38,6 @@ def naive(present: list[bool], least: int) -> list[list[int]]:
     return [piece for piece in pieces if len(piece) >= least]
 
 
-@settings(deadline=None)
 @given(st.lists(st.tuples(st.integers(0, 299), st.integers(1, 80)), max_size=5))
 def test_as_a_naive_twin(holes: list[tuple[int, int]]) -> None:
     gone = np.zeros(300, dtype=bool)

@@ -42,9 +42,7 @@ def as_text(log: list[Table]) -> bytes:
     lines += [f"FMT, {k + 1}, 50, {t.name}, {t.letters}, {t.columns}" for k, t in enumerate(log)]
     for table in log:
         columns = [table.values[name] for name in table.columns.split(",")]
-        lines += [", ".join([table.name, *map(_cell, row)]) for row in zip(*columns, strict=True)]
+        for row in zip(*columns, strict=True):
+            cells = (x if isinstance(x, str) else repr(np.asarray(x).item()) for x in row)
+            lines.append(", ".join([table.name, *cells]))
     return ("\n".join(lines) + "\n").encode()
-
-
-def _cell(value: object) -> str:
-    return value if isinstance(value, str) else repr(np.asarray(value).item())

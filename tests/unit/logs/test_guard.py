@@ -17,6 +17,28 @@ from stoop.errors import LogError
 from stoop.logs.guard import Limits, read_guarded, read_in_child, read_result
 
 READER = "matlab"
+#: a matrix of doubles whose list of dimensions is empty: SciPy 1.17 reads beyond it and the process dies
+DEADLY = b"MATLAB 5.0 MAT-file".ljust(124) + bytes.fromhex(
+    f"0001494d0e00000038{'00' * 11}0600000000000000050000000000000001000000010000000000000000000000{'00' * 8}"
+)
+MAPPING = '[variables]\np = { column = "p", unit = "rad/s" }\n'
+CALLS = """
+import sys
+from pathlib import Path
+import stoop, stoop.logs
+from stoop.flight import load
+from stoop.flight.mapping_draft import draft
+path = Path("a.mat")
+calls = (
+    stoop.logs.read, load, draft, stoop.load_flight, stoop.check, stoop.reconstruct, stoop.new_vehicle,
+    lambda log: stoop.fit("twin-boom", log, ["0:5"]), stoop.look,
+)
+for call in calls:
+    try:
+        call(path)
+    except stoop.errors.StoopError as error:
+        print(error)
+"""
 
 
 @pytest.fixture
@@ -62,30 +84,6 @@ def test_pickled_arrays_are_refused(tmp_path: Path) -> None:
             read_result(Path("a.mat"), tmp_path)
     np.save(tmp_path / "0.npy", np.array([[0.0, 1.0, 2.0]] * 2))
     assert read_result(Path("a.mat"), tmp_path).streams["data"].time.tolist() == [0.0, 1.0, 2.0]
-
-
-#: a matrix of doubles whose list of dimensions is empty: SciPy 1.17 reads beyond it and the process dies
-DEADLY = b"MATLAB 5.0 MAT-file".ljust(124) + bytes.fromhex(
-    f"0001494d0e00000038{'00' * 11}0600000000000000050000000000000001000000010000000000000000000000{'00' * 8}"
-)
-MAPPING = '[variables]\np = { column = "p", unit = "rad/s" }\n'
-CALLS = """
-import sys
-from pathlib import Path
-import stoop, stoop.logs
-from stoop.flight import load
-from stoop.flight.mapping_draft import draft
-path = Path("a.mat")
-calls = (
-    stoop.logs.read, load, draft, stoop.load_flight, stoop.check, stoop.reconstruct, stoop.new_vehicle,
-    lambda log: stoop.fit("twin-boom", log, ["0:5"]), stoop.look,
-)
-for call in calls:
-    try:
-        call(path)
-    except stoop.errors.StoopError as error:
-        print(error)
-"""
 
 
 def test_a_file_that_ends_the_process_does_not_end_that_of_the_api(tmp_path: Path) -> None:

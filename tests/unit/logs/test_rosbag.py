@@ -37,14 +37,11 @@ def messages(store: Any) -> Iterator[tuple[str, str, int, Any]]:
             header, turn, grid, rates, grid, vector(0.1, 0.2, -9.8), grid)  # fmt: skip
         image = types["sensor_msgs/msg/Image"](header, 4, 30, "mono8", 0, 30, np.zeros(120, np.uint8))
         yield "/camera", "sensor_msgs/msg/Image", stamp, image
-        yield "/rpm", "std_msgs/msg/Float32MultiArray", stamp, _array(types, [float(i), 2.0])
+        dimension = types["std_msgs/msg/MultiArrayDimension"]("motor", 2, 1)
+        layout = types["std_msgs/msg/MultiArrayLayout"](dim=[dimension], data_offset=0)
+        array = types["std_msgs/msg/Float32MultiArray"](layout, np.array([i, 2.0], np.float32))
+        yield "/rpm", "std_msgs/msg/Float32MultiArray", stamp, array
         yield "/said", "std_msgs/msg/String", stamp, types["std_msgs/msg/String"](data="hello")
-
-
-def _array(types: Any, values: list[float]) -> Any:
-    dimension = types["std_msgs/msg/MultiArrayDimension"]("motor", len(values), 1)
-    layout = types["std_msgs/msg/MultiArrayLayout"](dim=[dimension], data_offset=0)
-    return types["std_msgs/msg/Float32MultiArray"](layout, np.array(values, np.float32))
 
 
 def write_first(path: Path) -> Path:

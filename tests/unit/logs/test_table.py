@@ -28,6 +28,8 @@ az = {column = "acc", unit = "g", scale = -1.0}
 temperature = {column = "T", unit = "K", offset = 273.15}
 """
 LOG = "t_ms,roll rate,acc,T\n1000,90,1,20\n1010,-45,2,21\n"
+Signals = dict[str, tuple[FloatArray, FloatArray]]
+BODY = "timestamp,q[0]\n1000000,1.0\n1100000,0.5\n"
 
 
 def write(folder: Path, mapping: str = GOOD, log: str = LOG) -> tuple[Path, Path]:
@@ -35,9 +37,6 @@ def write(folder: Path, mapping: str = GOOD, log: str = LOG) -> tuple[Path, Path
     log_path.write_text(log)
     map_path.write_text(mapping)
     return log_path, map_path
-
-
-Signals = dict[str, tuple[FloatArray, FloatArray]]
 
 
 def mapped(log: Path, mapping: Path | None = None) -> tuple[Recording, Signals]:
@@ -140,9 +139,6 @@ def test_defects_of_columns_in_use_only(tmp_path: Path) -> None:
     log = "t_ms,roll rate,acc,T,remark\n1000,90,x,20,hello\n1010,-45,2,21,you\n1005,1,1,1,z\n"
     defects = mapped(*write(tmp_path, log=log))[0].defects
     assert [(d.kind, d.place) for d in defects] == [("text", "f.csv acc"), ("time order", "f.csv")]
-
-
-BODY = "timestamp,q[0]\n1000000,1.0\n1100000,0.5\n"
 
 
 def put(folder: Path, *names: str, body: str = BODY) -> None:

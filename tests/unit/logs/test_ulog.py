@@ -18,6 +18,12 @@ from stoop.logs.ulog import MAGIC
 from stoop.logs.ulog_messages import BodyError, Formats
 
 SYNC = bytes([0x2F, 0x73, 0x13, 0x20, 0x25, 0x0C, 0xBB, 0x12])
+HEAD = MAGIC + b"\x01" + struct.pack("<Q", 1_000_000)
+FORMATS = (
+    b"cell:float volts;uint8_t[3] flags;uint8_t[1] _padding0;",
+    b"pack:uint64_t timestamp;cell[2] cells;cell spare;int16_t[2] amps;char mark;bool on;uint8_t[5] _padding0;",
+    b"plain:uint64_t timestamp;double x;",
+)
 
 
 def keyed(kind: str, key: str, value: bytes, before: bytes = b"") -> bytes:
@@ -35,14 +41,6 @@ def row(number: int, layout: str, *values: float) -> bytes:
 
 def add(number: int, name: str, instance: int = 0) -> bytes:
     return ulog_message("A", struct.pack("<BH", instance, number) + name.encode())
-
-
-HEAD = MAGIC + b"\x01" + struct.pack("<Q", 1_000_000)
-FORMATS = (
-    b"cell:float volts;uint8_t[3] flags;uint8_t[1] _padding0;",
-    b"pack:uint64_t timestamp;cell[2] cells;cell spare;int16_t[2] amps;char mark;bool on;uint8_t[5] _padding0;",
-    b"plain:uint64_t timestamp;double x;",
-)
 
 
 def everything() -> bytes:
