@@ -69,9 +69,7 @@ def test_a_right_file_is_not_accused(hexa: Flight) -> None:
 
 
 @pytest.mark.parametrize(("delay", "lag"), [(0.15, 0.01), (0.0, 0.12), (None, None)])
-def test_exchanged_channels_are_named_with_the_lines_to_write(
-    delay: float | None, lag: float | None, hexa: Flight
-) -> None:
+def test_exchanged_channels_are_named(delay: float | None, lag: float | None, hexa: Flight) -> None:
     """Whatever the delay of the file: commands below 5 Hz that come 0.1 s late explain nothing, or all the wrong way round."""
     right = resolve_vehicle("hexa-x")
     if delay is not None:

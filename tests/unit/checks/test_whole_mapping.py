@@ -87,9 +87,7 @@ def test_lines_that_are_wrong_together_are_named_together(tmp_path: Path, mangle
 
 
 @pytest.mark.parametrize("without", [(), ("ax", "ay", "az", "pn", "pe", "alpha", "beta")])
-def test_speeds_over_ground_in_knots_do_not_accuse_the_airspeed(
-    tmp_path: Path, without: tuple[str, ...]
-) -> None:
+def test_knots_over_ground_do_not_accuse_the_airspeed(tmp_path: Path, without: tuple[str, ...]) -> None:
     mangled = times("vn and ve in knots", 1.0 / KNOT, "vn", "ve")
     path, mapping = logged(tmp_path, mangled, without)
     assert lines.verdict(lines.accusations(path, mapping), mangled.lines) == "named"

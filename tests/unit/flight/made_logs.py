@@ -7,13 +7,13 @@ from pathlib import Path
 
 import numpy as np
 
-from stoop.base.arrays import FloatArray
+from stoop.base.arrays import FloatArray as Array
 from stoop.base.variables import VARIABLES
 
 CLOCK = '[time]\ncolumn = "t"\nunit = "s"\n[variables]\n'
 
 
-def csv_log(path: Path, columns: Mapping[str, FloatArray]) -> Path:
+def csv_log(path: Path, columns: Mapping[str, Array]) -> Path:
     """Write a table, its clock first."""
     rows = np.column_stack([*columns.values()])
     np.savetxt(path, rows, "%.17g", ",", header=",".join(columns), comments="")
@@ -25,15 +25,13 @@ def lines_of(*names: str, more: str = "") -> str:
     return "".join(f'{n} = {{column = "{n}", unit = "{VARIABLES[n].unit}"{more}}}\n' for n in names)
 
 
-def mapped_log(path: Path, columns: Mapping[str, FloatArray]) -> Path:
+def mapped_log(path: Path, columns: Mapping[str, Array]) -> Path:
     """Write a table whose clock is t, in s, and beside it the mapping of the others."""
     path.with_name(path.name + ".toml").write_text(CLOCK + lines_of(*(n for n in columns if n != "t")))
     return csv_log(path, columns)
 
 
-def body_rates(
-    phi: FloatArray, theta: FloatArray, dphi: FloatArray, dtheta: FloatArray, dpsi: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
+def body_rates(phi: Array, theta: Array, dphi: Array, dtheta: Array, dpsi: Array) -> tuple[Array, ...]:
     p = dphi - dpsi * np.sin(theta)
     q = dtheta * np.cos(phi) + dpsi * np.sin(phi) * np.cos(theta)
     return p, q, -dtheta * np.sin(phi) + dpsi * np.cos(phi) * np.cos(theta)

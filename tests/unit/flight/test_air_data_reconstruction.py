@@ -85,9 +85,7 @@ def weathercock(truth: Truth) -> Callable[[Array], Array]:
     return CubicSpline(t, slip)
 
 
-def fly(
-    truth: Truth, seed: int = 0, *, gaps: bool = True, beta: Any = None
-) -> tuple[xr.Dataset, dict[str, Array]]:
+def fly(truth: Truth, seed: int = 0, *, gaps: bool = True, beta: Any = None) -> tuple[xr.Dataset, Any]:
     rng = np.random.default_rng(seed)
     t = np.arange(0.0, truth.duration, 1.0 / RATE)
     beta = beta or truth.free_beta
@@ -314,9 +312,8 @@ def test_smoother_equals_one_big_least_squares_problem() -> None:
     truth = Truth(duration=1.5)
     data, _ = fly(truth, 20, gaps=False)
     rotation = matrices_of(np.column_stack([data[f"q{i}"] for i in range(4)]))
-    force, velocity = (
-        np.column_stack([data[n + i] for i in ends]) for n, ends in (("a", "xyz"), ("v", "ned"))
-    )
+    force = np.column_stack([data[name] for name in ("ax", "ay", "az")])
+    velocity = np.column_stack([data[name] for name in ("vn", "ve", "vd")])
     force[70:80] = np.nan  # a gap
     velocity[:3] = velocity[70:80] = np.nan
     found = smooth_velocity(data["time"].to_numpy(), rotation, force, velocity, 10.0)
@@ -327,9 +324,7 @@ def test_smoother_equals_one_big_least_squares_problem() -> None:
     np.testing.assert_allclose(found.std[valid], std[valid], rtol=0.35)
 
 
-def dense_smoother(
-    rotation: Array, force: Array, velocity: Array, noise: tuple[float, float]
-) -> tuple[Array, Array]:
+def dense_smoother(rotation: Array, force: Array, velocity: Array, noise: tuple[float, float]) -> Any:
     (logged_noise, force_noise), size, step = noise, len(force), 0.01
     ned = np.einsum("nij,nj->ni", rotation, force)
     rows, right = [], []

@@ -53,10 +53,8 @@ def told(flight: Flight) -> str:
 
 def test_true_airspeed_in_2000_m(tmp_path: Path) -> None:
     """On a hot day the air is thinner by seven percent at the same pressure; a broken thermometer is not believed."""
-    standard, hot, broken = (
-        table("ARSP", Airspeed=wavering(EQUIVALENT), Temp=STANDARD[1] + x - 273.15)
-        for x in (0.0, 20.0, 425.0)
-    )
+    celsius, read = STANDARD[1] - 273.15 + np.array([0.0, 20.0, 425.0]), wavering(EQUIVALENT)
+    standard, hot, broken = (table("ARSP", Airspeed=read, Temp=x) for x in celsius)
     expanded = np.sqrt((STANDARD[1] + 20.0) / STANDARD[1])
     for others, by, factor in (
         ([BARO, POS, standard], "by pressure and temperature", 1.0),

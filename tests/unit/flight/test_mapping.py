@@ -17,7 +17,6 @@ from stoop.logs import Recording, Stream
 T = np.arange(200) * 0.01
 GOOD = '[variables]\np = {stream = "g", column = "x", unit = "rad/s"}\n'
 GYRO = ("xyz[0]", "xyz[1]", "xyz[2]")
-COMBINED = ("gyro_rad[0]", "gyro_rad[1]", "gyro_rad[2]", *(f"accelerometer_m_s2[{i}]" for i in range(3)))
 GPS = ("vel_n_m_s", "vel_e_m_s", "vel_d_m_s")
 
 
@@ -74,7 +73,8 @@ def test_sources_in_order_of_trust(tmp_path: Path) -> None:
     assert values(mapped(tmp_path, text, a=first, b=second))["q"][0] == pytest.approx(math.pi)
     assert values(mapped(tmp_path, text, b=second))["r"][0] == 3.0
     fast = Stream(np.arange(900) * 0.002, {k: np.ones(900) for k in "xyz"})
-    assert mapped(tmp_path, text, a=first, b=fast).channels[0].source == "b"
+    assert mapped(tmp_path, text, a=first, b=fast).channels[0].source == "b", "it is much faster"
+    assert values(mapped(tmp_path, text, b=stream(x=1.0, y=2.0))) == {}, "it lacks a column"
 
 
 def test_one_stream_for_each_variable(tmp_path: Path) -> None:
@@ -243,16 +243,6 @@ def as_px4(streams: dict[str, Stream]) -> Mapped:
 
 def named(**streams: Stream) -> dict[str, tuple[str, FloatArray]]:
     return {name: (one.source, x) for one in as_px4(streams).channels for name, x in one.values.items()}
-
-
-def test_the_first_source_is_trusted_unless_a_later_one_is_much_faster() -> None:
-    found = named(vehicle_angular_velocity=sampled(400, *GYRO), sensor_combined=sampled(200, *COMBINED))
-    assert found["q"][0] == "vehicle_angular_velocity"
-    assert found["az"][0] == "sensor_combined"
-    assert found["az"][1][0] == 5.0
-    faster = named(vehicle_angular_velocity=sampled(50, *GYRO), sensor_combined=sampled(200, *COMBINED))
-    assert faster["q"][0] == "sensor_combined"
-    assert named(vehicle_angular_velocity=sampled(50, *GYRO[:2])) == {}, "it lacks a column"
 
 
 @pytest.mark.parametrize(("void", "lost", "kept"), [("v_xy_valid", "vn", "vd"), ("v_z_valid", "vd", "vn")])

@@ -76,9 +76,7 @@ def test_what_the_data_do_not_decide_is_left(tmp_path: Path) -> None:
     assert [one.code for one in made.left] == ["mapping-ambiguous"]
 
 
-def test_the_verb_writes_the_mapping_and_says_what_it_did(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_verb_writes_the_mapping(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     truth, before, other = flown(), MAPPING + SINGLE, tmp_path / "new.toml"
     path, mapping = written(tmp_path, {**truth, "q": -truth["q"]}, before)
     assert main(["map", str(path), "--apply", str(mapping), "-o", str(other)]) == 0

@@ -92,10 +92,8 @@ def flown() -> dict[str, FloatArray]:
     }  # fmt: skip
 
 
-def drafted(
-    folder: Path, columns: dict[str, FloatArray], clock: str = "t_ms", per_second: float = 1e3
-) -> Draft:
-    return draft(csv_log(folder / "log.csv", {clock: T * per_second, **columns}))
+def drafted(folder: Path, columns: dict[str, FloatArray], clock: str = "t_ms", second: float = 1e3) -> Draft:
+    return draft(csv_log(folder / "log.csv", {clock: T * second, **columns}))
 
 
 def lines_of(made: Draft) -> dict[str, dict[str, object]]:

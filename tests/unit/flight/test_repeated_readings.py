@@ -46,9 +46,7 @@ def rounded(x: FloatArray, resolution: float) -> FloatArray:
 
 
 @given(SEEDS, st.sampled_from([2, 2.78, 5, 10, 50]), st.floats(0.0, 1.9), st.sampled_from([0.0, 1e-3, 1e-2]))
-def test_a_held_column_is_the_readings_themselves(
-    seed: int, every: float, phase: float, resolution: float
-) -> None:
+def test_a_held_column_is_its_readings(seed: int, every: float, phase: float, resolution: float) -> None:
     rows, x = readings(every, phase), rounded(motion(seed, 0.1), resolution)
     fast = motion(seed + 1, 0.01)
     groups = found(vn=hold(x, rows), p=fast)
@@ -65,9 +63,7 @@ def test_a_held_column_is_the_readings_themselves(
 @given(
     SEEDS, st.sampled_from([1e-3, 0.05, 0.3, 1, 2]), st.sampled_from([0, 1e-3, 0.05, 0.5]), st.floats(2, 60)
 )
-def test_a_quantized_column_was_read_in_every_row(
-    seed: int, resolution: float, noise: float, period: float
-) -> None:
+def test_coarse_numbers_were_read_each_row(seed: int, resolution: float, noise: float, period: float) -> None:
     x = np.round(motion(seed, noise, period) / resolution) * resolution
     assert found(altitude=x)["altitude"].time is TIME
 

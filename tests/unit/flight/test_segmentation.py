@@ -74,13 +74,6 @@ def test_columns_come_in_the_order_asked_and_outputs_may_be_missing() -> None:
     assert segment.u.shape == (201, 0)
 
 
-def test_a_window_over_the_edge_is_trimmed_and_told() -> None:
-    (segment,), notices = segments(flight(), 9.8, 15.0, INPUTS, OUTPUTS)
-    assert segment.t[[0, -1]].tolist() == [10.0, 15.0]
-    (found,) = notices
-    assert (found.code, found.values["start"]) == ("window-trimmed", 10.0)
-
-
 def test_impossible_windows() -> None:
     for start, stop, inputs, outputs, words in (
         (1.0, 5.0, INPUTS, OUTPUTS, r"f 1:5: outside the record, which runs from 10.00 to 15.99 s"),
@@ -99,14 +92,13 @@ def test_impossible_windows() -> None:
         assert "\n" not in str(caught.value)
 
 
-def test_many_holes_are_told_in_one_line() -> None:
-    flown = flight(np.concatenate([np.arange(k, k + 9) for k in range(60, 500, 70)]))
-    _, notices = segments(flown, 10.0, 16.0, INPUTS, OUTPUTS)
-    assert [(found.code, found.values["count"]) for found in notices] == [("inputs-missing-often", 7)]
-
-
-def test_a_slowly_logged_input_is_told() -> None:
-    flown = flight()
-    slow = {**flown.sources, "elevator": SourceRate("x", 9.0, 0.2, 0, 10.0, 16.0)}
-    _, notices = segments(dataclasses.replace(flown, sources=slow), 11.0, 12.0, INPUTS, OUTPUTS)
+def test_a_trimmed_window_many_holes_and_a_slow_input_are_told() -> None:
+    (segment,), (found,) = segments(flight(), 9.8, 15.0, INPUTS, OUTPUTS)
+    assert segment.t[[0, -1]].tolist() == [10.0, 15.0]
+    assert (found.code, found.values["start"]) == ("window-trimmed", 10.0)
+    holed = flight(np.concatenate([np.arange(k, k + 9) for k in range(60, 500, 70)]))
+    _, (found,) = segments(holed, 10.0, 16.0, INPUTS, OUTPUTS)
+    assert (found.code, found.values["count"]) == ("inputs-missing-often", 7)
+    slow = {**flight().sources, "elevator": SourceRate("x", 9.0, 0.2, 0, 10.0, 16.0)}
+    _, notices = segments(dataclasses.replace(flight(), sources=slow), 11.0, 12.0, INPUTS, OUTPUTS)
     assert notices == [notice("slow-input", "f", variable="elevator", rate=9.0)]

@@ -12,6 +12,7 @@ import pyarrow.parquet as pq
 import pytest
 from scipy.io import netcdf_file, savemat
 
+from stoop.errors import LogError
 from stoop.logs import read
 from stoop.logs.arrays import Array, assemble
 from stoop.logs.guard import parse
@@ -178,6 +179,16 @@ def test_damage_to_one_array_costs_no_other(files: dict[str, Path], tmp_path: Pa
     recording = parse("matlab", path)
     assert [str(defect)[:4] for defect in recording.defects if defect.kind == "corrupt"] == ["bad:"]
     assert recording.streams["data"].columns["good"][50] == np.sin(50.0)
+
+
+def test_zeros_that_pack_a_thousand_to_one_are_refused(tmp_path: Path) -> None:
+    savemat(tmp_path / "a.mat", {"t": TIME, "x": np.zeros(7_000_000)}, do_compression=True)
+    with h5py.File(tmp_path / "bomb.nc", "w") as file:
+        file.create_dataset("time", (10**9,), "f8", chunks=(10**6,), compression="gzip")
+    with pytest.raises(LogError, match="for a file that short"):
+        parse("matlab", tmp_path / "a.mat")
+    with pytest.raises(LogError, match="numbers; save only the flight"):
+        parse("foreign-netcdf", tmp_path / "bomb.nc")
 
 
 def test_groups_in_circles_are_entered_once(tmp_path: Path) -> None:

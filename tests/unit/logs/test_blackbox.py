@@ -93,14 +93,26 @@ def test_an_independent_decoder_reads_the_same(tmp_path: Path) -> None:
 
 
 def test_compiled_is_interpreted(monkeypatch: pytest.MonkeyPatch) -> None:
-    content = bytearray(log(300))
-    content[9000:9100] = bytes(100)
-    slow = parse_blackbox(PATH, bytes(content))
+    """Also of numbers in groups, of all their bits."""
+    damaged, rng = bytearray(log(300)), np.random.default_rng(0)
+    damaged[9000:9100] = bytes(100)
+    groups = head(
+        Data_version="2", Field_I_name="time,a,b,c,d,e,f,g,h,i,j", Field_I_signed="0" + ",1" * 10,
+        Field_I_predictor="0" + ",0" * 10, Field_I_encoding="1,7,7,7,8,8,8,8,10,10,10",
+        Field_P_predictor="2" + ",1" * 10, Field_P_encoding="0" + ",0" * 10,
+    )  # fmt: skip
+    for k in range(300):
+        groups += b"I" + writer.unsigned_vb(1000 * k) + b"".join(b"\xff" + rng.bytes(n) for n in (12, 8, 12))
+    slow = [parse_blackbox(PATH, x) for x in (bytes(damaged), groups)]
+    assert slow[1].streams["main"].time.size > 290
     monkeypatch.setattr(blackbox, "SMALL", 0)
-    fast = parse_blackbox(PATH, bytes(content))
-    assert fast.defects == slow.defects
-    for name, stream in slow.streams.items():
-        assert all(np.array_equal(x, fast.streams[name].columns[key]) for key, x in stream.columns.items())
+    for one, content in zip(slow, (bytes(damaged), groups), strict=True):
+        fast = parse_blackbox(PATH, content)
+        assert fast.defects == one.defects
+        for name, stream in one.streams.items():
+            assert all(
+                np.array_equal(x, fast.streams[name].columns[key]) for key, x in stream.columns.items()
+            )
 
 
 def test_units() -> None:
@@ -198,6 +210,21 @@ def test_damage_costs_what_builds_on_it() -> None:
     for name in ("gyroADC[0]", "eRPM[2]"):
         scale = 100.0 / 7.0 if name.startswith("eRPM") else 1.0
         np.testing.assert_allclose(main.columns[name], whole[name][at] * scale, rtol=1e-6)
+
+
+def test_fields_that_take_no_bytes_do_not_fill_memory() -> None:
+    """250 fields of no bytes: a frame is one letter."""
+    names, zeros, nines = (
+        ",".join(["time", *(f"x{k}" for k in range(250))]),
+        "0" + ",0" * 250,
+        "9" + ",9" * 250,
+    )
+    content = head(
+        Field_I_name=names, Field_I_signed=zeros, Field_I_predictor=zeros, Field_I_encoding=nines,
+        Field_P_predictor=zeros, Field_P_encoding=nines,
+    )  # fmt: skip
+    recording = parse_blackbox(PATH, content + b"I" * 60_000)
+    assert "more numbers" in " ".join(map(str, recording.defects))
 
 
 def test_what_cannot_be_read(tmp_path: Path) -> None:

@@ -33,9 +33,7 @@ def counted(monkeypatch: pytest.MonkeyPatch, walk: Any) -> list[int]:
     return [*found.count.tolist(), found.damaged, found.lost]
 
 
-def test_what_is_kept_is_taken_and_what_is_damaged_compiled_anew(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_damaged_walks_are_compiled_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Never run, never unpickled; without room anywhere plain Python walks."""
 
     def fails(*_: object) -> Path:

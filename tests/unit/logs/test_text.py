@@ -121,9 +121,7 @@ ODD = st.sampled_from([*CELLS, *EDGES])
 
 @settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
-def test_what_numpy_reads_is_what_pandas_reads(
-    data: st.DataObject, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_numpy_reads_as_pandas(data: st.DataObject, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Cells, columns, defects and refusals, of sound tables and of such with odd cells and lines."""
     width = data.draw(st.integers(1, 4))
     cells = NUMBERS | ODD if data.draw(st.booleans()) else NUMBERS

@@ -220,6 +220,12 @@ def test_endless_messages_and_damage_come_to_an_end(tmp_path: Path, monkeypatch:
         recorded(tmp_path, everything())
 
 
+@pytest.mark.parametrize("unit", [b"\x0a\x00D", b"\x04\x00A\0\0\0z", b"\x09\x00L0" + bytes(8), b"\xff\xffI"])
+def test_a_header_that_is_repeated_without_end_costs_no_row_before_it(tmp_path: Path, unit: bytes) -> None:
+    found = recorded(tmp_path, small()[:-5] + unit * 30_000)
+    assert sum(s.time.size for s in found.streams.values()) >= 60
+
+
 def test_formats_that_no_message_can_hold(tmp_path: Path) -> None:
     for texts in (
         ["a:b x;", "b:a x;"],

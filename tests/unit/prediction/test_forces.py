@@ -80,9 +80,8 @@ rotor.m1 = { channel = "motor_1", position = [0.0, 0.0, 0.0], spin = "ccw" }
     steady = from_columns("quad", t, {"voltage": drained})
     vehicle = parse_vehicle(text, "one")
     slow, mean = (with_average_voltage(vehicle, f).column("voltage") for f in (flight, steady))
-    np.testing.assert_allclose(
-        mean[600:-600], drained[600:-600], atol=1e-9
-    )  # the mean of a line is its middle
+    inner = slice(600, -600)
+    np.testing.assert_allclose(mean[inner], drained[inner], atol=1e-9)  # the mean of a line is its middle
     np.testing.assert_array_equal(np.isnan(slow), np.isnan(sagging))
     inside = np.isfinite(slow) & (t > 15.0) & (t < 50.0)
     np.testing.assert_allclose(slow[inside], (drained - 0.25)[inside], atol=0.03)

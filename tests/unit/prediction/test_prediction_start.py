@@ -60,9 +60,7 @@ def naive_readings(vehicle: Vehicle, flight: Flight, window: Window) -> np.ndarr
     return problem.outputs(np.empty(0), 0)
 
 
-def test_the_start_is_more_accurate_than_the_first_readings_and_its_band_holds_the_truth(
-    aircraft: Vehicle, truth: Flight
-) -> None:
+def test_the_start_is_accurate_and_its_band_holds_the_truth(aircraft: Vehicle, truth: Flight) -> None:
     window, model = Window("sim", 20.0, 24.0), model_of(aircraft, ROUGH)
     exact = np.column_stack([prepare(aircraft, {"sim": truth}, [window]).pieces[0].measured])
     errors, naive, scaled = [], [], []
@@ -81,9 +79,7 @@ def test_the_start_is_more_accurate_than_the_first_readings_and_its_band_holds_t
 
 
 @pytest.mark.parametrize(("name", "error"), [("Cmalpha", 0.05), ("Cmq", 1.0), ("CLalpha", 0.1)])
-def test_an_uncertain_parameter_widens_the_band_by_what_it_does(
-    aircraft: Vehicle, truth: Flight, name: str, error: float
-) -> None:
+def test_an_uncertain_number_widens_bands(aircraft: Vehicle, truth: Flight, name: str, error: float) -> None:
     """The naive twin estimates the start anew with another value, and predicts from there."""
     window, value = Window("sim", 6.0, 10.0), aircraft.value(name)
     (piece,) = prepare(aircraft, {"sim": truth}, [window]).pieces
@@ -149,9 +145,7 @@ def test_biases_of_one_maneuver_are_held_and_those_of_the_same_flight_come_first
     )
 
 
-def test_a_flight_whose_sensors_have_other_biases_lies_within_the_band(
-    aircraft: Vehicle, truth: Flight
-) -> None:
+def test_a_flight_of_other_biases_lies_within_the_band(aircraft: Vehicle, truth: Flight) -> None:
     own = {"alpha": 0.04, "q": 0.03, "az": -1.5}
     biased = replace(truth, data=truth.data.assign({c: truth.data[c] + b for c, b in own.items()}))
     sigma = {c: 0.1 * s for c, s in ROUGH.items()}
