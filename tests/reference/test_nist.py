@@ -9,13 +9,7 @@ import pytest
 
 from stoop.errors import StoopError
 from stoop_studies.findings import Setting
-from stoop_studies.verify.nist import (
-    EXPERIMENT,
-    digits,
-    fit_certified,
-    problem_files,
-    read_certified,
-)
+from stoop_studies.verify.nist import EXPERIMENT, digits, fit_certified, problem_files, read_certified
 
 NAMES = (
     "Chwirut1", "Chwirut2", "DanWood", "ENSO", "Gauss1", "Gauss2", "Gauss3", "Kirby2", "Lanczos2", "Lanczos3",

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,8 +14,6 @@ from stoop.simulation import trim
 from stoop.simulation.loads import body_loads
 from stoop.vehicle.builtin import builtin_text, builtin_vehicle
 from stoop.vehicle.load import parse_vehicle
-
-ROOT = Path(__file__).parents[3]
 
 
 def test_statistics_are_those_of_a_regression() -> None:
@@ -56,10 +53,8 @@ def test_axes_of_a_path_are_those_of_the_equations() -> None:
 
 def test_omitted_actuators_have_a_share_of_each_axis() -> None:
     """A delay of one sample of the elevator: the loads of the elevator's change, by hand."""
-    text = builtin_text("twin-boom")
-    vehicle = parse_vehicle(
-        text + "\n[controls]\nelevator = { delay = 0.01 }\naileron = {}\nrudder = {}\n", "twin"
-    )
+    table = "\n[controls]\nelevator = { delay = 0.01 }\naileron = {}\nrudder = {}\n"
+    vehicle = parse_vehicle(builtin_text("twin-boom") + table, "twin")
     record = reference_record(vehicle, trim(vehicle))
     assert record is not None
     said = cost_without_actuators(record)
@@ -67,9 +62,8 @@ def test_omitted_actuators_have_a_share_of_each_axis() -> None:
     late = record.inputs.copy()
     late[1:, column] = record.inputs[:-1, column]
     rows = np.repeat(record.vehicle.values[:, None], len(late), axis=1)
-    whole, prompt = (
-        body_loads(record.vehicle, rows, states.T.copy(), u.T.copy())[4] for u in (late, record.inputs)
-    )
+    moved = (u.T.copy() for u in (late, record.inputs))
+    whole, prompt = (body_loads(record.vehicle, rows, states.T.copy(), u)[4] for u in moved)
     share = np.sqrt(np.mean((prompt - whole) ** 2)) / whole.std()
     assert f"{percent(share)} of My" in said
     assert "0 % of Mx" in said

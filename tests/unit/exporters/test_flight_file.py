@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterable
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 from orangebox.decoders import decoder_map
 from pymavlink import DFReader
 from pyulog import ULog
+from unit.flown import maneuver
 
 from stoop.base.variables import QUATERNION
 from stoop.errors import OutputError
@@ -20,20 +20,8 @@ from stoop.exporters.flight_logs import WRITERS, save_flight_as
 from stoop.flight import Flight, from_columns, load
 from stoop.logs.csv_tables import mapping_beside
 from stoop.simulation.fly import simulate_flight
-from stoop.simulation.maneuver import parse_maneuver
 from stoop.vehicle.builtin import resolve_vehicle
 
-MANEUVER = """
-duration = 3.0
-heading = 4.0
-{wind}
-[[input]]
-control = "{control}"
-shape = "doublet"
-start = 0.5
-step = 0.3
-amplitude = {amplitude}
-"""
 SINGLE = 2.0**-22  #: of the largest value: numbers of 32 bits, twice rounded
 PULSE = 0.5  #: us; ArduPilot logs pulses as whole numbers
 CHILDREN = {".mat", ".parquet"}
@@ -43,10 +31,9 @@ STEPS = {".bin": PULSE / 500.0, ".usd": 0.5 / 65535.0}  #: of a command, half
 @cache
 def flown(name: str) -> Flight:
     vehicle = resolve_vehicle(name)
-    control, amplitude = ("roll", 8.0) if vehicle.rotors else ("elevator", 0.05)
-    wind = "wind = [3.0, -2.0, 0.0]" if vehicle.rotors else ""
-    maneuver = parse_maneuver(MANEUVER.format(control=control, amplitude=amplitude, wind=wind), "m.toml")
-    return simulate_flight(vehicle, maneuver, seed=1)
+    doublet = ("roll" if vehicle.rotors else "elevator", "doublet", 0.5, 0.3, 8.0 if vehicle.rotors else 0.05)
+    wind = (3.0, -2.0, 0.0) if vehicle.rotors else (0.0, 0.0, 0.0)
+    return simulate_flight(vehicle, maneuver(3.0, doublet, rate=100.0, heading=4.0, wind=wind), seed=1)
 
 
 def there_and_back(flight: Flight, target: Path) -> Flight:
@@ -119,19 +106,16 @@ def test_pyulog_reads_it(tmp_path: Path) -> None:
 def test_pymavlink_reads_it(tmp_path: Path) -> None:
     flight, target = flown("quad-x"), tmp_path / "flight.bin"
     save_flight_as(flight, target)
-    log = DFReader.DFReader_binary(str(target))
-    att, rcou, msg = (first_of(log, kind) for kind in ("ATT", "RCOU", "MSG"))
-    assert att.Roll == pytest.approx(np.degrees(flight.column("phi")[0]), rel=1e-6)
-    assert att.Yaw == pytest.approx(np.degrees(flight.column("psi")[0]) % 360.0, rel=1e-6)
-    assert round(1000 + 1000 * flight.column("motor_1")[0]) == rcou.C1
+    log, first = DFReader.DFReader_binary(str(target)), {}
+    for kind in ("ATT", "RCOU", "MSG"):
+        log.rewind()
+        first[kind] = log.recv_match(type=kind)
+    angles = [np.degrees(flight.column("phi")[0]), np.degrees(flight.column("psi")[0]) % 360.0]
+    assert [first["ATT"].Roll, first["ATT"].Yaw] == pytest.approx(angles, rel=1e-6)
+    assert round(1000 + 1000 * flight.column("motor_1")[0]) == first["RCOU"].C1
     assert log.formats[log.name_to_id["IMU"]].units[1:] == ["instance", *["rad/s"] * 3, *["m/s/s"] * 3]
-    assert msg.Message == "stoop: simulated flight"
+    assert first["MSG"].Message == "stoop: simulated flight"
     log.close()
-
-
-def first_of(log: Any, kind: str) -> Any:
-    log.rewind()
-    return log.recv_match(type=kind)
 
 
 def check_every_command(endings: Iterable[str], folder: Path) -> None:
@@ -159,9 +143,7 @@ def test_an_aircraft_with_every_command(tmp_path: Path) -> None:
 
 
 def test_a_name_of_no_format_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(
-        OutputError, match=r"flight\.xyz: no kind of flight file; end its name in \.nc, \.ulg"
-    ):
+    with pytest.raises(OutputError, match=r"\.xyz: no kind of flight file; end its name in \.nc, \.ulg"):
         save_flight_as(flown("quad-x"), tmp_path / "flight.xyz")
 
 

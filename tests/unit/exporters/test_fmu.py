@@ -8,18 +8,12 @@ from dataclasses import replace
 from xml.etree import ElementTree as ET
 
 import numpy as np
-import pytest
 
 from stoop.exporters import fmu
 from stoop.simulation import Trim, trim
 from stoop.simulation.derivatives import ParameterCovariance
 from stoop.vehicle import Vehicle
 from stoop_studies.verify.export import load
-
-
-@pytest.fixture(scope="module")
-def made(twin_boom: Vehicle, steady: Trim) -> fmu.Unit:
-    return fmu.make_unit(twin_boom, steady)
 
 
 def test_delays_are_left_out_and_actuator_numbers_with_them() -> None:
@@ -45,15 +39,14 @@ def test_no_text_of_the_vehicle_reaches_the_source(steady: Trim, twin_boom: Vehi
 def test_parameters_say_what_is_known_of_them(twin_boom: Vehicle, steady: Trim) -> None:
     known = ParameterCovariance(("CLalpha", "Cmq"), np.diag([0.01, np.inf]))
     made = fmu.make_unit(twin_boom, steady, known)
-    said = {q.name: q.description for q in made.quantities}
-    assert said["CLalpha"] == "standard error 0.1"
-    assert said["Cmq"] == "not identified by the flight"
-    assert said["Clp"] == ""
+    said = {q.name: q.description for q in made.quantities if q.name in ("CLalpha", "Cmq", "Clp")}
+    assert said == {"CLalpha": "standard error 0.1", "Cmq": "not identified by the flight", "Clp": ""}
     assert b'description="not identified by the flight"' in fmu.description(made, "2.0")
 
 
-def test_outputs_are_named_by_their_places(made: fmu.Unit, twin_boom: Vehicle) -> None:
+def test_outputs_are_named_by_their_places(steady: Trim, twin_boom: Vehicle) -> None:
     """FMI 2.0 counts variables from one, 3.0 by their references."""
+    made = fmu.make_unit(twin_boom, steady)
     for version in fmu.VERSIONS:
         root = ET.fromstring(fmu.description(made, version))  # noqa: S314 - our own
         variables = list(root.find("ModelVariables") or ())

@@ -29,47 +29,24 @@ from stoop.vehicle.load import parse_vehicle
 
 VEHICLES = ("quad-x", "twin-boom", "quadplane")
 FLIP = np.array([1.0, -1.0, -1.0])
+#: CD = 0.02925 + 0.05 (CL0 + CLalpha alpha)^2, and pitching moment by alpha from the place of the forces: as Gazebo has them
 WING = """
 format = "stoop-vehicle/1"
 name = "A <wing> & tail"
-[mass]
-mass = 3.0
-inertia = { xx = 0.2, yy = 0.25, zz = 0.4 }
-[reference]
-area = 0.5
-chord = 0.25
-span = 2.0
-airspeed = 16.0
-moment_point = [-0.005, 0.0, 0.0]
-[environment]
-density = 1.2
-[propulsion]
-kind = "constant"
-thrust = 3.0
-[controls.elevator]
-mix = { servo_1 = 0.4 }
-lag = 0.05
-[aerodynamics.CD]
-CD0 = 0.03375
-CDalpha = 0.15
-CDalpha2 = 1.25
-[aerodynamics.CL]
-CL0 = 0.3
-CLalpha = 5.0
-CLq = 6.0
-[aerodynamics.Cm]
-Cm0 = 0.0
-Cmq = -12.0
-Cmelevator = -0.8
-[aerodynamics.CQ]
-CQbeta = -0.3
-[aerodynamics.Cl]
-Clp = -0.4
-[aerodynamics.Cn]
-Cnbeta = 0.06
-Cnr = -0.1
+mass = { mass = 3.0, inertia = { xx = 0.2, yy = 0.25, zz = 0.4 } }
+reference = { area = 0.5, chord = 0.25, span = 2.0, airspeed = 16.0, moment_point = [-0.005, 0.0, 0.0] }
+environment = { density = 1.2 }
+propulsion = { kind = "constant", thrust = 3.0 }
+[controls]
+elevator = { mix = { servo_1 = 0.4 }, lag = 0.05 }
+[aerodynamics]
+CD = { CD0 = 0.03375, CDalpha = 0.15, CDalpha2 = 1.25 }
+CL = { CL0 = 0.3, CLalpha = 5.0, CLq = 6.0 }
+Cm = { Cm0 = 0.0, Cmq = -12.0, Cmelevator = -0.8 }
+CQ = { CQbeta = -0.3 }
+Cl = { Clp = -0.4 }
+Cn = { Cnbeta = 0.06, Cnr = -0.1 }
 """
-"""CD = 0.02925 + 0.05 (CL0 + CLalpha alpha)^2, and pitching moment by alpha from the place of the forces: as Gazebo has them."""
 
 
 def rotor_text() -> str:
@@ -187,36 +164,35 @@ def test_structure(name: str) -> None:
     """Joints join links that are there, systems name joints and links that are there, and mass properties are the vehicle's."""
     vehicle = builtin_vehicle(name)
     texts = gazebo_files.folders(made(vehicle), made(vehicle, True))
-    for place, text in texts.items():
-        if not place.endswith("model.sdf"):
-            continue
-        model = ET.fromstring(text).find("model")  # noqa: S314 - our own
+    for place in (place for place in texts if place.endswith("model.sdf")):
+        model = ET.fromstring(texts[place]).find("model")  # noqa: S314 - our own
         assert model is not None
         assert model.get("name") == place.split("/")[0]
         links, joints = ({e.get("name") for e in model.findall(kind)} | {None} for kind in ("link", "joint"))
-        for joint in model.findall("joint"):
-            assert {joint.findtext("parent"), joint.findtext("child")} <= links
-        for plugin in model.iter("plugin"):
-            assert {e.text for tag in ("linkName", "link_name") for e in plugin.iter(tag)} <= links
-            assert {e.text for tag in ("jointName", "joint_name") for e in plugin.iter(tag)} <= joints
+        ends = {joint.findtext(end) for joint in model.findall("joint") for end in ("parent", "child")}
+        named = {
+            e.text for p in model.iter("plugin") for tag in ("linkName", "link_name") for e in p.iter(tag)
+        }
+        assert ends | named <= links
+        named = {
+            e.text for p in model.iter("plugin") for tag in ("jointName", "joint_name") for e in p.iter(tag)
+        }
+        assert named <= joints
         total, first, second = 0.0, np.zeros(3), np.zeros((3, 3))
         for link in model.findall("link"):
-            pose = np.array([float(x) for x in (link.findtext("pose") or "0 0 0 0 0 0").split()])
-            inertial = link.find("inertial")
-            assert inertial is not None
-            r = pose[:3] + np.array([float(x) for x in inertial.findtext("pose").split()])[:3]
-            entry = {e.tag: float(e.text) for e in inertial.find("inertia")}
+            pose, own = (e.findtext("pose") or "0 0 0" for e in (link, link.find("inertial")))  # type: ignore[union-attr]
+            r = sum(np.array(one.split()[:3], dtype=float) for one in (pose, own))
+            entry = {e.tag: float(e.text or "") for e in link.find("inertial/inertia") or ()}
             own = np.array([[entry[f"i{min(a, b)}{max(a, b)}"] for b in "xyz"] for a in "xyz"])
-            ends = np.linalg.eigvalsh(own)
-            assert ends.min() > 0.0
-            assert ends.max() <= ends.sum() - ends.max() + 1e-12  # a body has such a tensor
-            mass = float(inertial.findtext("mass"))
+            least, middle, most = np.linalg.eigvalsh(own)
+            assert least > 0.0
+            assert most <= least + middle + 1e-12  # a body has such a tensor
+            mass = float(link.findtext("inertial/mass", ""))
             total, first = total + mass, first + mass * r
             second += own + mass * (r @ r * np.eye(3) - np.outer(r, r))
         assert total == pytest.approx(vehicle.value("mass.mass"), rel=1e-12)
         assert np.abs(first).max() < 1e-12 * total
-        wanted = made(vehicle).inertia * np.outer(FLIP, FLIP)
-        assert second == pytest.approx(wanted, rel=1e-9, abs=1e-12)
+        assert second == pytest.approx(made(vehicle).inertia * np.outer(FLIP, FLIP), rel=1e-9, abs=1e-12)
 
 
 def test_blades_give_thrust_torque_and_losses() -> None:
@@ -274,14 +250,18 @@ def rotor_tables(text: str, order: list[str], spins: dict[str, str] | None = Non
 
 
 @pytest.mark.parametrize(
-    ("name", "frame", "backward"),
+    ("name", "frame"),
     [
-        ("quad-x", (1, 1), False), ("quad-x", (1, 1), True), ("quad-plus", (1, 0), False), ("hexa-x", (2, 1), False),
-        ("octo-x", (3, 1), False), ("quadplane", (1, 1), False),
+        ("-quad-x", (1, 1)),
+        ("quad-plus", (1, 0)),
+        ("hexa-x", (2, 1)),
+        ("octo-x", (3, 1)),
+        ("quadplane", (1, 1)),
     ],
-)  # fmt: skip
-def test_the_frame_follows_from_where_rotors_stand(name: str, frame: tuple[int, int], backward: bool) -> None:
+)
+def test_the_frame_follows_from_where_rotors_stand(name: str, frame: tuple[int, int]) -> None:
     """Output n has the function of the motor of ArduPilot that stands and turns there, whatever the order of the file."""
+    backward, name = name.startswith("-"), name.removeprefix("-")
     text = builtin_text(name)
     order = re.findall(r"(?m)^\[rotor\.(\w+)\]", text)
     vehicle = parse_vehicle(rotor_tables(text, order[::-1] if backward else order), name)
@@ -308,8 +288,7 @@ def test_an_unknown_frame_does_not_arm() -> None:
     vehicle = parse_vehicle(rotor_tables(text, order, {order[0]: "cw"}), "odd")
     model = gazebo_model(vehicle, trim(builtin_vehicle("quad-x")))
     sets = sets_of(gazebo_autopilots.parameters(model))
-    assert sets["FRAME_CLASS"] == 0
-    assert "FRAME_TYPE" not in sets
+    assert (sets["FRAME_CLASS"], sets.get("FRAME_TYPE")) == (0, None)
     assert any("FRAME_CLASS is 0" in note for note in gazebo_autopilots.notes(model))
 
 
@@ -324,7 +303,7 @@ def test_cruise_and_hover_in_the_parameters() -> None:
     speed = vehicle.value("reference.airspeed") * math.sqrt(model.wing.density / 1.225)
     assert speed < 0.99 * vehicle.value("reference.airspeed")
     assert (px4["FW_AIRSPD_TRIM"], ardupilot["AIRSPEED_CRUISE"]) == pytest.approx((speed, speed), abs=0.01)
-    known = dict(zip(vehicle.inputs, point.inputs.tolist(), strict=True))
+    known, hover = (dict(zip(vehicle.inputs, p.inputs.tolist(), strict=True)) for p in (point, model.hover))
     for i, surface in enumerate(model.wing.moved):
         assert px4[f"CA_SV_CS{i}_TRIM"] * surface.limit == pytest.approx(surface.command(known), abs=1e-4)
         n = len(model.motors) + i + 1
@@ -335,33 +314,29 @@ def test_cruise_and_hover_in_the_parameters() -> None:
     share = (propeller.command(known) - propeller.min_speed) / (propeller.max_speed - propeller.min_speed)
     assert px4["FW_THR_TRIM"] == pytest.approx(share, abs=1e-3)
     assert ardupilot["TRIM_THROTTLE"] == pytest.approx(100.0 * share, abs=0.6)
-    rotor, hover = model.motors[0], dict(zip(vehicle.inputs, model.hover.inputs.tolist(), strict=True))
-    u = (rotor.command(hover) - rotor.min_speed) / (rotor.max_speed - rotor.min_speed)
-    f = px4["THR_MDL_FAC"]
+    rotor, f = model.motors[0], px4["THR_MDL_FAC"]
+    turns, least, most = rotor.command(hover), rotor.min_speed, rotor.max_speed
+    u, relative = (turns - least) / (most - least), (turns**2 - least**2) / (most**2 - least**2)
     assert f * u**2 + (1.0 - f) * u == pytest.approx(px4["MPC_THR_HOVER"], abs=1e-3)
-    thrust = [rotor.command(hover) ** 2, rotor.max_speed**2]
-    relative = (thrust[0] - rotor.min_speed**2) / (thrust[1] - rotor.min_speed**2)
     assert px4["MPC_THR_HOVER"] == pytest.approx(relative, abs=1e-3)
 
 
 def test_joints_end_where_the_channel_ends() -> None:
-    for gain, mix, center, limit in (
-        (7e-4, "pwm_1", 1500.0, 0.35), (1.0, "elevator_cmd", 0.0, math.radians(25.0))
+    for channel, gain, center, limit in (
+        ("pwm_1", 7e-4, 1500.0, 0.35), ("elevator_cmd", 1.0, 0.0, math.radians(25.0))
     ):  # fmt: skip
-        written = f"mix = {{ {mix} = {gain} }}\ncenter = {{ {mix} = {center} }}"
-        vehicle = parse_vehicle(WING.replace("mix = { servo_1 = 0.4 }", written), "wing")
-        model = gazebo_model(vehicle, trim(vehicle))
-        assert model.wing is not None
-        assert [s.limit for s in model.wing.moved] == pytest.approx([limit]), mix
+        written = f"mix = {{ {channel} = {gain} }}, center = {{ {channel} = {center} }}"
+        wing = made(parse_vehicle(WING.replace("mix = { servo_1 = 0.4 }", written), "wing")).wing
+        assert wing is not None
+        assert [s.limit for s in wing.moved] == pytest.approx([limit]), channel
 
 
 def test_elevons_are_known_by_their_moments() -> None:
-    mix = "mix = { servo_1 = 0.4 }"
-    text = WING.replace(mix, "mix = { servo_1 = 0.4, servo_2 = 0.4 }").replace(
-        "[aerodynamics.CD]",
-        "[controls.aileron]\nmix = { servo_1 = 0.4, servo_2 = -0.4 }\nlag = 0.05\n[aerodynamics.CD]",
+    aileron = "\naileron = { mix = { servo_1 = 0.4, servo_2 = -0.4 }, lag = 0.05 }"
+    text = WING.replace(
+        "{ servo_1 = 0.4 }, lag = 0.05 }", "{ servo_1 = 0.4, servo_2 = 0.4 }, lag = 0.05 }" + aileron
     )
-    model = made(parse_vehicle(text.replace("Clp = -0.4", "Clp = -0.4\nClaileron = 0.2"), "wing"))
+    model = made(parse_vehicle(text.replace("Clp = -0.4", "Clp = -0.4, Claileron = 0.2"), "wing"))
     assert model.wing is not None
     assert [s.limit for s in model.wing.moved] == pytest.approx([0.4, 0.4])
     assert [model.wing.role(s) for s in model.wing.moved] == [("left elevon", -1.0), ("right elevon", -1.0)]
@@ -378,15 +353,15 @@ def test_what_it_cannot_hold() -> None:
     sliding = parse_vehicle(text.replace("inflow = 0.25", "inflow = 0.25\ntranslational = 0.001"), "quad")
     assert unsupported_rotor_numbers(sliding) == {"rotors.translational": 0.0}
     shared = parse_vehicle(text.replace('channel = "motor_2"', 'channel = "motor_1"'), "quad")
-    with pytest.raises(VehicleError, match="share a channel"):
-        made(shared)
-    octo = made(builtin_vehicle("octo-x"))
-    with pytest.raises(VehicleError, match="outputs for 8 motors"):
-        gazebo_autopilots.airframe(replace(octo, motors=(*octo.motors, octo.motors[0])))
-    boom = builtin_vehicle("twin-boom")
-    with pytest.raises(SimulationError, match="full equations"):
-        gazebo_model(boom.reduced("longitudinal"), trim(boom))
+    octo, boom = made(builtin_vehicle("octo-x")), builtin_vehicle("twin-boom")
     point = trim(boom)
+    for refused, error, said in (
+        (lambda: made(shared), VehicleError, "share a channel"),
+        (lambda: gazebo_autopilots.airframe(replace(octo, motors=octo.motors * 2)), VehicleError, "outputs for 8 motors"),
+        (lambda: gazebo_model(boom.reduced("longitudinal"), point), SimulationError, "full equations"),
+    ):  # fmt: skip
+        with pytest.raises(error, match=said):
+            refused()
     record = excitation_record(boom, point)
     assert record is not None
     low, high = flown_alphas([record]) or (math.nan, math.nan)

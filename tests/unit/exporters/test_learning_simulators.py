@@ -20,8 +20,8 @@ from stoop.exporters.pyflyt import PyFlyt
 from stoop.exporters.targets import export
 from stoop.simulation import trim
 from stoop.vehicle import Vehicle
-from stoop.vehicle.builtin import builtin_text, builtin_vehicle
-from stoop.vehicle.load import parse_vehicle
+from stoop.vehicle.builtin import builtin_vehicle
+from stoop.vehicle.document import with_entries
 
 FULL_THRUST = 8.5  #: N, of a rotor of the quadrotor
 #: fields of Isaac Lab's ThrusterCfg and MultirotorCfg (isaaclab_contrib, 2026), those without a default first
@@ -33,14 +33,8 @@ MULTIROTOR = {"prim_path", "spawn", "init_state", "actuators", "rotor_directions
 @pytest.fixture
 def square() -> Vehicle:
     """Return a quadrotor whose thrust grows with the square of the command, at sea level."""
-    text = builtin_text("quad-x")
-    for old, new in {
-        "T1 = 2.5\nT2 = 6.0": "T2 = 8.5",
-        "[body_drag]": "[environment]\ndensity = 1.225\n[body_drag]",
-    }.items():
-        assert old in text
-        text = text.replace(old, new)
-    return parse_vehicle(text, "quad")
+    entries = {("rotors", "T1"): 0.0, ("rotors", "T2"): 8.5, ("environment", "density"): 1.225}
+    return with_entries(builtin_vehicle("quad-x"), entries)
 
 
 def drawn(vehicle: Vehicle, count: int = 12) -> ModelData:
@@ -55,25 +49,22 @@ def test_gym_pybullet_drones_reads_the_description(square: Vehicle) -> None:
     """As BaseAviary does: by the places of elements."""
     made = GymPyBulletDrones(ModelData(square)).files()
     root = ET.fromstring(made.files[made.main])  # noqa: S314
-    properties, base = root[0].attrib, root[1]
-    assert float(base[0][1].attrib["value"]) == square.value("mass.mass")
+    properties, base, mass = root[0].attrib, root[1], square.value("mass.mass")
+    assert float(base[0][1].attrib["value"]) == mass
     assert float(base[0][2].attrib["ixx"]) == square.value("mass.inertia.xx")
     assert {"length", "radius"} <= base[2][1][0].attrib.keys()
     assert len(base[2][0].attrib["xyz"].split()) == 3
     content = json.loads(made.files["quadrotor_x_1_5_kg.json"])
     full = content["rpm_offset"] + content["rpm_gain"]
     assert float(properties["kf"]) * full**2 == pytest.approx(FULL_THRUST, rel=1e-6)
-    assert float(properties["km"]) / float(properties["kf"]) == pytest.approx(-0.016), (
-        "front left turns clockwise"
-    )
-    weight = square.value("mass.mass") * square.value("environment.gravity")
+    turn = float(properties["km"]) / float(properties["kf"])
+    assert turn == pytest.approx(-0.016), "front left turns clockwise"
+    weight = mass * square.value("environment.gravity")
     assert float(properties["thrust2weight"]) == pytest.approx(4.0 * FULL_THRUST / weight, rel=1e-6)
     assert float(properties["arm"]) == pytest.approx(0.177 * np.sqrt(2.0))
     places = {j.find("child").attrib["link"]: j.find("origin").attrib["xyz"] for j in root.iter("joint")}  # type: ignore[union-attr]
-    assert places["prop0_link"] == "0.177 0.177 0.03", (
-        "x_torque of its dynamics has the first two on the left"
-    )
-    assert places["prop3_link"] == "0.177 -0.177 0.03"
+    # x_torque of its dynamics has the first two on the left
+    assert (places["prop0_link"], places["prop3_link"]) == ("0.177 0.177 0.03", "0.177 -0.177 0.03")
 
 
 def test_pyflyt_reads_the_folder(square: Vehicle) -> None:
@@ -96,23 +87,17 @@ def test_isaac_lab_and_aerial_gym_have_the_fields_of_their_classes(square: Vehic
     made = Isaac(drawn(square))
     files = made.with_draws(made.files()).files
     lab = ast.parse(files["quadrotor_x_1_5_kg_isaac_lab.py"])
-    calls = {
-        n.func.id: {k.arg for k in n.keywords}
-        for n in ast.walk(lab)
-        if isinstance(n, ast.Call) and isinstance(n.func, ast.Name)
-    }
-    assert calls["ThrusterCfg"] == THRUSTER
-    assert calls["MultirotorCfg"] == MULTIROTOR
+    named = (n for n in ast.walk(lab) if isinstance(n, ast.Call) and isinstance(n.func, ast.Name))
+    calls = {n.func.id: {k.arg for k in n.keywords} for n in named}  # type: ignore[attr-defined]
+    assert (calls["ThrusterCfg"], calls["MultirotorCfg"]) == (THRUSTER, MULTIROTOR)
     gym = ast.parse(files["quadrotor_x_1_5_kg_aerial_gym.py"])
     assert {n.name for n in ast.walk(gym) if isinstance(n, ast.ClassDef)} == {
         "VehicleCfg", "robot_asset", "damping", "control_allocator_config", "motor_model_config"
     }  # fmt: skip
     content = json.loads(files["quadrotor_x_1_5_kg.json"])
-    low, high = content["ranges"]["thrust_const"]
-    assert low < content["nominal"]["thrust_const"] < high
-    thrust = drawn(square).draws["rotors.T2"]
-    share = np.percentile(thrust, [2.5, 97.5]) / square.value("rotors.T2")
-    assert [low, high] == pytest.approx(content["nominal"]["thrust_const"] * share, rel=1e-3)
+    share = np.percentile(drawn(square).draws["rotors.T2"], [2.5, 97.5]) / square.value("rotors.T2")
+    expected = content["nominal"]["thrust_const"] * share
+    assert content["ranges"]["thrust_const"] == pytest.approx(expected, rel=1e-3)
     matrix = np.array(content["allocation_matrix"])
     assert matrix[3:] @ np.ones(4) == pytest.approx(0.0, abs=1e-12), "equal thrusts turn it about no axis"
     assert matrix[3, 0] < 0.0, "the rotor at the front right rolls it to the left"
@@ -148,9 +133,8 @@ def test_one_set_is_written_and_draws_that_change_nothing_are_refused(square: Ve
 
 
 def test_refusals(square: Vehicle) -> None:
-    tilted = parse_vehicle(
-        builtin_text("quad-x").replace("[rotor.m1]", "[rotor.m1]\naxis = [0.0, 0.1, -1.0]"), "quad"
-    )  # by 5.7 degrees: its side force would be lost
+    # by 5.7 degrees: its side force would be lost
+    tilted = with_entries(builtin_vehicle("quad-x"), {("rotor", "m1", "axis"): [0.0, 0.1, -1.0]})
     upright = "vertical rotors only; export this vehicle to mujoco"
     six = "PyFlyt flies quadrotors on their rotors; this vehicle has 6 rotors"
     for target, vehicle, said in (
@@ -172,9 +156,8 @@ def test_drone_models_has_the_static_thrust() -> None:
     vehicle = builtin_vehicle("quad-x")
     made = Crazyflow(ModelData(vehicle))
     found, rpm, x = made.parameters(made.quad), 1000.0 * 30.0 / np.pi, float(trim(vehicle).inputs[0])
-    density = (
-        vehicle.value("mass.mass") * vehicle.value("environment.gravity") / 4.0 / (2.5 * x + 6.0 * x * x)
-    )
+    weight = vehicle.value("mass.mass") * vehicle.value("environment.gravity")
+    density = weight / 4.0 / (2.5 * x + 6.0 * x * x)
     thrust = [0.0, 2.5 * density / rpm, 6.0 * density / rpm**2]
     assert found["rpm2thrust"] == pytest.approx(thrust, rel=1e-6, abs=1e-9)
     assert found["mixing_matrix"][2] == [-1.0, -1.0, 1.0, 1.0]

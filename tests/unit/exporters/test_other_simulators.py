@@ -23,17 +23,11 @@ from stoop.exporters.targets import export
 from stoop.simulation import Trim, initial_states, parameter_rows, trim
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import builtin_text, builtin_vehicle
+from stoop.vehicle.document import with_entries
 from stoop.vehicle.load import load_vehicle, parse_vehicle
 
 ROOT = Path(__file__).parents[3]
 SECONDS = 3  #: of the flight that the tests repeat; the page shows 30
-
-
-def changed(text: str, changes: dict[str, str]) -> Vehicle:
-    for old, new in changes.items():
-        assert old in text
-        text = text.replace(old, new)
-    return parse_vehicle(text, "quad")
 
 
 def flight_of(vehicle: Vehicle) -> ReferenceFlight:
@@ -54,8 +48,8 @@ def test_a_lost_side_force_is_visible_in_gazebo() -> None:
     assert whole.statistics["correlation"][1] > 0.999
     bare = replace(model, motors=tuple(replace(m, drag=0.0) for m in model.motors), damping=None)
     theirs = np.hstack([gazebo_loads(bare, flight), fly_gazebo(bare, flight)])
-    names = (*AXES, *rotorpy_flight.CHANNELS)
-    lost = Compared("Gazebo", flight.title, names, np.hstack([ours, rotorpy_flight.motion(flight)]), theirs)
+    names, both = (*AXES, *rotorpy_flight.CHANNELS), np.hstack([ours, rotorpy_flight.motion(flight)])
+    lost = Compared("Gazebo", flight.title, names, both, theirs)
     found = lost.statistics
     side = [found[n][1] for n in ("slope", "correlation", "share")]
     assert side == pytest.approx([0.0, 0.0, 1.0], abs=0.01)
@@ -116,11 +110,13 @@ def test_a_lost_side_force_is_visible_in_rotorpy(tmp_path: Path) -> None:
 
 def test_rotorpys_own_model_holds_a_vehicle_of_its_own_terms(tmp_path: Path) -> None:
     """Speeds of rotation, thrust and torque by their squares, drag and inflow: only the torque of inflow is lost."""
-    vehicle = changed(builtin_text("quad-x"), {
-        'drive = "command"': 'drive = "speed"\ngain = 1000.0', "T1 = 2.5": "", "T2 = 6.0": "T2 = 8.5e-6",
-        "inflow = 0.25": "inflow = 2.5e-4", "drag = 0.08": "drag = 8e-5", "torque_ratio = 0.016": "Q2 = 1.4e-7",
-        "[body_drag]": "[environment]\ndensity = 1.225", "quadratic = [0.02, 0.02, 0.03]": "",
-    })  # fmt: skip
+    text, torque = builtin_text("quad-x"), "torque_ratio = 0.016"
+    assert torque in text
+    numbers = {"gain": 1000.0, "T1": 0.0, "T2": 8.5e-6, "inflow": 2.5e-4, "drag": 8e-5}
+    entries = {("rotors", name): x for name, x in numbers.items()} | {
+        ("rotors", "drive"): "speed", ("environment", "density"): 1.225, ("body_drag", "quadratic"): [0.0, 0.0, 0.0],
+    }  # fmt: skip
+    vehicle = with_entries(parse_vehicle(text.replace(torque, "Q2 = 1.4e-7"), "quad"), entries)
     made = rotorpy_model.rotorpy_model(vehicle, trim(vehicle)).parameters["quad_params"]
     numbers = {"k_eta": 8.5e-6, "k_m": 1.4e-7, "k_d": 8e-5, "k_z": 2.5e-4}
     assert {n: made[n] for n in numbers} == pytest.approx(numbers, rel=1e-6)
@@ -134,7 +130,7 @@ def test_rotorpys_own_model_holds_a_vehicle_of_its_own_terms(tmp_path: Path) -> 
 
 
 def test_omitted_damping_is_measured_in_shares_of_each_axis() -> None:
-    vehicle = changed(builtin_text("quad-x"), {"[body_drag]": "[body_drag]\nrotation = [0.01, 0.0, 0.0]"})
+    vehicle = with_entries(builtin_vehicle("quad-x"), {("body_drag", "rotation"): [0.01, 0.0, 0.0]})
     lost = rotorpy_model.limits(vehicle)
     assert list(lost) == ["body_drag.rotation.x"]
     flight = flight_of(vehicle)
@@ -153,21 +149,15 @@ def test_omitted_damping_is_measured_in_shares_of_each_axis() -> None:
 # --- MuJoCo
 
 
-def mujoco_script(vehicle: Vehicle, folder: Path) -> Any:
-    made = MuJoCo(ModelData(vehicle)).files()
-    for place, content in made.files.items():
-        (folder / place).write_bytes(content)
-    return exporter.load_script(folder / "quadrotor_x_1_5_kg_mujoco.py")
-
-
 def test_a_draw_flies_in_mujoco_with_its_numbers_beside_callbacks_of_the_user(tmp_path: Path) -> None:
     mujoco = pytest.importorskip("mujoco")
-    density = {"[body_drag]": "[environment]\ndensity = 1.225\n[body_drag]"}
-    quad = changed(builtin_text("quad-x"), {"T1 = 2.5\nT2 = 6.0": "T2 = 8.5"} | density)
+    entries = {("rotors", "T1"): 0.0, ("rotors", "T2"): 8.5, ("environment", "density"): 1.225}
+    quad = with_entries(builtin_vehicle("quad-x"), entries)
     changes = {"rotors.T2": 9.0, "mass.mass": 1.7, "mass.inertia.yy": 0.035, "rotors.lag": 0.08}
-    script = mujoco_script(quad, tmp_path)
-    flown = script.Vehicle(changes)
-    channels = np.array([0.7, 0.6, 0.65, 0.5])
+    for place, content in MuJoCo(ModelData(quad)).files().files.items():
+        (tmp_path / place).write_bytes(content)
+    script = exporter.load_script(tmp_path / "quadrotor_x_1_5_kg_mujoco.py")
+    flown, channels = script.Vehicle(changes), np.array([0.7, 0.6, 0.65, 0.5])
     flown.reset()
     flown.command(channels)
     flown.forward()
@@ -179,10 +169,7 @@ def test_a_draw_flies_in_mujoco_with_its_numbers_beside_callbacks_of_the_user(tm
     assert flown.data.qacc[3:] == pytest.approx([ours["p"], -ours["q"], -ours["r"]], abs=1e-9)
     assert flown.data.act_dot == pytest.approx([ours[f"m{i}.lag"] for i in range(1, 5)], abs=1e-9)
 
-    def own(model: object, data: object) -> None:
-        """Stand for a callback of the user."""
-
-    flown = script.Vehicle()
+    flown, own = script.Vehicle(), lambda model, data: None  # a callback of the user
     flown.forward()
     free, force = flown.data.qacc.copy(), 0.3
     flown.data.qfrc_applied[flown.velocity] = [force, 0.0, 0.0]
@@ -206,13 +193,10 @@ def test_fmpy_flies_as_the_kernel_does(name: str, version: str, tmp_path: Path) 
     pytest.importorskip("fmpy")
     from fmpy.validation import validate_fmu
 
-    vehicle = builtin_vehicle(name)
-    point = trim(vehicle)
-    flight = reference_flight(vehicle, point)
-    assert flight is not None
+    vehicle, place = builtin_vehicle(name), tmp_path / "unit.fmu"
+    flight = flight_of(vehicle)
     assert np.ptp(flight.readings, axis=0).min() > 0.02  # every channel moves
-    place = tmp_path / "unit.fmu"
-    place.write_bytes(fmu.unit_bytes(fmu.make_unit(vehicle, point), version, fmu.find_compiler()))
+    place.write_bytes(fmu.unit_bytes(fmu.make_unit(vehicle, trim(vehicle)), version, fmu.find_compiler()))
     assert validate_fmu(str(place)) == []
     assert max(flight.differences(fmu_target.fly_unit(place, flight)).values()) < 1e-11
 
