@@ -65,11 +65,7 @@ def smoother(kind: float, cutoff: float, dt: float) -> Step:
         return lambda x: x
     if kind == 1:
         return second_order(cutoff, dt, 1.0 / math.sqrt(2.0), is_notch=False)
-    return {
-        0: first_order(cutoff, dt),
-        2: first_order(cutoff, dt, 2, 1.553773974),
-        3: first_order(cutoff, dt, 3, 1.961459177),
-    }[int(kind)]
+    return first_order(cutoff, dt, *{0: (1, 1.0), 2: (2, 1.553773974), 3: (3, 1.961459177)}[int(kind)])
 
 
 def stop_band(center: float, cutoff: float, dt: float) -> Step:
@@ -83,10 +79,10 @@ class Twin:
         self.dt = 1e-6 * h["looptime"] * h["pid_process_denom"]
         self.gains = [h[f"{axis}PID[{n}]"] for n in range(3)] + [h[f"ff_weight[{AXES.index(axis)}]"]]
         self.yaw, self.limit, self.integral = axis == "yaw", limit, 0.0
-        self.lags = [stop_band(h["dterm_notch_hz"], h["dterm_notch_cutoff"], self.dt)]
-        self.lags += [
+        low_passes = (
             smoother(h[f"dterm_lpf{n}_type"], h[f"dterm_lpf{n}_static_hz"], self.dt) for n in (1, 2)
-        ]
+        )
+        self.lags = [stop_band(h["dterm_notch_hz"], h["dterm_notch_cutoff"], self.dt), *low_passes]
         self.of_yaw = first_order(h["yaw_lowpass_hz"], self.dt)
         self.before = self.setpoint_before = 0.0
 
@@ -123,9 +119,8 @@ def test_terms_are_those_of_the_twin(axis: str) -> None:
         law, known = rate_pid(header, axis), flown(Twin(header, axis), setpoint, gyro)
         found = law.outputs({SETPOINT: np.radians(setpoint), RATE: np.radians(gyro)})
         for name, values in known.items():
-            np.testing.assert_allclose(
-                1000.0 * found[name], values, rtol=1e-9, atol=1e-9 * np.abs(values).max()
-            )
+            size = np.abs(values).max()
+            np.testing.assert_allclose(1000.0 * found[name], values, rtol=1e-9, atol=1e-9 * size)
         limit = 0.4 if axis == "yaw" else 0.5
         total = np.clip(sum(known.values()) / 1000.0, -limit, limit)
         np.testing.assert_allclose(found["command"], total, atol=1e-9)
@@ -142,9 +137,8 @@ def test_response_is_that_of_a_recorded_step() -> None:
         record = flown(Twin(HEADER, axis), *((step, rest) if signal == SETPOINT else (rest, step)))
         answer = np.diff(np.diff(sum(record.values()), prepend=0.0), prepend=0.0)
         known = np.fft.rfft(answer)[1 : n // 2] / (1.0 - np.exp(-1j * w)) / 1000.0 * 180.0 / np.pi
-        np.testing.assert_allclose(
-            law.response(signal, w * law.rate), known, rtol=1e-6, err_msg=f"{axis} {signal}"
-        )
+        found = law.response(signal, w * law.rate)
+        np.testing.assert_allclose(found, known, rtol=1e-6, err_msg=f"{axis} {signal}")
 
 
 @pytest.mark.parametrize(
@@ -189,10 +183,7 @@ def motors(output: tuple[float, float], e: float, newer: bool, throttle: float, 
     found = []
     for share in QUAD_X:
         x = share[0] * roll + share[1] * pitch + share[2] * -yaw + throttle
-        if newer:
-            x *= 1.0 + e * (1.0 - x) * (1.0 + e * (1.0 - x - x))
-        else:
-            x *= 1.0 + e * (1.0 - x) ** 2
+        x *= 1.0 + e * (1.0 - x) * (1.0 + e * (1.0 - x - x) if newer else 1.0 - x)
         found.append(output[0] + (output[1] - output[0]) * x)
     return np.array(found)
 
@@ -237,10 +228,6 @@ def test_angle_mode_is_that_of_the_twin() -> None:
     assert not level(HEADER, "yaw").outputs({SETPOINT: asked, RATE: turned})["command"].any()
 
 
-def test_gains_are_whole() -> None:
-    assert [settable(x) for x in (44.9999999999, 44.9, 0.3, 200.0)] == [45.0, 44.0, 1.0, 200.0]
-
-
 def test_commands_are_read_as_the_header_has_them(tmp_path: Path) -> None:
     """Names and words of `dump` in 4.2 and in 4.5; a word that is not known is refused by the law that reads it."""
     commands = {
@@ -257,31 +244,27 @@ def test_commands_are_read_as_the_header_has_them(tmp_path: Path) -> None:
     file.write_text("set gps_provider = UBLOX\nset dterm_lpf1_type = PT4\n")
     with pytest.raises(StoopError, match="dterm_lpf1_type = nan: it must be a number"):
         rate_pid(HEADER | read_parameters(file), "roll")
-
-
-def test_commands_of_several_profiles_are_refused(tmp_path: Path) -> None:
-    file = tmp_path / "gains.config"
-    file.write_text("profile 0\nset p_roll = 50\nprofile 1\nset p_roll = 50\nset i_roll = 80\nprofile 0\n")
+    profiles = "profile 0\nset p_roll = 50\nprofile 1\nset p_roll = {}\nset i_roll = 80\nprofile 0\n"
+    file.write_text(profiles.format(50))
     assert read_parameters(file)["rollPID[0]"] == 50.0
-    file.write_text("profile 0\nset p_roll = 50\nprofile 1\nset p_roll = 45\nprofile 0\n")
+    file.write_text(profiles.format(45))
     with pytest.raises(
         StoopError, match=r"rollPID\[0\] is set to 50 and to 45: keep the commands of the profile"
     ):
         read_parameters(file)
+    old = {"dterm_lpf1_static_hz": "dterm_lowpass_hz", "dterm_lpf1_type": "dterm_filter_type", "ff_weight[0]":
+           "feedforward_weight[0]", "dterm_lpf2_static_hz": "dterm_lowpass2_hz", "dterm_lpf2_type": "dterm_filter2_type",
+           "gyro_lpf1_static_hz": "gyro_lowpass_hz", "gyro_lpf2_static_hz": "gyro_lowpass2_hz"}  # fmt: skip
+    before_4_3 = {old.get(n, n): x for n, x in HEADER.items()}
+    assert rate_pid(before_4_3, "roll") == rate_pid(HEADER, "roll")
 
 
-def test_the_gain_of_d_is_the_one_that_the_law_takes() -> None:
+def test_the_gain_of_d_is_the_one_that_the_law_takes_and_gains_are_whole() -> None:
+    assert [settable(x) for x in (44.9999999999, 44.9, 0.3, 200.0)] == [45.0, 44.0, 1.0, 200.0]
     for least, named in ((0.0, "rollPID[2]"), (20.0, "d_min[0]"), (40.0, "rollPID[2]")):
         header = HEADER | {"d_min[0]": least}
         assert firmwares(header)[0].gains("roll", header)["D"] == named
         assert rate_pid(header | {named: 35.0}, "roll").terms[2] != rate_pid(header, "roll").terms[2]
-
-
-def test_names_before_4_3() -> None:
-    old = {"dterm_lpf1_static_hz": "dterm_lowpass_hz", "dterm_lpf1_type": "dterm_filter_type", "ff_weight[0]":
-           "feedforward_weight[0]", "dterm_lpf2_static_hz": "dterm_lowpass2_hz", "dterm_lpf2_type": "dterm_filter2_type",
-           "gyro_lpf1_static_hz": "gyro_lowpass_hz", "gyro_lpf2_static_hz": "gyro_lowpass2_hz"}  # fmt: skip
-    assert rate_pid({old.get(n, n): x for n, x in HEADER.items()}, "roll") == rate_pid(HEADER, "roll")
 
 
 def test_what_is_left_out_is_named() -> None:

@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from stoop.control_laws.crazyflie import attitude, cascade
-from stoop.control_laws.rate_law import AXES, RATE, SETPOINT
+from stoop.control_laws.rate_law import AXES, RATE, SETPOINT, RateLaw
 from stoop.errors import StoopError
 
 Floats = NDArray[np.float64]
@@ -19,10 +19,8 @@ VALUES = {"pid_rate.roll_kp": 250.0, "pid_rate.pitch_kp": 240.0, "pid_rate.pitch
 SMOOTH = VALUES | {"pid_rate.rateFiltEn": 1.0, "pid_rate.omxFiltCut": 40.0, "pid_rate.omzFiltCut": 25.0}
 #: axis -> gains and limit of the sum of errors, deg, of the Crazyflie 2.1 and the values above
 KNOWN = {
-    "roll": (250.0, 500.0, 2.5, 0.0, 33.3),
-    "pitch": (240.0, 500.0, 2.5, 30.0, 33.3),
-    "yaw": (120.0, 16.7, 1.5, 0.0, 166.7),
-}
+    "roll": (250.0, 500.0, 2.5, 0.0, 33.3), "pitch": (240.0, 500.0, 2.5, 30.0, 33.3), "yaw": (120.0, 16.7, 1.5, 0.0, 166.7),
+}  # fmt: skip
 #: the same of the attitude loop, 1/s
 ANGLES = {
     "roll": (6.0, 3.0, 0.0, 0.0, 20.0),
@@ -75,37 +73,31 @@ def flown(twin: Twin, desired: Floats, measured: Floats) -> dict[str, Floats]:
     return {name: np.array([row[name] for row in rows]) for name in rows[0]}
 
 
-@pytest.mark.parametrize("smooth", [False, True])
-def test_terms_are_those_of_the_twin(smooth: bool) -> None:
-    desired, measured = 60.0 * np.random.default_rng(1).standard_normal((2, 3000)).cumsum(axis=1) / 10.0
-    desired[0] = measured[0] = 0.0
-    for axis in AXES:
-        known = flown(Twin(axis, smooth), desired, measured)
-        law = cascade(SMOOTH if smooth else VALUES, axis)
-        found = law.outputs({SETPOINT: np.radians(desired), RATE: np.radians(measured)})
-        for name, values in known.items():
-            size = np.abs(values).max()
-            np.testing.assert_allclose(32767.0 * found[name], values, rtol=1e-9, atol=1e-9 * size)
-        total = np.clip(sum(known.values()), -32767.0, 32767.0) / 32767.0
-        np.testing.assert_allclose(found["command"], total, atol=1e-9)
-        assert np.abs(total).max() == 1.0
-        limit = KNOWN[axis][1] * KNOWN[axis][4]
-        assert np.abs(known["I"]).max() == pytest.approx(limit), "both limits were met"
+def law_of(axis: str, smooth: bool, outer: bool) -> RateLaw:
+    if outer:
+        return attitude(OUTER | ({"pid_attitude.attFiltEn": 1.0} if smooth else {}), axis)
+    return cascade(SMOOTH if smooth else VALUES, axis)
 
 
+@pytest.mark.parametrize("outer", [False, True])
 @pytest.mark.parametrize("smooth", [False, True])
-def test_setpoints_of_rates_are_those_of_the_twin(smooth: bool) -> None:
-    asked, turned = 20.0 * np.random.default_rng(4).standard_normal((2, 9000)).cumsum(axis=1) / 10.0
+def test_terms_are_those_of_the_twin(smooth: bool, outer: bool) -> None:
+    """Of the loop of rates, and of that of angles, whose commands are setpoints of rates; all limits are met."""
+    size, seed, count = (20.0, 4, 9000) if outer else (60.0, 1, 3000)
+    asked, turned = size * np.random.default_rng(seed).standard_normal((2, count)).cumsum(axis=1) / 10.0
     asked[0] = turned[0] = 0.0
+    unit, limit = (180.0 / math.pi, math.inf) if outer else (32767.0, 32767.0)
     for axis in AXES:
-        known = flown(Twin(axis, smooth, outer=True), asked, turned)
-        law = attitude(OUTER | ({"pid_attitude.attFiltEn": 1.0} if smooth else {}), axis)
-        found = law.outputs({SETPOINT: np.radians(asked), RATE: np.radians(turned)})
+        known = flown(Twin(axis, smooth, outer), asked, turned)
+        found = law_of(axis, smooth, outer).outputs({SETPOINT: np.radians(asked), RATE: np.radians(turned)})
         for name, values in known.items():
             size = np.abs(values).max()
-            np.testing.assert_allclose(np.degrees(found[name]), values, rtol=1e-9, atol=1e-9 * size)
-        np.testing.assert_allclose(np.degrees(found["command"]), sum(known.values()), atol=1e-7)
-        assert np.abs(known["I"]).max() == pytest.approx(ANGLES[axis][1] * ANGLES[axis][4])
+            np.testing.assert_allclose(unit * found[name], values, rtol=1e-9, atol=1e-9 * size)
+        total = np.clip(sum(known.values()), -limit, limit)
+        np.testing.assert_allclose(found["command"], total / unit, atol=1e-9)
+        assert outer or np.abs(total).max() == limit
+        gains = (ANGLES if outer else KNOWN)[axis]
+        assert np.abs(known["I"]).max() == pytest.approx(gains[1] * gains[4])
 
 
 @pytest.mark.parametrize("outer", [False, True])
@@ -118,8 +110,9 @@ def test_response_is_that_of_a_recorded_step(outer: bool) -> None:
         record = flown(Twin(axis, True, outer), *((step, rest) if signal == SETPOINT else (rest, step)))
         answer = np.diff(np.diff(sum(record.values()), prepend=0.0), prepend=0.0)
         known = np.fft.rfft(answer)[1 : n // 2] / (1.0 - np.exp(-1j * w))
-        law = attitude(OUTER | {"pid_attitude.attFiltEn": 1.0}, axis) if outer else cascade(SMOOTH, axis)
-        found = law.response(signal, w / DT) * (1.0 if outer else 32767.0 * np.pi / 180.0)
+        found = law_of(axis, True, outer).response(signal, w / DT) * (
+            1.0 if outer else 32767.0 * np.pi / 180.0
+        )
         np.testing.assert_allclose(found, known, rtol=1e-6, err_msg=f"{axis} {signal}")
 
 

@@ -35,11 +35,11 @@ def of_changed(found: FleetAnalysis) -> list[tuple[str, str, str]]:
 def test_the_model_tells_vehicles_from_parts() -> None:
     table, parts = fleet()
     one = figure_model(table.of("thrust"), parts, np.zeros(VEHICLES * FLIGHTS))
-    assert one.model.deviations["vehicle"] == pytest.approx(LEVEL, rel=0.6)
-    assert one.model.deviations["rotor_1"] == pytest.approx(PART, rel=0.5)
-    assert one.model.flight == pytest.approx(FLIGHT, rel=0.4)
-    season = one.model.coefficients[1] / np.std(table.conditions["season"])
-    assert season == pytest.approx(0.03, abs=0.005)
+    model = one.model
+    assert model.deviations["vehicle"] == pytest.approx(LEVEL, rel=0.6)
+    assert model.deviations["rotor_1"] == pytest.approx(PART, rel=0.5)
+    assert model.flight == pytest.approx(FLIGHT, rel=0.4)
+    assert model.coefficients[1] / np.std(table.conditions["season"]) == pytest.approx(0.03, abs=0.005)
     assert one.outliers == ()
 
 
@@ -51,8 +51,7 @@ def test_a_bad_part_is_named_and_does_not_widen_the_others() -> None:
     assert alarm.found in {f"v3-{EXCHANGED + i}" for i in range(3)}
     assert alarm.causes[0].probability > 0.9
     assert alarm.change.interval[0] < -0.15 < alarm.change.interval[1]
-    model = found.figures["thrust"]
-    assert model.model.deviations["rotor_1"] < 2.0 * PART
+    assert found.figures["thrust"].model.deviations["rotor_1"] < 2.0 * PART
 
 
 def test_an_update_and_what_nobody_recorded() -> None:
@@ -87,12 +86,11 @@ def sequence(vehicle: int, values: FloatArray, software: list[str]) -> tuple[Fig
 
 
 def drawn(rng: np.random.Generator, count: int, step: float = 0.0) -> dict[str, tuple[FigureTable, Readings]]:
-    software, n = ["1.0"] * BEFORE + ["1.1"] * AFTER, BEFORE + AFTER
-    steps = np.arange(n) >= BEFORE
-    return {
-        str(v): sequence(v, rng.standard_normal(n) + (step + rng.standard_normal()) * steps, software)
-        for v in range(count)
-    }
+    software, n, out = ["1.0"] * BEFORE + ["1.1"] * AFTER, BEFORE + AFTER, {}
+    for v in range(count):
+        values = rng.standard_normal(n) + (step + rng.standard_normal()) * (np.arange(n) >= BEFORE)
+        out[str(v)] = sequence(v, values, software)
+    return out
 
 
 def test_the_mean_step_is_that_of_the_differences_and_its_error_that_of_their_scatter() -> None:
@@ -113,10 +111,8 @@ def test_an_update_that_changes_vehicles_differently_and_none_on_average_is_none
 
 
 def test_an_update_is_taken_between_the_one_before_and_the_one_after() -> None:
-    software = ["1.0"] * 10 + ["1.1"] * 10 + ["1.0"] * 10
-    values = np.repeat([0.0, 5.0, 1.0], 10)
-    sequences = {str(v): sequence(v, values, software) for v in range(3)}
-    update, back = common_steps(sequences)
+    software, values = ["1.0"] * 10 + ["1.1"] * 10 + ["1.0"] * 10, np.repeat([0.0, 5.0, 1.0], 10)
+    update, back = common_steps({str(v): sequence(v, values, software) for v in range(3)})
     assert (update.size, back.size) == (pytest.approx(5.0), pytest.approx(-4.0))
     assert (back.before, back.after) == ("1.1", "1.0")
 
@@ -127,14 +123,11 @@ def test_two_vehicles_tell_of_no_update() -> None:
     assert significant({"drag": [one]}) == {"drag": []}
 
 
-def updated(table: FigureTable, size: float) -> FigureTable:
-    own = np.array([f == "thrust" and s == "1.1" for f, s in zip(table.figure, table.software, strict=True)])
-    return replace(table, value=table.value + size * own)
-
-
 def test_an_update_that_changes_all_vehicles_is_told_once_beside_the_change_of_a_vehicle() -> None:
     table, parts = fleet()
-    found = analyze(changed(updated(table, 0.08), "thrust", UPDATED - 10, -0.15), parts, 0.1).alarms
+    own = np.array([f == "thrust" and s == "1.1" for f, s in zip(table.figure, table.software, strict=True)])
+    updated = replace(table, value=table.value + 0.08 * own)
+    found = analyze(changed(updated, "thrust", UPDATED - 10, -0.15), parts, 0.1).alarms
     assert [a.vehicle for a in found] == [EVERY, CHANGED]
     assert found[1].began == f"{CHANGED}-{UPDATED - 10}"
     alarm = found[0]

@@ -17,10 +17,8 @@ FLIGHTS = 60
 
 def stretch(figure: str, place: str, first: int, size: float, seed: int = 0) -> Stretch:
     """Return readings of a scatter of one, with a step."""
-    values = np.random.default_rng([seed, len(figure)]).standard_normal(FLIGHTS) + size * (
-        np.arange(FLIGHTS) >= first
-    )
     time, ones = np.arange(float(FLIGHTS)), np.ones(FLIGHTS)
+    values = np.random.default_rng([seed, len(figure)]).standard_normal(FLIGHTS) + size * (time >= first)
     texts = {"flight": [f"f{i}" for i in range(FLIGHTS)], "vehicle": ["v"] * FLIGHTS}
     texts |= {"figure": [figure] * FLIGHTS, "parts": [place] * FLIGHTS}
     table = FigureTable.of_columns(texts, {"time": time, "value": values, "std_error": ones}, {})
@@ -33,11 +31,8 @@ def of(own: Stretch, events: list[Event], others: Mapping[str, Stretch] | None =
     return found[0]
 
 
-ROTOR, UPDATE, BATTERY = (
-    Event("rotor", "rotor_1", 30.0),
-    Event("software", "software", 30.0),
-    Event("battery", "battery", 40.0),
-)
+ROTOR, UPDATE = Event("rotor", "rotor_1", 30.0), Event("software", "software", 30.0)
+BATTERY = Event("battery", "battery", 40.0)
 
 
 def test_a_step_that_takes_back_another() -> None:
@@ -99,16 +94,9 @@ def test_causes_are_those_of_every_hypothesis(kind: Kind, seed: int) -> None:
 def test_the_rotor_is_named_whose_share_moves_the_others_with_it(weak: int) -> None:
     """Shares over the mean of three: one that changes by two moves the others by one, the other way."""
     names = ["m1", "m2", "m3"]
-    shares = {
-        name: stretch(
-            f"share.{name}",
-            " ".join([name, *(n for n in names if n != name)]),
-            20,
-            6.0 if i == weak else -3.0,
-            i,
-        )
-        for i, name in enumerate(names)
-    }
+    places = [" ".join([name, *(n for n in names if n != name)]) for name in names]
+    sizes = [6.0 if i == weak else -3.0 for i in range(3)]
+    shares = {n: stretch(f"share.{n}", places[i], 20, sizes[i], i) for i, n in enumerate(names)}
     exchange = Event(f"{names[weak]}: b for a", names[weak], 19.5)
     for name in names:
         others = {f: one for f, one in shares.items() if f != name}
@@ -121,7 +109,9 @@ def test_the_rotor_is_named_whose_share_moves_the_others_with_it(weak: int) -> N
 def test_the_event_is_named_that_explains_what_changed() -> None:
     """By the part on which a figure depends, by other figures that changed with it, or by nothing that was recorded."""
     share, climb, drag = (
-        stretch(f, p, 30, 3.0) for f, p in (("share", "rotor_1"), ("climb", ""), ("drag", ""))
+        stretch("share", "rotor_1", 30, 3.0),
+        stretch("climb", "", 30, 3.0),
+        stretch("drag", "", 30, 3.0),
     )
     lift, early = stretch("lift", "", 99, 0.0), stretch("share", "rotor_1", 20, 4.0)
     worn = stretch("resistance", "battery", 30, 4.0)
@@ -137,9 +127,7 @@ def test_the_event_is_named_that_explains_what_changed() -> None:
     ):  # fmt: skip
         found = of(own, events, others)
         assert (found.what, found.place) == (what, place), name
-        if name == "all figures":
-            assert found.figures == ("climb", "drag")
-        if name == "unrecorded":
-            assert found.name == "nothing that was recorded, most likely of rotor_1"
+        assert name != "all figures" or found.figures == ("climb", "drag")
+        assert name != "unrecorded" or found.name == "nothing that was recorded, most likely of rotor_1"
     beyond = of(stretch("share", "rotor_1", 20, 900.0), [])  # the range of numbers
     assert (beyond.flight, beyond.probability) == ("f20", 1.0)

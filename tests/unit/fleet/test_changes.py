@@ -61,8 +61,7 @@ def test_ratios_are_those_of_regressions(seed: int, n: int, spread: tuple[float,
 
 def test_ratios_with_a_trend_are_those_of_regressions() -> None:
     one = readings(np.random.default_rng(7), 40, (np.inf, 0.5, 0.8))
-    drifting = Change("drift", 5, 20, 3.0, 0.1, 50.0)
-    after = one.since(drifting)
+    after = one.since(Change("drift", 5, 20, 3.0, 0.1, 50.0))
     assert after.effects.shape == (len(after.values), 4)
     found = scan(after).statistic[0]
     for t in range(1, len(after.values), 5):
@@ -75,9 +74,7 @@ def test_the_rate_of_false_alarms_is_the_stated_one() -> None:
     sequences = [readings(rng, 60, (0.5, 0.4, 0.4)) for _ in range(40)]
     h = threshold(np.concatenate([peaks(one, 100, rng)[1:] for one in sequences]), 100.0)
     fleets = 150
-    alarms = sum(
-        int(np.sum(scan(one, one.drawn(fleets, rng)).statistic.max(axis=1) > h)) for one in sequences
-    )
+    alarms = sum(np.sum(scan(one, one.drawn(fleets, rng)).statistic.max(axis=1) > h) for one in sequences)
     # Poisson, with the error of the threshold's own 100 draws
     assert abs(alarms / fleets - 1.0) < 3.0 * np.sqrt(1.0 / fleets + 1.0 / 100)
 

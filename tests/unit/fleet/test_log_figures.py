@@ -36,14 +36,14 @@ from stoop.vehicle.extensions import with_free_number
 
 RATE, SECONDS, RESISTANCE = 20.0, 240.0, 0.05
 GROUPS = groups(NO_VIBRATION)
+MANEUVER = Path(__file__).parents[3] / "examples" / "maneuver_3211.toml"
 
 
 def told(group: str, flight: Flight, vehicle: Vehicle | None = None) -> dict[str, FlightFigure]:
     """Return the figures of a group by name; the reason for others is left alone."""
-    found = {}
+    found: dict[str, FlightFigure] = {}
     with suppress(FlightError):
-        for one in GROUPS[group].evaluate(flight, vehicle):
-            found[one.name] = one
+        found.update((one.name, one) for one in GROUPS[group].evaluate(flight, vehicle))
     return found
 
 
@@ -60,14 +60,9 @@ def drawn(rng: np.random.Generator) -> Flight:
     return from_columns("f", time, {"voltage": voltage, "current": current})
 
 
-def resistance(flight: Flight) -> FlightFigure:
-    (one,) = GROUPS["battery"].evaluate(flight, None)
-    return one
-
-
 def test_the_resistance_of_a_battery_with_an_error_that_holds() -> None:
     rng = np.random.default_rng(0)
-    found = [resistance(drawn(rng)) for _ in range(100)]
+    found = [told("battery", drawn(rng))["battery.resistance"] for _ in range(100)]
     ratios = np.array([(one.value - RESISTANCE) / one.std_error for one in found])
     assert found[0].parts == "battery"
     assert np.sqrt(np.mean(ratios**2)) == pytest.approx(1.0, abs=0.35)
@@ -98,25 +93,18 @@ ERROR = Finding(0.0, 1.0, 0.0, 1.0, 0.0, 1.0, True, "", "1", "")
 def test_the_prior_of_an_instrument_error_is_taken_off(monkeypatch: pytest.MonkeyPatch) -> None:
     """As if the reading, 0.02 with an error of 0.03, had stood alone; what no reading told has no figure."""
     precisions = 0.03**-2.0, 0.04**-2.0
-    mean = 1.0 * precisions[1] + 1.02 * precisions[0]
-    found = {
-        "V.scale": SimpleNamespace(
-            estimate=mean / sum(precisions), std_error=sum(precisions) ** -0.5, prior_mean=1.0, prior_std=0.04,
-            identifiable=True, unit="1",
-        ),
-        "p.bias": SimpleNamespace(
-            estimate=0.0, std_error=0.03, prior_mean=0.0, prior_std=0.03, identifiable=True, unit="rad/s"
-        ),
-    }  # fmt: skip
-    findings = {name: replace(ERROR, **vars(one)) for name, one in found.items()}
+    mean, error = (1.02 * precisions[0] + precisions[1]) / sum(precisions), sum(precisions) ** -0.5
+    findings = {
+        "V.scale": replace(ERROR, estimate=mean, std_error=error, prior_mean=1.0, prior_std=0.04),
+        "p.bias": replace(ERROR, estimate=0.0, std_error=0.03, prior_mean=0.0, prior_std=0.03, unit="rad/s"),
+    }
     checked = SimpleNamespace(findings=findings, channels={})
     monkeypatch.setattr(log_figures, "check", lambda flight: (checked, None))
     flight = drawn(np.random.default_rng(0))
     (one,) = told("instruments", flight).values()
     assert (one.name, one.parts) == ("V.scale", "pitot")
     assert figures_of(flight)[1]["rest of instruments"] == "not determined: p.bias"
-    assert one.value == pytest.approx(1.02)
-    assert one.std_error == pytest.approx(0.03)
+    assert (one.value, one.std_error) == pytest.approx((1.02, 0.03))
 
 
 @pytest.mark.parametrize(("gusts", "grows"), [(0.1, 1.1), (1.0, np.inf)])
@@ -150,9 +138,8 @@ def hovering(rng: np.random.Generator, slope: float) -> Flight:
     effort = lfilter([0.3], [1.0, -0.95], rng.standard_normal(time.size))
     lift = 12.0 + slope * (charge - 15.0) + 0.1 * effort
     command = np.interp(lift, lifts, commands)
-    return from_columns(
-        "f", time, {"voltage": charge - 0.02 * effort} | {f"motor_{i}": command for i in range(1, 5)}
-    )
+    columns = {"voltage": charge - 0.02 * effort} | {f"motor_{i}": command for i in range(1, 5)}
+    return from_columns("f", time, columns)
 
 
 def test_lift_over_the_voltage_of_the_charge_with_an_error_that_holds() -> None:
@@ -227,30 +214,16 @@ def test_a_flight_of_another_mass_has_the_same_drag_and_trims_at_the_same_lift_c
     flight = glide(np.random.default_rng(0), 0.002, mass=1.1 * MASS)
     vehicle = builtin_vehicle("twin-boom").with_numbers({"mass.mass": {"value": 1.1 * MASS}})
     figures = told("drag", flight, vehicle) | told("trims", flight, vehicle)
-    found = {name: one.value for name, one in figures.items()}
-    assert found["drag.CD"] == pytest.approx(0.05 + 0.06 * LEVEL**2, rel=0.01)
-    assert found["trim.alpha"] == pytest.approx(-0.08 + LEVEL / 4.8, abs=0.002)
-    assert found["trim.elevator"] == pytest.approx(0.01, abs=0.002)
-
-
-def test_a_heavier_flight_has_the_same_drag_and_trims_at_the_same_lift_coefficient() -> None:
-    flight = glide(np.random.default_rng(0), 0.002, mass=1.1 * MASS)
-    vehicle = builtin_vehicle("twin-boom").with_numbers({"mass.mass": {"value": 1.1 * MASS}})
-    figures = told("drag", flight, vehicle) | told("trims", flight, vehicle)
-    found = {name: figures[name].value for name in ("drag.CD", "trim.alpha", "trim.elevator")}
-    assert found["drag.CD"] == pytest.approx(0.05 + 0.06 * LEVEL**2, rel=0.01)
-    assert [found["trim.alpha"], found["trim.elevator"]] == pytest.approx(
-        [-0.08 + LEVEL / 4.8, 0.01], abs=0.002
-    )
+    assert figures["drag.CD"].value == pytest.approx(0.05 + 0.06 * LEVEL**2, rel=0.01)
+    for name, expected in (("trim.alpha", -0.08 + LEVEL / 4.8), ("trim.elevator", 0.01)):
+        assert figures[name].value == pytest.approx(expected, abs=0.002)
 
 
 def test_a_rougher_ride_is_a_larger_vibration() -> None:
     rng, time = np.random.default_rng(0), np.arange(0.0, 120.0, 0.01)
-    shakes = 0.5 * rng.standard_normal(time.size)
-    slow = np.sin(time)
-    values = []
+    shakes, values = 0.5 * rng.standard_normal(time.size), []
     for factor in (1.0, 1.1):
-        flight = from_columns("f", time, {"az": slow + factor * shakes})
+        flight = from_columns("f", time, {"az": np.sin(time) + factor * shakes})
         shaken = vibration([Channels("imu", time, {"az": flight.column("az")})])
         (one,) = groups(shaken)["vibration"].evaluate(flight, None)
         values.append(one.value)
@@ -272,9 +245,8 @@ def test_conditions_that_were_not_logged_follow_from_others() -> None:
 
 
 def test_the_numbers_of_the_vehicle_are_those_that_flew() -> None:
-    vehicle, examples = builtin_vehicle("twin-boom"), Path(__file__).parents[3] / "examples"
-    flight = simulate_flight(vehicle, load_maneuver(examples / "maneuver_3211.toml"), seed=1)
-    found = told("parameters", flight, vehicle)
+    vehicle = builtin_vehicle("twin-boom")
+    found = told("parameters", simulate_flight(vehicle, load_maneuver(MANEUVER), seed=1), vehicle)
     found.pop("delay.commands", None)
     ratios = [(one.value - vehicle.value(name)) / one.std_error for name, one in found.items()]
     assert {"CLalpha", "Cmalpha", "Cmq"} <= found.keys()
@@ -282,13 +254,12 @@ def test_the_numbers_of_the_vehicle_are_those_that_flew() -> None:
 
 
 def test_the_delay_of_commands_is_that_which_flew() -> None:
-    vehicle, examples = builtin_vehicle("twin-boom"), Path(__file__).parents[3] / "examples"
-    flown = vehicle
+    vehicle = flown = builtin_vehicle("twin-boom")
     for control in vehicle.controls:
         found = with_free_number(flown, f"controls.{control}.delay")
         assert found is not None
         flown = found[0].with_numbers({f"controls.{control}.delay": {"value": 0.05}})
-    flight = simulate_flight(flown, load_maneuver(examples / "maneuver_3211.toml"), seed=1)
+    flight = simulate_flight(flown, load_maneuver(MANEUVER), seed=1)
     one = command_delay(vehicle, {flight.name: flight}, [f"{flight.name}@0.5:25"])
     assert one.value == pytest.approx(0.05, abs=4.0 * one.std_error)
     assert one.std_error < 0.003

@@ -28,50 +28,22 @@ def test_a_table_is_told_by_its_head_and_judged_by_its_reader(tmp_path: Path) ->
     table.write_text(f"\ufeff{HEAD}\nf,v,soon,drag,1,1\n", encoding="utf-8")
     log.write_text("time,p,q,r\n0,1,2,3\n")
     other.write_text(HEAD)
-    assert [is_table(one) for one in (table, log, other, tmp_path, tmp_path / "none.csv")] == [True] + [
-        False
-    ] * 4
+    assert is_table(table)
+    assert not any(is_table(one) for one in (log, other, tmp_path, tmp_path / "none.csv"))
     with pytest.raises(StoopError, match="column time holds what is no date"):
         read_figures(table)
 
 
-def planned(
-    logs: list[Path], vehicle: str | None = None, mapping: Path | None = None, flights: Path | None = None
-) -> Reading:
-    """Plan as for a new store."""
+def planned(logs: list[Path], *options: Any) -> Reading:
+    """Plan as for a new store: by a vehicle, a mapping, and a table of flights."""
+    vehicle, mapping, flights = (*options, None, None, None)[:3]
     return plan(logs, vehicle, mapping, flights, Path("none"))
 
 
-def test_a_log_is_read_again_when_it_or_what_its_reading_depends_on_changed(tmp_path: Path) -> None:
-    log, mapping, vehicle = (tmp_path / name for name in ("a.csv", "m.toml", "v.toml"))
-    template = Path(__file__).parents[3] / "examples" / "crazyflie.toml"
-    beside = tmp_path / "a.csv.toml"
-    for path in (log, mapping, beside):
-        path.write_text("1")
-    vehicle.write_text(template.read_text())
-
-    def key() -> str:
-        (run,) = planned([log], str(vehicle), mapping).campaign.runs
-        return run.key
-
-    keys = {key()}
-    assert key() in keys
-    for path in (log, mapping, beside, vehicle):
-        path.write_text(path.read_text() + "\n")
-        assert key() not in keys, path.name
-        keys.add(key())
-
-
-def said(day: int, count: float, vehicle: str = "uuid", hours: float = 0.5) -> dict[str, Any]:
-    """Return what a run of a log returns, with a header."""
+def said(day: int, count: float, vehicle: str = "uuid") -> dict[str, Any]:
+    """Return what a run of a log of half an hour returns, with a header."""
     begin = 86400.0 * day
-    header = {
-        "vehicle": vehicle,
-        "time": begin,
-        "end": begin + 3600.0 * hours,
-        "count": count,
-        "density": 1.2,
-    }
+    header = {"vehicle": vehicle, "time": begin, "end": begin + 1800.0, "count": count, "density": 1.2}
     figures = [["az.bias", 0.1, 0.01, "imu", "m/s2"]]
     return {"figures": figures, "absent": {"rotors": "none"}, "header": header}
 
@@ -104,50 +76,81 @@ def test_vehicle_and_time_come_from_the_log_unless_the_table_of_flights_says_els
     assert set(found.conditions) == {"density"}
 
 
-def test_a_flight_of_which_nothing_is_known_or_that_contradicts_others_costs_its_own_rows(
+def content(folder: Path) -> dict[str, bytes]:
+    return {one: (folder / one).read_bytes() for one in (ABSENT, DATES, LOGS)}
+
+
+def reasons(found: LogFigures) -> dict[str, str]:
+    return {flight: reason for flight, group, reason in found.absent if group == "flight"}
+
+
+def test_a_flight_that_tells_nothing_or_contradicts_others_costs_itself_and_is_forgotten(
     tmp_path: Path,
 ) -> None:
-    unknown = {**said(20003, 4), "header": {}}
-    first = table_of(tmp_path, {"a": said(20000, 1), "b": said(20001, 2), "unknown": unknown})
+    old = {"a": said(20000, 1), "b": said(20001, 2)}
+    first = table_of(tmp_path, old | {"unknown": {**said(20003, 4), "header": {}}})
     assert first.table.flight == ("a", "b")
-    reasons = {flight: reason for flight, group, reason in first.absent if group == "flight"}
-    assert reasons == {
-        "unknown": "the log does not tell its vehicle and time; give a table of the flights with --flights"
+    assert list(reasons(first)) == ["unknown"]
+    assert "give a table of the flights with --flights" in reasons(first)["unknown"]
+    new = {
+        "early": said(19000, 3),
+        "twin": said(20001, 2),
+        "d": said(20004, 4),
+        "e": said(20004, 5),
+        "next": said(20002, 3),
     }
-    second = table_of(tmp_path, {"c": said(19000, 3), "d": said(20004, 4), "e": said(20004, 5)})
-    assert second.table.flight == ("a", "b"), "c is dated before a, d and e fly at once"
-    absent = pd.read_csv(tmp_path / ABSENT)
-    assert set(absent[absent.group == "flight"].flight) == {"unknown", "c", "d", "e"}, "those of before stay"
-    assert set(pd.read_csv(tmp_path / DATES).flight) == {"a", "b"}, "what is out is no evidence"
+    out = {"early", "twin", "d", "e"}  # early is dated before a, twin flies while b does, d and e fly at once
+    found = table_of(tmp_path, new)
+    assert found.table.flight == ("a", "b", "next")
+    assert set(reasons(found)) == out
+    once, absent = content(tmp_path), pd.read_csv(tmp_path / ABSENT)
+    assert set(absent[absent.group == "flight"].flight) == {"unknown", *out}, "those of before stay"
+    assert set(pd.read_csv(tmp_path / DATES).flight) == {"a", "b", "next"}, "what is out is no evidence"
+    table_of(tmp_path, new)
+    assert content(tmp_path) == once, "the same command, the same bytes"
+    assert set(reasons(table_of(tmp_path, old | new))) == out, (
+        "flights that have not changed are earlier ones"
+    )
+    later = table_of(tmp_path, {"later": said(19001, 0), "reset": said(20003, 1)})
+    assert not reasons(later), "those that are out contradict nothing"
     flights = tmp_path / "flights.csv"
-    flights.write_text("flight,vehicle,time\nc,,2024-10-07\ne,other,\n")
-    third = table_of(tmp_path, {"c": said(19000, 3), "d": said(20004, 4), "e": said(20004, 5)}, flights)
-    assert set(third.table.flight) == {"a", "b", "c", "d", "e"}
+    flights.write_text("flight,vehicle,time\nearly,,2024-10-08\ntwin,other,\ne,other,\n")
+    assert not reasons(table_of(tmp_path, new, flights))
 
 
-def test_a_log_is_known_by_its_content_wherever_it_lies(tmp_path: Path) -> None:
-    mapping = tmp_path / "m.toml"
+def test_a_log_is_read_again_when_it_or_what_its_reading_depends_on_changed_and_not_for_its_place(
+    tmp_path: Path,
+) -> None:
+    mapping, vehicle = tmp_path / "m.toml", tmp_path / "v.toml"
     mapping.write_text('[variables]\np = { column = "p", unit = "rad/s" }\n[files]\nmocap = "track.csv"\n')
-    places = [tmp_path / one for one in ("x", "y")]
-    for place, name in zip(places, ("2026.01.01.csv", "b.csv"), strict=True):
-        place.mkdir()
-        (place / name).write_text("time,p\n0,1\n")
-        shutil.copy(Path(__file__).parents[3] / "examples" / "crazyflie.toml", place / f"{name}.v.toml")
+    shutil.copy(Path(__file__).parents[3] / "examples" / "crazyflie.toml", vehicle)
+    logs, flights = [tmp_path / "x" / "2026.01.01.csv", tmp_path / "y" / "b.csv"], tmp_path / "flights.csv"
+    for log in logs:
+        log.parent.mkdir()
+        log.write_text("time,p\n0,1\n")
 
-    def key(place: Path, flights: Path | None = None, vehicle: bool = True) -> str:
-        (log,) = place.glob("[2b]*.csv")
-        own = str(next(place.glob("*.v.toml"))) if vehicle else None
+    def identity(log: Path, flights: Path | None = None, own: str | None = str(vehicle)) -> str:
         (run,) = planned([log], own, mapping, flights).campaign.runs
         return run.identity
 
-    first = key(places[0])
-    assert key(places[1]) == first
-    (places[1] / "track.csv").write_text("1")
-    assert key(places[1]) != first, "a further file that the mapping names"
-    flights = tmp_path / "flights.csv"
+    first = identity(logs[0])
+    assert identity(logs[1]) == first
     flights.write_text("flight,mass\n2026.01.01,0.03\n")
-    assert key(places[0], flights) != first
-    assert key(places[0], flights, False) == key(places[0], None, False), "without a vehicle no mass is used"
+    assert identity(logs[0], flights) != first
+    assert identity(logs[0], flights, None) == identity(logs[0], None, None), (
+        "without a vehicle no mass is used"
+    )
+    keys = {first}
+    for path in (
+        logs[0],
+        mapping,
+        logs[0].with_name("2026.01.01.csv.toml"),
+        vehicle,
+        logs[0].with_name("track.csv"),
+    ):
+        path.write_text(f"{path.read_text()}\n" if path.exists() else "1")
+        keys.add(identity(logs[0]))
+    assert len(keys) == 6
 
 
 @pytest.mark.parametrize("name", ["broken.csv", "broken.ulg"])
@@ -165,14 +168,6 @@ def test_what_is_said_of_a_broken_log_does_not_depend_on_where_it_lies(tmp_path:
         gathered(reading, {run.key: results[0][0]}, tmp_path)
     assert str(tmp_path) not in str(error.value)
     assert ("save the lines below as LOG.toml beside it" in str(error.value)) == name.endswith(".csv")
-
-
-def content(folder: Path) -> dict[str, bytes]:
-    return {one: (folder / one).read_bytes() for one in (ABSENT, DATES, LOGS)}
-
-
-def reasons(found: LogFigures) -> dict[str, str]:
-    return {flight: reason for flight, group, reason in found.absent if group == "flight"}
 
 
 @pytest.mark.parametrize("by_table", [False, True])
@@ -196,21 +191,6 @@ def test_a_copy_of_an_earlier_log_costs_its_own_row(tmp_path: Path, by_table: bo
         table_of(tmp_path / "new", {**copy, "a": said(20000, 1)}, flights)
 
 
-def test_a_flight_that_contradicts_earlier_ones_costs_itself_and_is_forgotten(tmp_path: Path) -> None:
-    table_of(tmp_path, {"a": said(20000, 1), "b": said(20001, 2)})
-    new = {"early": said(19000, 3), "twin": said(20001, 2), "next": said(20002, 4)}
-    found = table_of(tmp_path, new)
-    assert found.table.flight == ("a", "b", "next")
-    assert set(reasons(found)) == {"early", "twin"}
-    once = content(tmp_path)
-    table_of(tmp_path, new)
-    assert content(tmp_path) == once, "the same command, the same bytes"
-    every = table_of(tmp_path, {"a": said(20000, 1), "b": said(20001, 2), **new})
-    assert set(reasons(every)) == {"early", "twin"}, "flights that have not changed are earlier ones"
-    later = table_of(tmp_path, {"later": said(19001, 0), "reset": said(20003, 1)})
-    assert not reasons(later), "those that are out contradict nothing"
-
-
 @given(st.permutations(range(5)))
 @settings(max_examples=5, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_the_order_of_the_logs_of_a_command_changes_no_byte(tmp_path: Path, order: list[int]) -> None:
@@ -228,12 +208,15 @@ def test_the_mass_of_a_flight_is_a_number_above_zero_and_no_condition(tmp_path: 
     flights.write_text("flight,mass,payload\na,1.5,1\nb,,2\n")
     found = table_of(tmp_path, {"a": said(20000, 1), "b": said(20001, 2)}, flights).table
     assert set(found.conditions) == {"density", "payload"}
-    flights.write_text("flight,vehicle\na,v\na,w\n")
-    with pytest.raises(StoopError, match="flight a stands there twice; keep one row"):
-        planned([], None, None, flights)
-    for wrong in ("0", "-1", "inf", "heavy"):
-        flights.write_text(f"flight,mass\na,1.5\nb,{wrong}\n")
-        with pytest.raises(StoopError, match="the mass of flight b is no number above zero; write it in kg"):
+    wrong = {
+        f"flight,mass\na,1.5\nb,{x}\n": "the mass of flight b is no number"
+        for x in ("0", "-1", "inf", "heavy")
+    }
+    for text, said_of in (
+        wrong | {"flight,vehicle\na,v\na,w\n": "flight a stands there twice; keep one row"}
+    ).items():
+        flights.write_text(text)
+        with pytest.raises(StoopError, match=said_of):
             planned([], None, None, flights)
 
 

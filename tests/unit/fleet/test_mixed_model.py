@@ -95,11 +95,8 @@ def test_the_likelihood_is_the_highest_wherever_the_mean_is() -> None:
         + 0.3 * rng.standard_normal(40)[part]
         + 0.5 * rng.standard_normal(800)
     )
-    groups = {"vehicle": vehicle, "part": part}
-    about_zero, far = (
-        fit_mixed_model(Design(mean + y, np.full(800, 0.2), np.ones((800, 1)), groups), True)
-        for mean in (0.0, 1e4)
-    )
+    groups, errors, X = {"vehicle": vehicle, "part": part}, np.full(800, 0.2), np.ones((800, 1))
+    about_zero, far = (fit_mixed_model(Design(mean + y, errors, X, groups), True) for mean in (0.0, 1e4))
     assert far.flight == pytest.approx(about_zero.flight, rel=1e-5)
     assert far.deviations == pytest.approx(about_zero.deviations, rel=1e-5)
     assert far.coefficients[0] - 1e4 == pytest.approx(about_zero.coefficients[0], abs=1e-6)

@@ -30,11 +30,6 @@ def exchanged() -> tuple[FigureTable, Parts, FleetAnalysis, ToldAlarm]:
     return worn, parts, found, alarm
 
 
-def page(table: FigureTable, parts: Parts) -> str:
-    found = analyze(table, parts, 0.1)
-    return rendered(table, parts, found, tuple(ToldAlarm.of(one, "N") for one in found.alarms))
-
-
 def rendered(
     table: FigureTable, parts: Parts, found: FleetAnalysis, alarms: tuple[ToldAlarm, ...] = ()
 ) -> str:
@@ -48,21 +43,19 @@ def cells(html: str) -> list[list[str]]:
     return [re.findall(r"<t[hd][^>]*>(.*?)</t[hd]>", row) for row in rows]
 
 
-def opened(html: str) -> list[list[list[str]]]:
-    """Return the rows of flights that each alarm opens."""
-    return [cells(one) for one in re.findall(r"<details>(.*?)</details>", html, re.DOTALL)]
-
-
 def test_alarms_come_first_and_their_vehicles_are_open() -> None:
     worn, parts, found, alarm = exchanged()
     html = rendered(worn, parts, found, (alarm, replace(alarm, figure="drag", withdrawn=True)))
-    assert html.index("rotor_1: v3b for v3a") < html.index("Withdrawn") < html.index('id="v3"')
-    assert html.index('id="v3"') < html.index('id="v0"')
-    assert html.count("<svg") == 2 * 8
-    assert html.count('class="edge"') == 1, "the change of v3"
+    places = [html.index(one) for one in ("rotor_1: v3b for v3a", "Withdrawn", 'id="v3"', 'id="v0"')]
+    assert places == sorted(places)
+    for text, count in (
+        ("<svg", 2 * 8),
+        ('class="edge"', 1),
+        ('<a href="#change-0">thrust</a>', 1),
+        ('id="change-0"', 1),
+    ):
+        assert html.count(text) == count, text
     assert "v3a</text>" in html, "serials of the part"
-    assert html.count('<a href="#change-0">thrust</a>') == 1, "an alarm leads to its panel"
-    assert html.count('id="change-0"') == 1
     known = replace(alarm, size=-0.15, std_error=0.02, unit="N")
     assert "<td>−0.150 (−0.189 to −0.111) N</td>" in rendered(worn, parts, found, (known,))
     units = [replace(alarm, unit=unit, kind=kind).per for unit in ("N", "1") for kind in ("step", "drift")]
@@ -73,21 +66,18 @@ def test_an_alarm_opens_the_flights_around_it() -> None:
     """Five before it began to five after it was found, the others counted; a withdrawn one, too, as long as they are there."""
     worn, parts, found, alarm = exchanged()
     assert (alarm.began, alarm.found) == ("v3-20", "v3-20")
-    late = replace(alarm, found="v3-40", withdrawn=True)
-    gone = replace(alarm, found="v3-99", withdrawn=True)
+    late, gone = (replace(alarm, found=f"v3-{k}", withdrawn=True) for k in (40, 99))
     html = rendered(worn, parts, found, (alarm, late, gone))
-    (head, first, *rows, last), whole = opened(html)
+    (head, first, *rows, last), whole = map(cells, re.findall(r"<details>(.*?)</details>", html, re.DOTALL))
     assert head == ["flight", "day", "value (95 %)", "software", "rotor_1", "change"]
-    assert first == [f"{EXCHANGED - NEAR} more flights", *[""] * 5]
-    assert last == [f"{FLIGHTS - EXCHANGED - NEAR - 1} more flights", *[""] * 5]
-    own = worn.of("thrust").rows(np.array([v == "v3" for v in worn.of("thrust").vehicle]))
-    numbers = range(EXCHANGED - NEAR, EXCHANGED + NEAR + 1)
-    assert [row[0] for row in rows] == [f"v3-{k}" for k in numbers]
-    assert [row[1] for row in rows] == [str(day(own.time[k])) for k in numbers]
-    assert [row[3:] for row in rows] == [
-        ["1.0", "v3a" if k < EXCHANGED else "v3b", "began, found" if k == EXCHANGED else ""] for k in numbers
+    assert [first[0], last[0]] == [
+        f"{EXCHANGED - NEAR} more flights",
+        f"{FLIGHTS - EXCHANGED - NEAR - 1} more flights",
     ]
-    for k, row in zip(numbers, rows, strict=True):
+    own = worn.of("thrust").rows(np.array([v == "v3" for v in worn.of("thrust").vehicle]))
+    for k, row in zip(range(EXCHANGED - NEAR, EXCHANGED + NEAR + 1), rows, strict=True):
+        serial, mark = "v3a" if k < EXCHANGED else "v3b", "began, found" if k == EXCHANGED else ""
+        assert [*row[:2], *row[3:]] == [f"v3-{k}", str(day(own.time[k])), "1.0", serial, mark]
         value, low, high = map(float, re.findall(r"[\d.]+", row[2]))
         assert 0.5 * (high - low) == pytest.approx(1.96 * own.std_error[k], abs=0.002)
         assert 0.5 * (high + low) == pytest.approx(value, abs=0.002)
@@ -101,9 +91,8 @@ def test_what_is_unlike_the_fleet_is_told() -> None:
     own = np.array([v == "v5" and f == "drag" for v, f in zip(table.vehicle, table.figure, strict=True)])
     far = replace(table, value=table.value + 0.6 * own)
     found = analyze(far, parts, 0.1)
-    (row,) = cells(
-        rendered(far, parts, found).partition('id="unlike-the-fleet"')[2].partition("</table>")[0]
-    )[1:]
+    html = rendered(far, parts, found)
+    _, row = cells(html.partition('id="unlike-the-fleet"')[2].partition("</table>")[0])
     assert row[:3] == ["v5", "–", "drag"]
     assert float(row[3].split()[0]) == pytest.approx(0.6, abs=0.2)
     thrust = found.figures["thrust"]
@@ -124,15 +113,15 @@ def test_names_are_text() -> None:
     vehicle = tuple(bad if v == "v0" else v for v in worn.vehicle)
     flight, software = (tuple(x + bad for x in column) for column in (worn.flight, worn.software))
     named = replace(worn, vehicle=vehicle, flight=flight, software=software)
-    html = page(named, Parts(tuple(replace(one, serial=one.serial + bad) for one in parts.fittings)))
+    fitted = Parts(tuple(replace(one, serial=one.serial + bad) for one in parts.fittings))
+    found = analyze(named, fitted, 0.1)
+    html = rendered(named, fitted, found, tuple(ToldAlarm.of(one, "N") for one in found.alarms))
     assert bad not in html
     for name in ("", "v3-20", "1.0", "v3b"):
         assert f">{name}&lt;script&gt;alert" in html
 
 
 def test_a_panel_of_few_points_has_the_means_of_neighbors() -> None:
-    flights = 2 * MOST
-    rows = np.random.default_rng(0).standard_normal((1, flights))
-    assert _thinned(rows, MOST).shape == (1, MOST)
-    assert _thinned(rows, MOST)[0, :3] == pytest.approx(rows.reshape(-1, 2).mean(axis=1)[:3])
-    assert np.array_equal(_thinned(rows, flights), rows)
+    rows = np.random.default_rng(0).standard_normal((1, 2 * MOST))
+    assert _thinned(rows, MOST) == pytest.approx(rows.reshape(1, -1, 2).mean(axis=2))
+    assert np.array_equal(_thinned(rows, 2 * MOST), rows)

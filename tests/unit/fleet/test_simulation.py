@@ -46,10 +46,8 @@ def test_a_change_is_all_that_two_fleets_differ_by(tmp_path: Path) -> None:
         for one, other in zip(plain, flights(fleet(tmp_path, head + change)), strict=True):
             added = course[int(one.name[-3:]) - 1] if one.vehicle == "V2" else 0.0
             expected = {**one.numbers, THRUST: pytest.approx(one.numbers[THRUST] + added, abs=1e-15)}
-            assert other.numbers == expected
+            assert vars(other) | {"wind": 0} == vars(one) | {"wind": 0, "numbers": expected}
             assert np.array_equal(one.wind, other.wind)
-            same = (one.name, one.begin, one.seed)
-            assert same == (other.name, other.begin, other.seed)
 
 
 def test_a_vehicle_is_the_same_whatever_the_number_of_vehicles(tmp_path: Path) -> None:
@@ -62,20 +60,17 @@ def test_a_vehicle_is_the_same_whatever_the_number_of_vehicles(tmp_path: Path) -
 
 def test_differences_have_the_spreads_of_the_file_and_parts_keep_theirs(tmp_path: Path) -> None:
     made = fleet(tmp_path, 'vehicles = 200\nflights = 4\nvehicle = { "mass.mass" = 0.05 }\n')
-    own = ready(QUAD, made)
-    every, fittings = drawn(made, own, 3)
+    every, fittings = drawn(made, ready(QUAD, made), 3)
     masses = np.array([[f.numbers["mass.mass"] for f in every[4 * v : 4 * v + 4]] for v in range(200)])
     assert np.ptp(masses, axis=1).max() == 0.0
     assert masses[:, 0].mean() == pytest.approx(1.5, abs=4 * 0.05 / np.sqrt(200))
     assert masses[:, 0].std() == pytest.approx(0.05, rel=0.2)
     thrust: dict[str, set[float]] = {}
     for one in every:
-        (part,) = [
-            f for f in fittings if (f.vehicle, f.part) == (one.vehicle, "m2") and f.begin <= one.begin < f.end
-        ]
+        own = (f for f in fittings if (f.vehicle, f.part) == (one.vehicle, "m2"))
+        (part,) = (f for f in own if f.begin <= one.begin < f.end)
         thrust.setdefault(part.serial, set()).add(one.numbers["rotor.m2.factor"])
-    assert len(thrust) == 400, "one exchange on each vehicle"
-    assert all(len(values) == 1 for values in thrust.values())
+    assert [len(values) for values in thrust.values()] == [1] * 400, "one exchange on each vehicle"
     assert np.std([*map(min, thrust.values())]) == pytest.approx(FACTOR_SPREAD, rel=0.15)
 
 
@@ -128,19 +123,13 @@ def test_a_wrong_fleet_is_named_in_one_line_and_nothing_is_written(
 ) -> None:
     change = '[[change]]\nvehicle = {}\nflight = {}\nnumber = "mass.mass"\nby = 1.0'
     for text, said in (
-        ("vehicels = 2", "vehicels: unknown key"),
-        ("flights = 1", "flights: "),
-        ("vehicles = 2.5", "vehicles: "),
-        (change.format(9, 2), "vehicle 9 of 4"),
-        (change.format(1, 20), "flight 20 of 12"),
+        ("vehicels = 2", "vehicels: unknown key"), ("flights = 1", "flights: "), ("vehicles = 2.5", "vehicles: "),
+        (change.format(9, 2), "vehicle 9 of 4"), (change.format(1, 20), "flight 20 of 12"),
         (WEAK.replace('part = "m1"', 'part = "m9"'), "there is no part 'm9'"),
-        ('[[update]]\nflight = 1\nsoftware = "2"', "update.0.flight"),
-        ('vehicle = { "mass.mass" = -1.0 }', "vehicle.mass.mass"),
-    ):
-        with pytest.raises(StoopError) as error:
+        ('[[update]]\nflight = 1\nsoftware = "2"', "update.0.flight"), ('vehicle = { "mass.mass" = -1.0 }', "vehicle.mass.mass"),
+    ):  # fmt: skip
+        with pytest.raises(StoopError, match=said):
             fleet(tmp_path, text)
-        assert said in str(error.value)
-        assert "\n" not in str(error.value)
     monkeypatch.chdir(tmp_path)
     Path("with-others").mkdir()
     Path("with-others/flown.ulg").write_bytes(b"")

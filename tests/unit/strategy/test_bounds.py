@@ -28,6 +28,7 @@ from stoop.vehicle.builtin import builtin_vehicle
 from stoop.vehicle.defaults import wider_bounds
 
 INERTIA = "mass.inertia.yy"
+WINDOWS = [Window("flight", 0.0, 5.0)]
 
 
 @cache
@@ -46,9 +47,7 @@ def found(share: float, method: str = "output-error", **fields: object) -> Estim
     """Fit the inertia from a file in which it is a share of the truth."""
     vehicle = known().with_numbers({INERTIA: {"value": share * known().value(INERTIA), **fields}})
     options = Options(budget=4000.0, method=method)
-    return fit(
-        FIT_ALONE, vehicle, {"flight": flight()}, [Window("flight", 0.0, 5.0)], options=options
-    ).estimate
+    return fit(FIT_ALONE, vehicle, {"flight": flight()}, WINDOWS, options=options).estimate
 
 
 @pytest.mark.parametrize(
@@ -70,11 +69,8 @@ def test_an_inertia_outside_of_the_default_box_is_found(share: float, method: st
 
 
 def test_what_was_found_stands_where_wider_bounds_end_worse() -> None:
-    truth = known().value(INERTIA)
-    vehicle = known().with_numbers({INERTIA: {"value": 0.35 * truth}})
-    setup = setup_of(
-        Strategy.textbook(), vehicle, {"flight": flight()}, [Window("flight", 0.0, 5.0)], options=Options()
-    )
+    vehicle = known().with_numbers({INERTIA: {"value": 0.35 * known().value(INERTIA)}})
+    setup = setup_of(Strategy.textbook(), vehicle, {"flight": flight()}, WINDOWS, options=Options())
     calls: list[Fitted] = []
 
     def fitter(setup: Setup) -> Fitted:

@@ -25,15 +25,13 @@ from stoop_studies.verify import scenes
 CONTROLS = ("elevator", "aileron", "rudder")
 NAMES = ("pitch", "roll")
 NUMBER = "controls.elevator.delay"
+WINDOWS = [Window(name, 0.0, scenes.DURATION) for name in NAMES]
 
 
 @cache
 def flown() -> tuple[Flight, ...]:
-    truth = scenes.aircraft()
-    return tuple(
-        scenes.simulate_flight(truth, scenes.maneuvers()[name], noise=True, seed=seed, name=name)
-        for seed, name in enumerate(NAMES)
-    )
+    fly, truth, maneuvers = scenes.simulate_flight, scenes.aircraft(), scenes.maneuvers()
+    return tuple(fly(truth, maneuvers[n], noise=True, seed=seed, name=n) for seed, n in enumerate(NAMES))
 
 
 def commanded_early(flight: Flight, seconds: float) -> Flight:
@@ -43,14 +41,10 @@ def commanded_early(flight: Flight, seconds: float) -> Flight:
     return replace(flight, data=flight.data.assign(ahead))
 
 
-def windows() -> list[Window]:
-    return [Window(name, 0.0, scenes.DURATION) for name in NAMES]
-
-
 def scanned(flights: list[Flight]) -> Scan | None:
     """Return the scan of delays of all controls in these flights."""
     vehicle = scenes.aircraft()
-    pieces = prepare(vehicle, {one.name: one for one in flights}, windows()).pieces
+    pieces = prepare(vehicle, {one.name: one for one in flights}, WINDOWS).pieces
     return scan_delays(vehicle, pieces, [vehicle.inputs.index(c) for c in CONTROLS])
 
 
@@ -64,7 +58,7 @@ def best(flights: list[Flight]) -> float:
 
 def found(vehicle: Vehicle, seconds: float) -> dict[str, float]:
     flights = {one.name: commanded_early(one, seconds) for one in flown()}
-    changed, notices = with_found_delays(setup_of(Strategy.default(), vehicle, flights, windows()), vehicle)
+    changed, notices = with_found_delays(setup_of(Strategy.default(), vehicle, flights, WINDOWS), vehicle)
     assert {n.subject for n in notices} == {n for n in changed.rows if n == NUMBER and n not in vehicle.rows}
     return {n.subject: float(str(n.values["delay"])) for n in notices}
 
@@ -96,7 +90,7 @@ def test_a_delay_beyond_the_usual_is_found_and_none_is_made_up() -> None:
 def test_a_file_that_gives_a_delay_decides(entry: object) -> None:
     given = with_entries(scenes.aircraft(), {("controls", c, "delay"): entry for c in CONTROLS})
     flights = {one.name: commanded_early(one, 0.3) for one in flown()}
-    changed, notices = with_found_delays(setup_of(Strategy.default(), given, flights, windows()), given)
+    changed, notices = with_found_delays(setup_of(Strategy.default(), given, flights, WINDOWS), given)
     assert changed is given
     assert not notices
 
@@ -105,11 +99,10 @@ def test_a_drafted_prior_of_a_delay_is_moved() -> None:
     """As stoop vehicle new writes it: usual of an autopilot and a logger, not of a radio link."""
     shared = "=controls.elevator.delay"
     first = {("controls", "elevator", "delay"): {"value": 0.02, "prior": 0.02}}
-    drafted = with_entries(
-        scenes.aircraft(), first | {("controls", c, "delay"): shared for c in CONTROLS[1:]}
-    )
+    others = {("controls", c, "delay"): shared for c in CONTROLS[1:]}
+    drafted = with_entries(scenes.aircraft(), first | others)
     flights = [commanded_early(one, 0.4) for one in flown()]
-    done = search(drafted, flights, [str(w) for w in windows()], options=Options(seed=1))
+    done = search(drafted, flights, [str(w) for w in WINDOWS], options=Options(seed=1))
     names = [p.name for p in done.estimate.problem.layout.parameters]
     std = error_bars(done.estimate).std[names.index(NUMBER)]
     assert std < 0.005

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
@@ -25,24 +26,20 @@ from stoop.vehicle.load import load_vehicle
 from stoop.workflow.identification import identify
 
 LAG = 0.04
-WINDOWS = [f"{name}@0:{DURATION}" for name in STEPS]
 
 
 @pytest.mark.parametrize("held_back", [True, False])
 def test_missing_lag_is_added(tmp_path: Path, held_back: bool) -> None:
     base = resolve_vehicle("twin-boom")
     truth = with_entries(base, {("controls", "aileron", "lag"): LAG})
-    flown = flights(truth, 5)
-    again = flights(truth, 7)["roll"]
-    other = type(again)(**{**vars(again), "name": "again"})
-    every = [*flown.values(), other]
-    validate = [f"again@0:{DURATION}"] if held_back else []
-    maneuvers = WINDOWS if held_back else [*WINDOWS, f"again@0:{DURATION}"]
+    every = [*flights(truth, 5).values(), replace(flights(truth, 7)["roll"], name="again")]
+    windows, again = [f"{name}@0:{DURATION}" for name in STEPS], [f"again@0:{DURATION}"]
+    maneuvers, validate = (windows, again) if held_back else (windows + again, [])
     job = identify(base, every, maneuvers, validate, Options(seed=1), extend=True)
-    kept = [n for n in job.notices if n.code.startswith("extension")]
-    assert kept[0].code == "extension-kept"
-    assert kept[0].subject in ("controls.aileron.lag", "controls.aileron.delay")
-    name = kept[0].subject
+    kept = next(n for n in job.notices if n.code.startswith("extension"))
+    assert kept.code == "extension-kept"
+    assert kept.subject in ("controls.aileron.lag", "controls.aileron.delay")
+    name = kept.subject
     assert job.parameters[name].estimate == pytest.approx(LAG, rel=0.1)
     assert not job.result.extensions.found
     folder = job.save(tmp_path / "out")
@@ -52,50 +49,43 @@ def test_missing_lag_is_added(tmp_path: Path, held_back: bool) -> None:
         assert abs(one.estimate - truth.value(key)) < 4.0 * one.std_error
 
 
-def asked_of(monkeypatch: pytest.MonkeyPatch, fitted: object, missing: object) -> None:
-    """Let score tests ask for extensions `one` and `two` of a vehicle that is the set of those it has."""
-    named = tuple(SimpleNamespace(name=name) for name in ("one", "two"))
-    monkeypatch.setattr(extension, "_fit", fitted)
-    monkeypatch.setattr(extension, "extension_tests", missing)
-    monkeypatch.setattr(extension, "catalogue", lambda vehicle: named)
-    monkeypatch.setattr(extension, "_freed", lambda vehicle, added, change: vehicle | {added.name})
-
-
 @pytest.mark.parametrize("impossible", [False, True])
 def test_after_a_refusal_the_next_is_tried(monkeypatch: pytest.MonkeyPatch, impossible: bool) -> None:
     """Of two defects the stronger is refused while the other is not there yet; or its method refuses it: a filter needs
-    delays that are known.
+    delays that are known. Vehicles are the sets of extensions that they have.
     """
-    one, two = (
+    tests = [
         ExtensionTest(name, "scale", 1.08, 0.01, "1", t, 0.0, 1.0, name, change=0.08)
         for name, t in (("one", 9.0), ("two", 6.0))
-    )
+    ]
 
     def fitted(setup: object, vehicle: set[str]) -> SimpleNamespace:
         if impossible and "one" in vehicle:
             raise IdentificationError("delays of sensors must be known")
-        fit = SimpleNamespace(names=vehicle, correlation_time=1.0)
-        ahead = np.full(4, float(len(vehicle)))
+        fit, ahead = SimpleNamespace(names=vehicle, correlation_time=1.0), np.full(4, float(len(vehicle)))
         return SimpleNamespace(vehicle=vehicle, fit=fit, bars=None, prediction=ahead)
 
     def missing(fit: SimpleNamespace, bars: None) -> ExtensionTests:
-        return ExtensionTests(10, 0.01, tuple(t for t in (one, two) if t.name not in fit.names))
+        return ExtensionTests(10, 0.01, tuple(t for t in tests if t.name not in fit.names))
 
-    asked_of(monkeypatch, fitted, missing)
     rise = {"one": 1.0 if impossible else -1.0}
-    monkeypatch.setattr(extension, "penalized_rise", lambda _, after: rise.get("".join(after.names), 1.0))
-    monkeypatch.setattr(extension, "log_likelihood_rise", lambda before, after: (1.0, 1.0))
+    for name, one in {
+        "_fit": fitted, "extension_tests": missing, "catalogue": lambda vehicle: tests,
+        "_freed": lambda vehicle, added, change: vehicle | {added.name},
+        "penalized_rise": lambda _, after: rise.get("".join(after.names), 1.0), "log_likelihood_rise": lambda *fits: (1.0, 1.0),
+    }.items():  # fmt: skip
+        monkeypatch.setattr(extension, name, one)
     setup = setup_of(Strategy.default(), cast("Any", set()), {}, [], [Window("held", 0.0, 1.0)])
-    found = extension.extend(setup)
-    assert found is not None
-    wanted = {"two"} if impossible else {"one", "two"}
-    assert found.setup.vehicle == wanted
-    assert {n.subject: n.code for n in found.setup.notices} == dict.fromkeys(wanted, "extension-kept")
-    monkeypatch.setattr(extension, "penalized_rise", lambda before, after: -1.0)
-    found = extension.extend(setup)
-    assert found is not None
-    assert found.setup.vehicle == set()
-    assert [n.code for n in found.setup.notices] == ["extension-refused"] * (1 if impossible else 2)
+    wanted, refused = (
+        {"two"} if impossible else {"one", "two"},
+        [*["extension-refused"] * (1 if impossible else 2)],
+    )
+    for vehicle, codes in ((wanted, ["extension-kept"] * len(wanted)), (set(), refused)):
+        found = extension.extend(setup)
+        assert found is not None
+        assert found.setup.vehicle == vehicle
+        assert [n.code for n in found.setup.notices] == codes
+        monkeypatch.setattr(extension, "penalized_rise", lambda before, after: -1.0)
 
 
 def test_a_change_to_an_impossible_body_begins_nearer_the_present_value() -> None:

@@ -19,7 +19,6 @@ from stoop.base.verbs import verbs
 from stoop.cli.identify import strategy_of
 from stoop.cli.options import add_options
 from stoop.errors import IdentificationError
-from stoop.estimate.estimate import Estimate
 from stoop.estimate.fit import Options
 from stoop.estimate.fit import fit as output_error
 from stoop.estimate.methods import find, restore
@@ -37,12 +36,8 @@ from stoop.workflow.identification import identify
 
 WINDOWS = (Window("a", 0.0, 5.0), Window("b", 0.0, 5.0))
 FREE = ("Cmalpha", "Cmq", "Cmelevator")
-PLAIN = Treatment(
-    **dict.fromkeys(
-        ("recorded_motion", "held_numbers", "stuck_channels", "noise_shape", "maneuver_noise", "noise_color"),
-        False,
-    )
-)
+OFF = ("recorded_motion", "held_numbers", "stuck_channels", "noise_shape", "maneuver_noise", "noise_color")
+PLAIN = Treatment(**dict.fromkeys(OFF, False))
 
 
 @cache
@@ -58,12 +53,14 @@ def flights() -> dict[str, Flight]:
     return {name: simulate_flight(known(), flown, seed=i, name=name) for i, name in enumerate("ab")}
 
 
-def changed(name: str, channel: str, change: Callable[[np.ndarray], np.ndarray]) -> dict[str, Flight]:
-    """Return the flights, one channel of one of them changed."""
-    flight = flights()[name]
-    column = change(flight.column(channel).copy())
-    data = flight.data.assign({channel: ("time", column, flight.data[channel].attrs)})
-    return {**flights(), name: replace(flight, data=data)}
+def changed(names: str, channel: str, change: Callable[[np.ndarray], np.ndarray]) -> dict[str, Flight]:
+    """Return the flights, one channel of some of them changed."""
+    out = dict(flights())
+    for name in names:
+        column = change(out[name].column(channel).copy())
+        data = out[name].data.assign({channel: ("time", column, out[name].data[channel].attrs)})
+        out[name] = replace(out[name], data=data)
+    return out
 
 
 def noisy(y: np.ndarray) -> np.ndarray:
@@ -82,40 +79,21 @@ def faulty() -> dict[str, Flight]:
     return {**flights(), "a": replace(flight, faults=(one,))}
 
 
-def spiked_everywhere() -> dict[str, Flight]:
-    return {name: changed(name, "q", spiked)[name] for name in flights()}
-
-
 def drifting(y: np.ndarray) -> np.ndarray:
-    steps = np.random.default_rng(4).standard_normal(len(y))
-    return y + 0.003 * lfilter([1.0], [1.0, -0.95], steps)
-
-
-def drifting_everywhere() -> dict[str, Flight]:
-    return {name: changed(name, "theta", drifting)[name] for name in flights()}
-
-
-def stuck() -> dict[str, Flight]:
-    return {name: changed(name, "theta", lambda y: np.full_like(y, 0.05))[name] for name in flights()}
+    return y + 0.003 * lfilter([1.0], [1.0, -0.95], np.random.default_rng(4).standard_normal(len(y)))
 
 
 CALLED_FOR: dict[str, Callable[[], dict[str, Flight]]] = {
     "faults": faulty,
-    "stuck-channels": stuck,
-    "noise-shape": spiked_everywhere,
+    "stuck-channels": lambda: changed("ab", "theta", lambda y: np.full_like(y, 0.05)),
+    "noise-shape": lambda: changed("ab", "q", spiked),
     "maneuver-noise": lambda: changed("b", "q", noisy),
-    "noise-color": drifting_everywhere,
+    "noise-color": lambda: changed("ab", "theta", drifting),
 }
 
 
 def decided(strategy: Strategy, given: dict[str, Flight], vehicle: Vehicle | None = None) -> Fitted:
     return fit(strategy, vehicle or known(), given, WINDOWS, options=Options(seed=1, budget=4000.0))
-
-
-def restored(found: Estimate) -> Estimate:
-    buffer = io.BytesIO()
-    np.savez(buffer, **found.state())
-    return restore("output-error", dict(np.load(io.BytesIO(buffer.getvalue()))), "here")
 
 
 def states(done: Fitted) -> dict[str, str]:
@@ -136,28 +114,26 @@ def test_clean_data_of_a_complete_vehicle_call_for_no_decision(clean: Fitted) ->
 
 @pytest.mark.parametrize("name", CALLED_FOR)
 def test_a_decision_applies_where_the_data_call_for_it_and_its_switch_turns_it_off(name: str) -> None:
-    given = CALLED_FOR[name]()
-    with_it, without = (
-        decided(strategy, given) for strategy in (Strategy.textbook().only(name), Strategy.textbook())
-    )
-    assert states(with_it)[name] == "applied"
+    given, textbook = CALLED_FOR[name](), Strategy.textbook()
+    with_it, without = (decided(strategy, given) for strategy in (textbook.only(name), textbook))
     (record,) = (one for one in with_it.decisions if one.state == "applied")
+    assert record.name == name
     assert record.found
     assert record.done
     assert set(states(without).values()) == {"off"}
     assert with_it.estimate.estimates != without.estimate.estimates
     # what an estimator decides is a field of its estimate, not read back from notices, and saved with it
     found = with_it.estimate
-    own = [record] if name != "faults" else []
+    own, buffer = [record] if name != "faults" else [], io.BytesIO()
     assert [*found.prepared.decisions, *found.decisions] == own
-    assert [(d.name, d.found, d.done) for d in restored(found).decisions] == [
-        (d.name, d.found, d.done) for d in own
-    ]
+    np.savez(buffer, **found.state())
+    again = restore("output-error", dict(np.load(io.BytesIO(buffer.getvalue()))), "here").decisions
+    assert [(d.name, d.found, d.done) for d in again] == [(d.name, d.found, d.done) for d in own]
 
 
 def test_textbook_is_output_error_to_the_last_bit(clean: Fitted) -> None:
     """Of data that call for four decisions, beside the estimator itself; by default the estimates differ."""
-    given = {name: {**spiked_everywhere(), "b": changed("b", "q", noisy)["b"]}[name] for name in "ab"}
+    given = changed("a", "q", spiked) | {"b": changed("b", "q", noisy)["b"]}
     options = Options(seed=1, budget=4000.0)
     done = fit(Strategy.textbook(), known(), given, WINDOWS, options=options)
     alone = output_error(known(), given, WINDOWS, replace(options, method="output-error", treatment=PLAIN))
@@ -183,43 +159,32 @@ def test_treatment_is_decided_by_the_strategy_alone() -> None:
         identify(known(), [*flights().values()], ["a@0:5"], treatment=PLAIN)
 
 
-def parsed(words: list[str]) -> argparse.Namespace:
+def switched(words: str) -> Strategy:
+    """Return the strategy of switches on the command line."""
     parser = argparse.ArgumentParser()
     add_options(parser, verbs()["identify"].options)
-    return parser.parse_args(["a.ulg", "--vehicle", "twin-boom", "--maneuver", "0:5", "-o", "out", *words])
+    given = ["a.ulg", "--vehicle", "twin-boom", "--maneuver", "0:5", "-o", "out", *words.split()]
+    return strategy_of(parser.parse_args(given))
 
 
 def test_what_is_no_strategy_or_method_is_one_line_with_the_fix() -> None:
     """Types are disregarded on purpose."""
     default: Any = Strategy.default()
     of_class: Any = Strategy
-    for call, advice in (
-        (lambda: default.without("noise-shap"), r"decision 'noise-shap': not known; .*noise-shape"),
-        (lambda: default.only("noise-shap"), r"decision 'noise-shap': not known; .*noise-shape"),
-        (lambda: default.including("noise-shap"), r"decision 'noise-shap': not known; .*noise-shape"),
-        (lambda: of_class.without("faults"), r"write Strategy\.default\(\)\.without\('faults'\)"),
-        (lambda: of_class.including("bounds"), r"write Strategy\.default\(\)\.including\('bounds'\)"),
-        (lambda: of_class(["faults"]), r"write Strategy\.only\('faults'\)"),
-        (lambda: of_class.named(None), r"strategy None: give 'default', 'textbook' or"),
-        (lambda: of_class.named("textbok"), "textbok.*textbook"),
-        (lambda: default.without(5), "decision '5': not known"),
-        (lambda: find("equation-eror"), "did you mean equation-error"),
-        (lambda: find(["output-error"]), "method .*: not known"),  # type: ignore[arg-type]
-        (
-            lambda: strategy_of(parsed(["--textbook", "--without", "bounds"])),
-            "--textbook and --without: give one",
-        ),
-        (
-            lambda: strategy_of(parsed(["--only", "bounds", "--without", "gusts"])),
-            "--only and --without: give one",
-        ),
-        (
-            lambda: strategy_of(parsed(["--extend", "--without", "extensions"])),
-            "--without extensions contradict",
-        ),
-    ):
+    for call, given, advice in (
+        *((one, "noise-shap", "noise-shap': not known; .*noise-shape") for one in (default.without, default.only)),
+        (default.including, "noise-shap", "noise-shap': not known; .*noise-shape"),
+        (of_class.without, "faults", r"write Strategy\.default\(\)\.without\('faults'\)"),
+        (of_class.including, "bounds", r"write Strategy\.default\(\)\.including\('bounds'\)"),
+        (of_class, ["faults"], r"write Strategy\.only\('faults'\)"), (default.without, 5, "decision '5': not known"),
+        (of_class.named, None, r"strategy None: give 'default', 'textbook' or"), (of_class.named, "textbok", "textbok.*textbook"),
+        (find, "equation-eror", "did you mean equation-error"), (find, ["output-error"], "method .*: not known"),
+        (switched, "--textbook --without bounds", "--textbook and --without: give one"),
+        (switched, "--only bounds --without gusts", "--only and --without: give one"),
+        (switched, "--extend --without extensions", "--without extensions contradict"),
+    ):  # fmt: skip
         with pytest.raises(IdentificationError, match=advice) as error:
-            call()
+            call(given)
         assert "\n" not in str(error.value), advice
 
 
@@ -231,13 +196,11 @@ def test_names_and_switches_choose_decisions() -> None:
     assert Strategy.only("faults").names == default.only("faults").names == {"faults"}
     assert "extensions" not in default.names
     for words, names in (
-        ([], default.names),
-        (["--textbook"], frozenset()),
-        (["--textbook", "--extend"], {"extensions"}),
-        (["--without", "bounds", "--without", "gusts"], default.names - {"bounds", "gusts"}),
-        (["--only", "faults", "--only", "bounds"], {"faults", "bounds"}),
-    ):
-        assert strategy_of(parsed(words)).names == names, words
+        ("", default.names), ("--textbook", frozenset()), ("--textbook --extend", {"extensions"}),
+        ("--without bounds --without gusts", default.names - {"bounds", "gusts"}),
+        ("--only faults --only bounds", {"faults", "bounds"}),
+    ):  # fmt: skip
+        assert switched(words).names == names, words
 
 
 def test_the_app_writes_the_switches_that_give_the_checked_decisions() -> None:
@@ -246,4 +209,4 @@ def test_the_app_writes_the_switches_that_give_the_checked_decisions() -> None:
     default = Strategy.default()
     for chosen in (default, Strategy.textbook(), default.without("bounds").including("extensions")):
         words = switches({one.name: one.name in chosen.names for one in DECISIONS})
-        assert strategy_of(parsed(words)).names == chosen.names, words
+        assert switched(" ".join(words)).names == chosen.names, words

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from unit.tuning.made_up import quad, wing
 
 from stoop import simulate
 from stoop.assessment.draws import Draws
@@ -23,13 +24,10 @@ from stoop.tuning.closed_loop import AttitudeLoop, Course, FlownUnderLaw, center
 from stoop.tuning.gain_search import Design, Specification
 from stoop.tuning.judgment import commands_of
 from stoop.vehicle import Vehicle
-from stoop.vehicle.builtin import builtin_vehicle
 from stoop.vehicle.document import with_entries
 from stoop.workflow.tuning import conditions_of
-from stoop_studies.verify import scenes
 
 KNOWN = Draws(("mass.mass",), np.empty((0, 1)), "covariance")
-SURFACES = {"elevator": ("pitch", -0.4), "aileron": ("roll", 0.3), "rudder": ("yaw", -0.4)}
 WING = {
     "FW_RR_P": 0.4, "FW_RR_I": 0.3, "FW_RR_FF": 0.3, "FW_PR_P": 0.8, "FW_PR_I": 0.6, "FW_PR_FF": 1.0, "FW_YR_P": 0.3,
     "FW_AIRSPD_TRIM": 33.0, "FW_AIRSPD_MAX": 60.0, "FW_AIRSPD_STALL": 15.0,
@@ -59,31 +57,11 @@ CRAZYFLIE = {
 }  # fmt: skip
 
 
-def quad(delay: float = 0.013, **rotors: float) -> Vehicle:
-    """Return a quadrotor whose motors take commands, late by so much."""
-    vehicle = builtin_vehicle("quad-x")
-    channels = {("rotor", n, "channel"): f"motor_{i}" for i, n in enumerate(vehicle.file.rotor, 1)}
-    numbers = {("rotors", n): x for n, x in ({"delay": delay} | rotors).items()}
-    return with_entries(vehicle, channels | numbers)
-
-
-def wing(**servo: float) -> Vehicle:
-    """Return an airplane whose surfaces move by commands about the axes."""
-    mixes = {("controls", c, "mix"): {f"control_{a}": g} for c, (a, g) in SURFACES.items()}
-    more = {("controls", c, n): x for c in SURFACES for n, x in servo.items()}
-    return with_entries(scenes.aircraft(), mixes | more)
-
-
-def course(
-    duration: float, *inputs: tuple[str, float, float, float], airspeed: float | None = None
-) -> Maneuver:
+def course(duration: float, *inputs: tuple[str, float, float, float], **more: float) -> Maneuver:
     """Return pulses of a control: its start, its duration, s, and its amplitude."""
     keys = ("control", "shape", "start", "duration", "amplitude")
     pulses = [dict(zip(keys, (name, "pulse", *rest), strict=True)) for name, *rest in inputs]
-    entries = {"duration": duration, "rate": 100.0, "input": pulses} | (
-        {"airspeed": airspeed} if airspeed else {}
-    )
-    return Maneuver.model_validate(entries)
+    return Maneuver.model_validate({"duration": duration, "rate": 100.0, "input": pulses} | more)
 
 
 def flown(vehicle: Vehicle, maneuver: Maneuver, parameters: Mapping[str, float]) -> FlownUnderLaw:
@@ -98,7 +76,8 @@ def check_gain_margin(
     conditions = conditions_of(vehicle, firmware, parameters, [airspeed], 200.0, KNOWN)
     axes = commands_of(vehicle, firmware, parameters).axes
     roll = Design(firmware, parameters, axes, conditions, Specification(), {}).judged(parameters)[0][0]
-    margin, maneuver = float(roll.margins.gain[0]), course(8.0, ("phi", 0.1, 0.2, 1e-4), airspeed=airspeed)
+    more = {"airspeed": airspeed} if airspeed else {}
+    margin, maneuver = float(roll.margins.gain[0]), course(8.0, ("phi", 0.1, 0.2, 1e-4), **more)
     assert margin > 2.0
     grown = []
     for share in (0.96, 1.04):
@@ -111,16 +90,16 @@ def check_gain_margin(
 
 
 def test_a_loop_begins_to_swing_at_its_gain_margin() -> None:
-    check_gain_margin(quad(), PX4, [f"MC_ROLLRATE_{t}" for t in "PID"], 0.0)
+    check_gain_margin(quad(delay=0.013), PX4, [f"MC_ROLLRATE_{t}" for t in "PID"], 0.0)
 
 
 @pytest.mark.parametrize(
     ("vehicle", "parameters", "gains", "airspeed"),
     [
-        (lambda: quad(0.021), COPTER, [f"ATC_RAT_RLL_{t}" for t in "PID"], 0.0),
+        (lambda: quad(delay=0.021), COPTER, [f"ATC_RAT_RLL_{t}" for t in "PID"], 0.0),
         (lambda: wing(lag=0.05, delay=0.033), PLANE, ["RLL_RATE_P", "RLL_RATE_I", "RLL_RATE_FF"], 33.0),
-        (lambda: quad(0.005, lag=0.025), BETAFLIGHT, [f"rollPID[{k}]" for k in range(3)], 0.0),
-        (lambda: quad(0.005, lag=0.025), CRAZYFLIE, [f"pid_rate.roll_k{t}" for t in "pid"], 0.0),
+        (lambda: quad(delay=0.005, lag=0.025), BETAFLIGHT, [f"rollPID[{k}]" for k in range(3)], 0.0),
+        (lambda: quad(delay=0.005, lag=0.025), CRAZYFLIE, [f"pid_rate.roll_k{t}" for t in "pid"], 0.0),
     ],
     ids=["copter", "plane", "betaflight", "crazyflie"],
 )
@@ -136,7 +115,7 @@ def test_loops_of_other_autopilots_begin_to_swing_at_theirs(
 def test_angles_are_held_by_laws_of_each(parameters: Mapping[str, float], held: int) -> None:
     """A bank, and a heading that the Crazyflie alone holds; back at the trim at the end."""
     maneuver = course(4.0, ("phi", 0.5, 1.5, 0.2), ("psi", 0.5, 1.5, 0.05))
-    found = flown(quad(0.005, lag=0.025), maneuver, parameters)
+    found = flown(quad(delay=0.005, lag=0.025), maneuver, parameters)
     during = int(np.argmin(np.abs(found.time - 1.9)))
     assert np.abs(found.attitude_error[during, :held]).max() < 0.04
     assert np.abs(found.attitude_error[-1, :held]).max() < 0.03
@@ -155,9 +134,8 @@ def test_a_step_of_the_wind_leaves_the_velocity_over_ground() -> None:
 
 def test_the_height_of_a_ground_effect_follows_the_flight() -> None:
     table = {("ground_effect",): {"channel": "height", "rotor": 1.0, "radius": 0.12}}
-    vehicle = with_entries(quad(), table)
-    maneuver = course(3.0, ("phi", 0.5, 2.0, 0.3)).model_copy(update={"altitude": 1.0})
-    found = flown(vehicle, maneuver, PX4)
+    vehicle = with_entries(quad(delay=0.013), table)
+    found = flown(vehicle, course(3.0, ("phi", 0.5, 2.0, 0.3), altitude=1.0), PX4)
     assert found.states is not None
     height = found.inputs[:, vehicle.inputs.index("height")]
     altitude = found.states[:, vehicle.states.index("h")]
@@ -179,7 +157,7 @@ def test_a_turn_is_coordinated() -> None:
 
 def test_a_vehicle_recovers_from_motors_at_their_ends() -> None:
     """A tilt of 40 deg at once asks for more than the motors give."""
-    found = flown(quad(), course(6.0, ("phi", 1.0, 1.5, 0.7), ("psi", 1.0, 1.5, 1.0)), PX4)
+    found = flown(quad(delay=0.013), course(6.0, ("phi", 1.0, 1.5, 0.7), ("psi", 1.0, 1.5, 1.0)), PX4)
     assert found.saturated.any()
     assert found.clipped is not None
     assert found.clipped.any()
@@ -187,8 +165,7 @@ def test_a_vehicle_recovers_from_motors_at_their_ends() -> None:
 
 
 def test_gusts_move_what_calm_air_leaves() -> None:
-    gust = {"intensity": 1.0, "length": 100.0}
-    table = {("turbulence", axis): gust for axis in "uvw"}
+    table = {("turbulence", axis): {"intensity": 1.0, "length": 100.0} for axis in "uvw"}
     calm, rough = wing(), with_entries(wing(), table)
     still, moved = (flown(v, course(8.0), WING) for v in (calm, rough))
     assert np.ptp(still.attitude_error[:, :2]) < 5e-4
@@ -201,8 +178,7 @@ def test_recorded_channels_repeat_the_flight() -> None:
     """Open loop from the same start, by straight lines between the samples of 50 Hz that are recorded of 400 Hz."""
     vehicle = wing(lag=0.05, delay=0.03)
     pulses = ("phi", 1.0, 2.0, 0.3), ("control_pitch", 2.0, 0.5, 0.2)
-    maneuver = course(4.0, *pulses).model_copy(update={"rate": 50.0})
-    found = flown(vehicle, maneuver, WING)
+    found = flown(vehicle, course(4.0, *pulses, rate=50.0), WING)
     inputs = {"time": found.time} | {c: found.inputs[:, vehicle.inputs.index(c)] for c in vehicle.recorded}
     again = simulate(vehicle, inputs)
     for name in ("p", "q", "r", "phi", "theta"):
@@ -218,10 +194,8 @@ def test_means_of_held_channels_are_centered() -> None:
 
 
 def test_a_flight_is_recorded_and_says_how_it_was_held() -> None:
-    flight, again = (
-        simulate(wing(), course(1.0, ("phi", 0.2, 5.0, 0.1)), autopilot=WING, noise=True, seed=3)
-        for _ in range(2)
-    )
+    bank = course(1.0, ("phi", 0.2, 5.0, 0.1))
+    flight, again = (simulate(wing(), bank, autopilot=WING, noise=True, seed=3) for _ in range(2))
     assert flight.rate == pytest.approx(100.0)
     assert {"control_roll", "p", "phi", "vn"} <= flight.names
     (held,) = (str(n) for n in flight.notices if n.code == "flown-under-law")
@@ -254,8 +228,7 @@ def test_what_no_law_flies_is_refused() -> None:
 def test_jsbsim_flies_the_same_under_the_law(tmp_path: Path) -> None:
     """Steps of bank and pitch with servos that lag; readings within 0.1 % of their ranges."""
     vehicle, firmware, pitch = wing(lag=0.04), firmware_of(WING, rotors=False), ("theta", 2.0, 2.0, 0.08)
-    steps = course(8.0, ("phi", 1.0, 5.0, 0.4), pitch, ("theta", 4.0, 2.0, -0.08))
-    maneuver = steps.model_copy(update={"rate": 400.0})
+    maneuver = course(8.0, ("phi", 1.0, 5.0, 0.4), pitch, ("theta", 4.0, 2.0, -0.08), rate=400.0)
     ours = fly_under_law(vehicle, maneuver, firmware, WING)
 
     given, moved = Course.of(vehicle, maneuver), commands_of(vehicle, firmware, WING)

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from naive.closed_loops import asked_at_random, flown
+from unit.tuning.made_up import rolling
 
 from stoop.assessment.frequency import ModelResponse, known
 from stoop.base.notices import Notice
@@ -25,28 +26,22 @@ PARAMETERS = {
     "FW_RR_P": 0.15, "FW_RR_I": 0.3, "FW_RR_FF": 0.1, "FW_RR_IMAX": 1e9, "IMU_GYRO_CUTOFF": 0.0, "IMU_DGYRO_CUTOFF": 0.0,
     "IMU_GYRO_RATEMAX": RATE,
 }  # fmt: skip
-GAINS = {"P": 0.15, "I": 0.3, "FF": 0.1}
-A = np.array([[-4.0, 30.0, 0.0], [0.0, -15.0, 0.0], [1.0, 0.0, 0.0]])
-B = np.array([[0.0], [15.0], [0.0]])
 ATTITUDE = 2.5
 Found = tuple[FrequencyResponse, ModelResponse, list[Notice]]
 
 
 def plants(effect: float = 1.0, spread: float = 0.01) -> Plants:
     """Return roll modes with the lag of a servo, 30 ms late: the plant, its effectiveness changed, and 200 draws."""
-    own, rng = np.repeat(A[None], 201, axis=0), np.random.default_rng(0)
-    own[:, 0, 1] *= effect
-    own[1:, 0, :2] *= 1.0 + spread * rng.standard_normal((200, 2))
-    return Plants(("p", "aileron.lag", "phi"), own, np.repeat(B[None], 201, axis=0), np.full((201, 1), 0.03))
+    drawn = np.vstack([[0.0, 0.0], spread * np.random.default_rng(0).standard_normal((200, 2))])
+    return rolling(4.0 * (1.0 + drawn[:, 0]), 30.0 * effect * (1.0 + drawn[:, 1]), 0.03)
 
 
 @cache
-def fly(
-    seed: int, attitude: float = 0.0, pilot: float = 0.5, gust: float = 0.0
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def fly(seed: int, attitude: float = 0.0, pilot: float = 0.5, gust: float = 0.0) -> tuple[np.ndarray, ...]:
     """Return setpoints, rates and commands of 120 s."""
-    asked = asked_at_random(round(120.0 * RATE), 1, RATE, seed, pilot)
-    return flown(A, B, [0], [GAINS], RATE, 3, asked, attitude * np.array([[0.0, 0.0, 1.0]]), gust)
+    asked, one = asked_at_random(round(120.0 * RATE), 1, RATE, seed, pilot), rolling([4.0])
+    outer = attitude * np.array([[0.0, 0.0, 1.0]])
+    return flown(one.A[0], one.B[0], [0], [{"P": 0.15, "I": 0.3, "FF": 0.1}], RATE, 3, asked, outer, gust)
 
 
 def compared(
@@ -83,10 +78,9 @@ def test_an_effectiveness_30_percent_off_is_named_and_the_right_one_is_not(gust:
         assert compared(signals, plants(), ATTITUDE)[2] == []
         (doubt,) = compared(signals, plants(1.3), ATTITUDE)[2]
         assert doubt.code == "tune-loop-contradicted"
-        assert "model, delays or law are not to be trusted" in str(doubt)
     (doubt,) = compared(signals, plants(1.3), ATTITUDE, full=0.2)[2]
     assert doubt.code == "tune-loop-saturated"
-    assert "full one in 20 % of the samples: what was measured is not to be trusted" in str(doubt)
+    assert "20 % of the samples" in str(doubt)
 
 
 def test_gusts_that_make_all_setpoints_show_nothing() -> None:
@@ -119,9 +113,15 @@ def ardupilot_log(path: Path, signals: tuple[np.ndarray, ...]) -> Path:
     """Write a DataFlash log of a plane: degrees, commands of 45."""
     target, actual = (np.degrees(one[:, 0]) for one in signals[:2])
     stamp, zero = 1_000_000 + 10_000 * np.arange(len(target)), np.zeros(len(target))
-    pid = {"TimeUS": stamp, "Tar": target, "Act": actual, "P": 45.0 * signals[2][:, 0]} | dict.fromkeys(
-        ("I", "D", "FF"), zero
-    )
+    pid = {
+        "TimeUS": stamp,
+        "Tar": target,
+        "Act": actual,
+        "P": 45.0 * signals[2][:, 0],
+        "I": zero,
+        "D": zero,
+        "FF": zero,
+    }
     gyro = {"TimeUS": stamp, "I": zero.astype(int), "GyrX": signals[1][:, 0], "GyrY": zero, "GyrZ": zero}
     tables = [
         Table("PIDR", ",".join(pid), "Qffffff", "s------", "F------", pid),
@@ -132,11 +132,10 @@ def ardupilot_log(path: Path, signals: tuple[np.ndarray, ...]) -> Path:
 
 
 def test_logs_of_both_autopilots_show_it(tmp_path: Path) -> None:
-    signals = fly(0)
-    loops = [{"roll": AxisLoop(px4.fixed_wing(PARAMETERS, "roll"))}]
-    conditions = [Condition(20.0, 1.0, plants())]
+    signals, loops = fly(0), [{"roll": AxisLoop(px4.fixed_wing(PARAMETERS, "roll"))}]
+    right, wrong = ([Condition(20.0, 1.0, plants(effect))] for effect in (1.0, 1.3))
     for path in (px4_log(tmp_path / "log.ulg", signals), ardupilot_log(tmp_path / "log.bin", signals)):
-        found, doubts = closed_loops(path, False, conditions, loops)
+        found, doubts = closed_loops(path, False, right, loops)
         assert doubts == []
         assert found is not None
         shown = found.response("roll", "p")
@@ -144,12 +143,9 @@ def test_logs_of_both_autopilots_show_it(tmp_path: Path) -> None:
         assert good.sum() > 50
         apart = np.abs(shown.response / found.model["roll", "p"].response - 1.0)
         assert apart[good & (shown.frequency < 30.0)].max() < 0.05
-    _, doubts = closed_loops(path, False, [Condition(20.0, 1.0, plants(1.3))], loops)
-    assert codes(doubts) == ["tune-loop-contradicted"]
-    full = (*signals[:2], np.clip(20.0 * signals[2], -1.0, 1.0))
-    path = px4_log(tmp_path / "full.ulg", full)
-    _, doubts = closed_loops(path, False, [Condition(20.0, 1.0, plants(1.3))], loops)
-    assert codes(doubts) == ["tune-loop-saturated"]
+    full = px4_log(tmp_path / "full.ulg", (*signals[:2], np.clip(20.0 * signals[2], -1.0, 1.0)))
+    for one, code in ((path, "tune-loop-contradicted"), (full, "tune-loop-saturated")):
+        assert codes(closed_loops(one, False, wrong, loops)[1]) == [code]
 
 
 def test_a_log_without_setpoints_says_so_in_one_line(shared_data: Path) -> None:

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from naive.closed_loops import moved_by_noise
+from unit.tuning.made_up import rolling
 
 from stoop.assessment.draws import Draws
 from stoop.base.notices import notice
@@ -17,7 +18,6 @@ from stoop.control_laws.table import firmwares
 from stoop.errors import StoopError
 from stoop.tuning.gain_search import DAMPING, FARTHEST, SLACK, Design, Specification, propose
 from stoop.tuning.judgment import Condition
-from stoop.tuning.loops import Plants
 from stoop.tuning.proposal import proposal
 from stoop.vehicle.builtin import builtin_vehicle
 from stoop.vehicle.document import with_entries
@@ -30,19 +30,9 @@ FLOWN = {
 GYRO = 1e-6  #: (rad/s)^2/Hz
 
 
-def rolling(damping: np.ndarray, late: float = 0.04) -> Plants:
-    """Return roll modes with the lag of a servo, one for each damping (d,)."""
-    A = np.repeat([[[0.0, 30.0, 0.0], [0.0, -15.0, 0.0], [1.0, 0.0, 0.0]]], len(damping), axis=0)
-    A[:, 0, 0] = -damping
-    B = np.repeat([[[0.0], [15.0], [0.0]]], len(damping), axis=0)
-    return Plants(("p", "aileron.lag", "phi"), A, B, np.full((len(damping), 1), late))
-
-
-def design(damping: np.ndarray, **specification: float) -> Design:
-    conditions = [Condition(20.0, 1.0, rolling(damping))]
-    return Design(
-        firmwares(FLOWN)[0], FLOWN, ("roll",), conditions, Specification(**specification), {"roll": GYRO}
-    )
+def design(*damping: float, **specification: float) -> Design:
+    conditions, bounds = [Condition(20.0, 1.0, rolling(damping, late=0.04))], Specification(**specification)
+    return Design(firmwares(FLOWN)[0], FLOWN, ("roll",), conditions, bounds, {"roll": GYRO})
 
 
 def least(found: Design, values: dict[str, float]) -> float:
@@ -57,27 +47,26 @@ def test_more_damping_leaves_less_rejection() -> None:
     rejected = []
     for one in DAMPING.values():
         assert one.disk == pytest.approx(one.gain / 1.5, abs=0.05)
-        own = design(np.array([4.0, 4.0]), **vars(one))
+        own = design(4.0, 4.0, **vars(one))
         found = propose(own)
         assert least(own, found) > -SLACK
         rejected.append(float(own.judged({**FLOWN, **found})[0][0].margins.rejection[0]))
     assert rejected == sorted(rejected, reverse=True)
     with pytest.raises(StoopError, match=r"at 20 m/s no gains keep the specification about roll: lower it"):
-        propose(design(np.array([4.0, 4.0]), phase=130.0, gain=60.0))
+        propose(design(4.0, 4.0, phase=130.0, gain=60.0))
 
 
 def test_no_gains_of_a_grid_reject_more() -> None:
-    own = design(np.array([4.0, 4.0]))
+    own = design(4.0, 4.0)
     found = propose(own)
     # the rate follows at 2 rad/s of the attitude loop: damping over effectiveness, the phase of the servo hardly counts
     assert found["FW_RR_FF"] == pytest.approx(4.0 / 30.0, rel=0.15)
     high = replace(own, flown=FLOWN | {"FW_RR_P": 0.6, "FW_RR_I": 0.6})
     assert least(high, {}) < -0.1
     assert propose(high)["FW_RR_P"] < 0.6, "gains that flew too high come down"
-    fixed = {"FW_RR_FF": found["FW_RR_FF"]}
     best = 0.0
     for p, ratio in itertools.product(np.geomspace(0.05, 1.0, 60), np.geomspace(0.5, 10.0, 25)):
-        values = {"FW_RR_P": float(p), "FW_RR_I": float(p * ratio), **fixed}
+        values = {"FW_RR_P": float(p), "FW_RR_I": float(p * ratio), "FW_RR_FF": found["FW_RR_FF"]}
         if p * ratio <= FARTHEST * FLOWN["FW_RR_I"] and least(own, values) >= 0.0:
             (one,) = own.judged({**FLOWN, **values})[0]
             best = max(best, float(np.nan_to_num(one.margins.rejection[0])))
@@ -108,10 +97,8 @@ def test_no_axis_gives_up_rejection_for_what_another_misses() -> None:
     for i, axis in enumerate(own.axes):
         best, (p, integral) = 0.0, (own.tuned(axis)[term] for term in "PI")
         for share, ratio in itertools.product(np.geomspace(0.2, 9.0, 10), (0.5, 1.0, 2.0)):
-            values = {
-                p: gains[p] * float(share),
-                integral: gains[integral] * min(float(share) * ratio, FARTHEST),
-            }
+            integrated = gains[integral] * min(float(share) * ratio, FARTHEST)
+            values = {p: gains[p] * float(share), integral: integrated}
             if own.left({**proposed, **values})[1].min() >= kept:
                 best = max(best, float(own.judged({**proposed, **values})[0][i].margins.rejection[0]))
         found = float(own.judged(proposed)[0][i].margins.rejection[0])
@@ -120,10 +107,9 @@ def test_no_axis_gives_up_rejection_for_what_another_misses() -> None:
 
 
 def test_less_is_proposed_where_less_is_known() -> None:
-    rng = np.random.default_rng(0)
-    gains = []
+    rng, gains = np.random.default_rng(0), []
     for spread in (0.0, 0.4):
-        own = design(np.concatenate([[4.0], 4.0 + spread * rng.standard_normal(40)]))
+        own = design(4.0, *(4.0 + spread * rng.standard_normal(40)))
         found = propose(own)
         assert least(own, found) == pytest.approx(0.0, abs=0.03)
         gains.append(found["FW_RR_P"])
@@ -132,13 +118,11 @@ def test_less_is_proposed_where_less_is_known() -> None:
 
 def test_noise_is_that_of_the_loop_step_by_step_and_bounds_the_gains() -> None:
     """White noise of a gyro of 200 Hz through the law and the plant, 400 s; the bound is half of what there was."""
-    loud = replace(design(np.array([4.0, 4.0])), noise={"roll": 1e-4})
+    loud = replace(design(4.0, 4.0), noise={"roll": 1e-4})
     loud = replace(loud, flown=FLOWN | {"FW_RR_P": 0.2, "FW_R_TC": 1e9, "IMU_GYRO_CUTOFF": 0.0})
     (one,) = loud.judged(loud.flown)[0]
-    plants = loud.conditions[0].plants
-    rms = moved_by_noise(
-        plants.A[0, :2, :2], plants.B[0, :2, 0], {"P": 0.2, "I": 0.05}, 200.0, 0.04, np.sqrt(1e-4 * 100.0)
-    )
+    A, B = loud.conditions[0].plants.A[0, :2, :2], loud.conditions[0].plants.B[0, :2, 0]
+    rms = moved_by_noise(A, B, {"P": 0.2, "I": 0.05}, 200.0, 0.04, np.sqrt(1e-4 * 100.0))
     assert one.noise[0] == pytest.approx(rms, rel=0.03)
     noise = 100.0 * float(one.noise[0])
     found = propose(replace(loud, specification=Specification(noise=0.5 * noise)))
@@ -148,7 +132,7 @@ def test_noise_is_that_of_the_loop_step_by_step_and_bounds_the_gains() -> None:
 
 
 def test_refusals() -> None:
-    own = design(np.array([4.0, 4.0]))
+    own = design(4.0, 4.0)
     still = dict.fromkeys(("FW_RR_P", "FW_RR_I", "FW_RR_FF"), 0.0)
     for one, said in (
         (replace(own, flown=FLOWN | still), "all gains are zero"),
@@ -161,7 +145,7 @@ def test_refusals() -> None:
 
 
 def test_files_lead_from_the_gains_that_flew_to_the_proposal(tmp_path: Path) -> None:
-    own = design(np.array([4.0, 4.0]))
+    own = design(4.0, 4.0)
     found = proposal(own, tuple(own.judged(own.flown)[0]))
     written = {path.name: read_parameters(path) for path in found.save(tmp_path / "tuned")}
     assert list(written) == ["gains-flown.params", *(f"gains-{n}.params" for n in (25, 50, 75, 100))]
@@ -187,13 +171,10 @@ def test_gains_of_betaflight_are_whole_and_written_as_commands(tmp_path: Path) -
         "d_min[0]": 30.0, "gyro_lpf2_static_hz": 250.0, "dterm_lpf1_static_hz": 100.0, "levelPID[0]": 50.0,
         "dterm_lpf2_static_hz": 0.0, "gyro_lpf1_static_hz": 0.0,
     }  # fmt: skip
-    plants = rolling(np.linspace(1.0, 3.0, 20), 0.01)
-    own = Design(
-        firmwares(flown)[0], flown, ("roll",), [Condition(0.0, 1.0, plants)], Specification(), {"roll": GYRO}
-    )
-    assert (
-        own.loop(flown, "roll", own.conditions[0]).held == "p"
-    )  # margins are those of rates without angle mode
+    plants = rolling(np.linspace(1.0, 3.0, 20), late=0.01)
+    hover = Condition(0.0, 1.0, plants)
+    own = Design(firmwares(flown)[0], flown, ("roll",), [hover], Specification(), {"roll": GYRO})
+    assert own.loop(flown, "roll", hover).held == "p"  # margins are those of rates without angle mode
     found = proposal(own, tuple(own.judged(flown)[0]))
     assert set(found.changes) <= {"rollPID[0]", "rollPID[1]", "d_min[0]"}
     assert all(new == int(new) and 1.0 <= new <= 250.0 for _, new in found.changes.values())

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from unit.tuning.made_up import SURFACES, quad, rolling, wing
 
 from stoop.assessment.draws import Draws
 from stoop.control_laws import px4
@@ -13,16 +14,13 @@ from stoop.flight import Flight
 from stoop.flight.flight import from_columns
 from stoop.tuning.gain_search import Design, Specification
 from stoop.tuning.judgment import Condition, commands_of, judge, with_handling, worst
-from stoop.tuning.loops import AxisLoop, Plants
-from stoop.vehicle import Vehicle
-from stoop.vehicle.builtin import builtin_vehicle
+from stoop.tuning.loops import AxisLoop
 from stoop.vehicle.document import with_entries
 from stoop.workflow.tuning import conditions_of, pitot_readings
 from stoop_studies.verify import scenes
 
 WING = {"FW_RR_P": 0.4, "FW_RR_I": 0.6, "FW_RR_FF": 0.0}
 TAIL = {"CA_SV_CS_COUNT": 4.0} | {f"CA_SV_CS{i}_TYPE": float(kind) for i, kind in enumerate((1, 2, 7, 8))}
-SURFACES = {"elevator": "pitch", "aileron": "roll", "rudder": "yaw"}
 SERVOS = {
     "elevator": {"servo_3": -0.2, "servo_4": -0.2}, "aileron": {"servo_1": -0.15, "servo_2": 0.15},
     "rudder": {"servo_3": -0.2, "servo_4": 0.2},
@@ -33,15 +31,15 @@ def test_outputs_of_a_v_tail_are_those_of_commands() -> None:
     """PX4 moves both tail surfaces fully up for a full pitch command, against each other for yaw; half a roll share a wing."""
     vehicle = with_entries(scenes.aircraft(), {("controls", c, "mix"): mix for c, mix in SERVOS.items()})
     by_outputs = commands_of(vehicle, firmwares(WING)[0], WING | TAIL)
-    gains = {"elevator": ("pitch", -0.4), "aileron": ("roll", 0.3), "rudder": ("yaw", -0.4)}
     assert by_outputs.axes == ("roll", "pitch", "yaw")
     for row, control in zip(by_outputs.mixing, vehicle.controls, strict=False):
-        axis, gain = gains[control]
-        expected = [gain if axis == other else 0.0 for other in by_outputs.axes]
-        np.testing.assert_allclose(row, expected, atol=1e-12)
-    direct = {("controls", c, "mix"): {f"control_{axis}": gain} for c, (axis, gain) in gains.items()}
-    same = commands_of(with_entries(scenes.aircraft(), direct), firmwares(WING)[0], WING)
+        axis, gain = SURFACES[control]
+        np.testing.assert_allclose(row, [gain * (axis == other) for other in by_outputs.axes], atol=1e-12)
+    same = commands_of(wing(), firmwares(WING)[0], WING)
     np.testing.assert_allclose(by_outputs.mixing[:3], same.mixing[:3], atol=1e-12)
+    parameters = {"RLL_RATE_P": 0.1}
+    for enabled, axes in (({}, ("roll", "pitch")), ({"YAW_RATE_ENABLE": 1.0}, ("roll", "pitch", "yaw"))):
+        assert commands_of(wing(), firmwares(parameters)[0], parameters | enabled).axes == axes, "ArduPlane"
 
 
 def test_motors_move_by_commands_or_by_pulses_of_their_range() -> None:
@@ -49,17 +47,12 @@ def test_motors_move_by_commands_or_by_pulses_of_their_range() -> None:
     parameters = {
         "MC_ROLLRATE_P": 0.1, "PWM_MAIN_MIN1": 1100.0, "PWM_MAIN_MAX1": 1900.0, "THR_MDL_FAC": 0.6, "MPC_THR_HOVER": 0.3,
     }  # fmt: skip
-    quad, firmware = builtin_vehicle("quad-x"), firmwares(parameters)[0]
-
-    def moved_by(kind: str) -> Vehicle:
-        names = enumerate(quad.file.rotor, 1)
-        return with_entries(quad, {("rotor", name, "channel"): f"{kind}_{i}" for i, name in names})
-
-    commands, pulses = (commands_of(moved_by(kind), firmware, parameters).mixing for kind in ("motor", "pwm"))
+    (firmware,) = firmwares(parameters)
+    commands, pulses = (commands_of(quad(kind), firmware, parameters).mixing for kind in ("motor", "pwm"))
     assert np.abs(commands).max() == pytest.approx(1.0)
     np.testing.assert_allclose(pulses, 800.0 / np.sqrt(0.4**2 + 4.0 * 0.6 * 0.3) * commands)
     with pytest.raises(StoopError, match=r"turn by rotor_1; .* identify with the commands of the motors"):
-        commands_of(moved_by("rotor"), firmware, parameters)
+        commands_of(quad("rotor"), firmware, parameters)
 
 
 def test_thrust_of_betaflight_is_linearized_about_the_hover_of_the_altitude() -> None:
@@ -70,16 +63,14 @@ def test_thrust_of_betaflight_is_linearized_about_the_hover_of_the_altitude() ->
         "motorOutput[1]": 2047.0,
         "thrust_linear": 40.0,
     }
-    quad, (firmware,) = builtin_vehicle("quad-x"), firmwares(parameters)
+    (firmware,) = firmwares(parameters)
 
-    def mixing(kind: str, altitude: float, gain: float = 1.0, idle: float = 0.0) -> np.ndarray:
-        channels = {("rotor", n, "channel"): f"{kind}_{i}" for i, n in enumerate(quad.file.rotor, 1)}
-        numbers = {("rotors", "gain"): gain, ("rotors", "idle"): idle}
-        vehicle = with_entries(quad, channels | numbers)
-        return commands_of(vehicle, firmware, parameters, altitude).mixing
+    def mixing(kind: str, altitude: float, **rotors: float) -> np.ndarray:
+        return commands_of(quad(kind, **rotors), firmware, parameters, altitude).mixing
 
     commands = mixing("motor", 0.0)
-    np.testing.assert_allclose(mixing("pwm", 0.0, 1e-3, 1000.0), 1000.0 * commands, rtol=1e-6)
+    pulses = mixing("pwm", 0.0, gain=1e-3, idle=1000.0)
+    np.testing.assert_allclose(pulses, 1000.0 * commands, rtol=1e-6)
     assert np.abs(mixing("motor", 2000.0) - commands).max() > 1e-3
     with pytest.raises(StoopError, match=r"turn by rotor_1; .* identify with the commands"):
         mixing("rotor", 0.0)
@@ -87,11 +78,8 @@ def test_thrust_of_betaflight_is_linearized_about_the_hover_of_the_altitude() ->
 
 def test_a_draw_with_unstable_loops_has_no_margin() -> None:
     """The second lane turns the other way."""
-    A = np.array([[[-4.0, 30.0, 0.0], [0.0, -15.0, 0.0], [1.0, 0.0, 0.0]]] * 2)
-    B = np.array([[[0.0], [15.0], [0.0]], [[0.0], [-15.0], [0.0]]])
-    plants = Plants(("p", "aileron.lag", "phi"), A, B, np.zeros((2, 1)))
     loops = {"roll": AxisLoop(px4.fixed_wing(WING, "roll"), 2.5)}
-    found = judge(Condition(20.0, 1.0, plants), loops, {})[0]
+    found = judge(Condition(20.0, 1.0, rolling([4.0, 4.0], servo=[1.0, -1.0])), loops, {})[0]
     assert found.stable == 0.0
     figures = found.figures()
     assert figures["gain margin"][1]["estimate"] > 0.0
@@ -103,11 +91,10 @@ def test_a_law_acts_on_what_gyros_read() -> None:
     """A gyro that reads 5 % high is a loop with 5 % more gain, in the margins as in flight; attitude is read as it is."""
     parameters = {f"MC_{a}RATE_{t}": 0.1 for a in ("ROLL", "PITCH", "YAW") for t in "PI"}
     parameters |= {"MC_ROLL_P": 0.0, "MC_PITCH_P": 0.0}
-    quad, none = builtin_vehicle("quad-x"), Draws(("mass.mass",), np.empty((0, 1)), "covariance")
-    channels = {("rotor", name, "channel"): f"motor_{i}" for i, name in enumerate(quad.file.rotor, 1)}
+    none = Draws(("mass.mass",), np.empty((0, 1)), "covariance")
     (firmware,), found = firmwares(parameters), []
     for scale, gain in ((1.05, 1.0), (1.0, 1.05)):
-        vehicle = with_entries(quad, channels | {("sensors", "p", "scale"): scale})
+        vehicle = with_entries(quad(), {("sensors", "p", "scale"): scale})
         values = parameters | {n: gain * parameters[n] for n in ("MC_ROLLRATE_P", "MC_ROLLRATE_I")}
         values |= {"MC_ROLLRATE_D": 0.0}
         conditions = conditions_of(vehicle, firmware, values, [0.0], 200.0, none)
@@ -121,23 +108,17 @@ def test_a_law_acts_on_what_gyros_read() -> None:
 def test_each_model_is_scaled_by_what_its_own_pitot_reads() -> None:
     """Ratios of airspeeds for each model at once, over more models than are judged together, are as those one by one."""
     rng, count = np.random.default_rng(0), 150
-    A = np.array([[[-4.0, 30.0, 0.0], [0.0, -15.0, 0.0], [1.0, 0.0, 0.0]]]) * np.ones((count, 1, 1))
-    A[:, 0, 0] *= 1.0 + 0.1 * rng.standard_normal(count)
-    B = np.array([[[0.0], [15.0], [0.0]]]) * np.ones((count, 1, 1))
-    ratios = 1.0 + 0.1 * rng.standard_normal(count)
-    law, noise = px4.fixed_wing(WING | {"FW_RR_FF": 0.3}, "roll"), {"roll": 1e-4}
+    damping, ratios = 4.0 * (1.0 + 0.1 * rng.standard_normal(count)), 1.0 + 0.1 * rng.standard_normal(count)
+    law = px4.fixed_wing(WING | {"FW_RR_FF": 0.3}, "roll")
 
-    def found(models: list[int], ratio: float | np.ndarray) -> dict[str, np.ndarray]:
-        condition = Condition(
-            20.0, ratio, Plants(("p", "aileron.lag", "phi"), A[models], B[models], np.zeros((len(models), 1)))
-        )
-        loops = {"roll": AxisLoop(law, 2.5, ratio)}
-        (one,) = with_handling(condition, loops, judge(condition, loops, noise))
+    def found(damping: np.ndarray, ratio: float | np.ndarray) -> dict[str, np.ndarray]:
+        condition, loops = Condition(20.0, ratio, rolling(damping)), {"roll": AxisLoop(law, 2.5, ratio)}
+        (one,) = with_handling(condition, loops, judge(condition, loops, {"roll": 1e-4}))
         return {name: x for name, (_, x) in one.values().items()}
 
-    together = found(list(range(count)), ratios[:, None])
+    together = found(damping, ratios[:, None])
     for k in (0, 1, 99, 100, 149):
-        alone = found([k], float(ratios[k]))
+        alone = found(damping[[k]], float(ratios[k]))
         for name, values in together.items():
             assert values[k] == pytest.approx(alone[name][0], rel=1e-9), name
 
@@ -157,18 +138,14 @@ def gliding(**columns: np.ndarray) -> Flight:
 
 def test_the_reading_of_a_pitot_is_that_over_the_airspeed_of_the_model() -> None:
     """V was reconstructed by a wind that is 1 m/s off to the north; the fit found 0.9 m/s of it, its draws 0.5 and 1."""
-    speed = 20.0 + 0.0 * HEADINGS
-    flight = gliding(
-        airspeed_pitot=1.08 * speed, V=np.hypot(20.0 * np.cos(HEADINGS) + 1.0, 20.0 * np.sin(HEADINGS))
-    )
+    V = np.hypot(20.0 * np.cos(HEADINGS) + 1.0, 20.0 * np.sin(HEADINGS))
+    flight = gliding(airspeed_pitot=1.08 * 20.0 + 0.0 * HEADINGS, V=V)
     vehicle = with_entries(scenes.aircraft(), {("sensors", "wind_error"): [0.9, 0.0, 0.0]})
     drawn = Draws(("sensors.wind_error.x",), np.array([[0.5], [1.0]]), "covariance")
     found = pitot_readings([flight], vehicle, drawn)
     assert found[2] == pytest.approx(1.08, abs=2e-3)
-    ahead = np.mean(np.cos(HEADINGS))
-    np.testing.assert_allclose(
-        1.08 * 20.0 / found, 20.0 + (1.0 - np.array([0.9, 0.5, 1.0])) * ahead, rtol=2e-3
-    )
+    speeds = 20.0 + np.array([0.1, 0.5, 0.0]) * np.mean(np.cos(HEADINGS))
+    np.testing.assert_allclose(1.08 * 20.0 / found, speeds, rtol=2e-3)
 
 
 def test_an_airspeed_that_a_pitot_measured_has_its_scale() -> None:
@@ -179,23 +156,12 @@ def test_an_airspeed_that_a_pitot_measured_has_its_scale() -> None:
     np.testing.assert_allclose(pitot_readings([gliding()], vehicle, drawn), [1.0])
 
 
-def test_yaw_of_arduplane_is_a_loop_where_it_is_enabled() -> None:
-    direct = {("controls", c, "mix"): {f"control_{a}": 0.3} for c, a in SURFACES.items()}
-    vehicle, parameters = with_entries(scenes.aircraft(), direct), {"RLL_RATE_P": 0.1}
-    for enabled, axes in (({}, ("roll", "pitch")), ({"YAW_RATE_ENABLE": 1.0}, ("roll", "pitch", "yaw"))):
-        assert commands_of(vehicle, firmwares(parameters)[0], parameters | enabled).axes == axes
-
-
 def test_the_worst_airspeed_counts_with_the_5th_or_95th_of_its_draws() -> None:
     loops, judged = {"roll": AxisLoop(px4.fixed_wing(WING, "roll"), 2.5)}, []
-    effects = np.linspace(0.8, 1.2, 22)
     for slower in (1.0, 0.6):
-        A = np.array([[[-4.0, 30.0 * slower * x, 0.0], [0.0, -15.0, 0.0], [1.0, 0.0, 0.0]] for x in effects])
-        B = np.array([[[0.0], [15.0], [0.0]]] * 22)
-        plants = Plants(("p", "aileron.lag", "phi"), A, B, np.zeros((22, 1)))
+        plants = rolling(np.full(22, 4.0), 30.0 * slower * np.linspace(0.8, 1.2, 22))
         judged += judge(Condition(20.0 * slower, 1.0, plants), loops, {"roll": 1e-4})
     for name, least, place in (("gain margin", min, 1), ("noise", max, 19)):
-        drawn = [np.sort(one.values()[name][1][1:]) for one in judged]
-        expected = [float(x[place]) for x in drawn]
+        expected = [float(np.sort(one.values()[name][1][1:])[place]) for one in judged]
         assert expected[0] != expected[1]
         assert worst(judged, "roll", name) == least(expected)

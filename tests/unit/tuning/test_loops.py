@@ -6,6 +6,7 @@ import control
 import numpy as np
 import pytest
 from naive.closed_loops import grows
+from unit.tuning.made_up import rolling
 
 from stoop.control_laws import px4
 from stoop.control_laws.rate_law import RateLaw
@@ -29,7 +30,6 @@ LOOPS = {
     "unstable plant": 6.0 * (S + 3.0) / (S * (S - 1.0) * (S / 50.0 + 1.0)),
     "resonance": 30.0 * (S**2 + 0.6 * S + 9.0) / (S * (S**2 + 0.4 * S + 30.0) * (S / 40.0 + 1.0)),
 }
-GAINS = {"P": 0.4, "I": 0.6}
 WING = {
     "FW_RR_P": 0.4, "FW_RR_I": 0.6, "FW_RR_FF": 0.0, "FW_RR_IMAX": 1e9, "IMU_GYRO_CUTOFF": 0.0, "IMU_DGYRO_CUTOFF": 0.0,
     "IMU_GYRO_RATEMAX": 100.0,
@@ -71,44 +71,38 @@ def test_a_loop_that_never_crosses_has_no_limit() -> None:
     assert np.isnan(found.crossover[0])
 
 
-def roll_plant(late: float = 0.0) -> Plants:
-    """Return a roll mode with the lag of a servo, in two lanes of different damping."""
-    A = np.array([[[-4.0, 30.0, 0.0], [0.0, -15.0, 0.0], [1.0, 0.0, 0.0]]] * 2)
-    A[1, 0, 0] = -6.0
-    B = np.array([[[0.0], [15.0], [0.0]]] * 2)
-    return Plants(("p", "aileron.lag", "phi"), A, B, np.full((2, 1), late))
-
-
-def opened_by(plants: Plants, law: RateLaw, attitude: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
-    loops = [AxisLoop(law, attitude)]
+def opened_by(plants: Plants, law: RateLaw) -> tuple[np.ndarray, np.ndarray]:
+    loops = [AxisLoop(law)]
     frequency = frequencies(loops)
     return frequency, opened(return_difference(motion(plants, frequency), loops, frequency))[0]
 
 
 def test_the_gain_margin_is_where_a_loop_in_the_time_domain_begins_to_grow() -> None:
     """A law at 100 Hz whose commands are held: 2 % below its margin the loop settles, 2 % above it grows."""
-    plants = roll_plant()
+    plants = rolling([4.0, 6.0])
     limit = margins(*opened_by(plants, px4.fixed_wing(WING, "roll"))).gain_up
     assert limit[0] != limit[1]
     for lane in range(2):
         for factor, expected in ((0.98, False), (1.02, True)):
-            given = plants.A[lane, :2, :2], plants.B[lane, :2, 0], 0, GAINS, factor * limit[lane], 100.0
-            assert grows(*given) == expected
+            given = plants.A[lane, :2, :2], plants.B[lane, :2, 0], 0, {"P": 0.4, "I": 0.6}
+            assert grows(*given, factor * limit[lane], 100.0) == expected
 
 
 def test_a_delay_takes_the_margin_that_is_said() -> None:
     law = px4.fixed_wing(WING, "roll")
-    left = margins(*opened_by(roll_plant(), law)).delay[0]
-    assert margins(*opened_by(roll_plant(0.5 * left), law)).delay[0] == pytest.approx(0.5 * left, rel=1e-3)
-    assert stable(roll_plant(0.95 * left), [AxisLoop(law)])[0]
-    assert not stable(roll_plant(1.05 * left), [AxisLoop(law)])[0]
+    left = margins(*opened_by(rolling([4.0, 6.0]), law)).delay[0]
+    assert margins(*opened_by(rolling([4.0, 6.0], late=0.5 * left), law)).delay[0] == pytest.approx(
+        0.5 * left, rel=1e-3
+    )
+    assert stable(rolling([4.0, 6.0], late=0.95 * left), [AxisLoop(law)])[0]
+    assert not stable(rolling([4.0, 6.0], late=1.05 * left), [AxisLoop(law)])[0]
 
 
 def test_growing_poles_are_those_of_the_matrix_of_the_closed_loops() -> None:
     """300 random plants of two axes under P and I without limits or holds: as the eigenvalues say."""
     rng, right, stands = np.random.default_rng(0), 0, 0
     fast = WING | {
-        "IMU_GYRO_RATEMAX": 20_000.0,
+        "IMU_GYRO_RATEMAX": 2e4,
         "FW_PR_P": 0.0,
         "FW_PR_IMAX": 1e9,
         "FW_PR_FF": 0.0,
