@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import tomlkit
 
 from stoop.base.files import write_files
 from stoop.base.rotations import to_body
@@ -25,11 +24,12 @@ from stoop.exporters.jsbsim_flight import (
     own_readings,
     relative_differences,
     steady_record,
-)  # fmt: skip
+)
 from stoop.exporters.reference_flight import reference_record
 from stoop.simulation import initial_states, parameter_rows, trim
 from stoop.vehicle import Vehicle, parse_vehicle
-from stoop.vehicle.builtin import builtin_text, builtin_vehicle, resolve_vehicle
+from stoop.vehicle.builtin import builtin_vehicle, resolve_vehicle
+from stoop.vehicle.document import with_entries
 from stoop_studies.verify.export import INPUTS, load
 
 VEHICLES = ["twin-boom", "v-tail", "flying-wing", "crooked"]
@@ -39,10 +39,7 @@ DENSER = 1e-5  #: JSBSim's standard atmosphere, relative; measured 8.1e-6 at sea
 
 def exported(root: Path, vehicle: Vehicle) -> str:
     """Write JSBSim's root folder; return the name of the aircraft."""
-    for place, text in jsbsim_aircraft.folder(vehicle, None).items():
-        path = root / place
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(text, encoding="utf-8")
+    write_files(root, jsbsim_aircraft.folder(vehicle, None))
     return file_name(vehicle.name)
 
 
@@ -64,11 +61,8 @@ def test_accelerations_at_random_states(name: str, variant: str, tmp_path: Path)
     point = trim(vehicle, None, 200.0)
     tolerance = DENSER if vehicle.file.environment.density == "standard" else 1e-9
     for _ in range(5):
-        scatter = {c: point.start.get(c, 0.0) + 0.2 * random.standard_normal() for c in SCATTERED}
-        start = scatter | {
-            "V": point.start["V"] * random.uniform(0.7, 1.3),
-            "h": random.uniform(100.0, 2000.0),
-        }
+        start = {c: point.start.get(c, 0.0) + 0.2 * random.standard_normal() for c in SCATTERED}
+        start |= {"V": point.start["V"] * random.uniform(0.7, 1.3), "h": random.uniform(100.0, 2000.0)}
         inputs = point.inputs * (1.0 + 0.1 * random.standard_normal(len(point.inputs)))
         record = Record(vehicle, start, np.array([0.0, 0.01]), np.stack([inputs, inputs]))
         flown = fly(tmp_path, aircraft, record, tmp_path / jsbsim_aircraft.PLANET)
@@ -111,12 +105,11 @@ def test_delays_of_any_length(delays: tuple[float, float], tmp_path: Path) -> No
 
 
 def test_servos_with_play_and_a_rate_limit(tmp_path: Path) -> None:
-    plain = load("crooked")
-    servos = {"elevator": {"rate_limit": 0.15, "dead_zone": 0.01}, "aileron": {"dead_zone": 0.02}}
-    document = tomlkit.parse(plain.text)
-    for control, numbers in servos.items():
-        document["controls"][control] |= numbers
-    vehicle = parse_vehicle(tomlkit.dumps(document), "servos")
+    plain, play = (
+        load("crooked"),
+        {("controls", c, "dead_zone"): x for c, x in (("elevator", 0.01), ("aileron", 0.02))},
+    )
+    vehicle = with_entries(plain, play | {("controls", "elevator", "rate_limit"): 0.15})
     point = trim(vehicle, None, 200.0)
     record = maneuver_record(vehicle, point, every_control(vehicle, point, 10.0))
     free = replace(record, vehicle=plain.with_numbers({n: {"value": v} for n, v in point.changes.items()}))
@@ -149,46 +142,28 @@ EXAMPLES = Path(__file__).parents[2] / "examples"
 SCATTER = {"u": 4.0, "v": 4.0, "w": 4.0, "p": 1.0, "q": 1.0, "r": 1.0, "phi": 0.4, "theta": 0.4, "psi": 1.0}
 #: rotors by their speed, with inertia, a momentum disc, in-plane drag by inflow, and the ground
 SPEEDS = {
-    'drive = "command"': 'drive = "speed"\ngain = 900.0\ninertia = 6e-5\nradius = 0.12\ndrag_inflow = 0.001',
-    "T1 = 2.5": "T1 = 0.0",
-    "T2 = 6.0": "T2 = 1.05e-5",
-    "inflow = 0.25": "inflow = 2e-4",
-    "drag = 0.08": "drag = 8e-5",
-}
-
-
-def speeds(more: str = "") -> Vehicle:
-    text = builtin_text("quad-x")
-    for old, new in SPEEDS.items():
-        text = text.replace(old, new)
-    return parse_vehicle(text + '\n[ground_effect]\nchannel = "height"\nrotor = 1.0\n' + more, "speeds")
+    "drive": "speed", "gain": 900.0, "inertia": 6e-5, "radius": 0.12, "drag_inflow": 0.001, "T1": 0.0, "T2": 1.05e-5,
+    "inflow": 2e-4, "drag": 8e-5,
+}  # fmt: skip
 
 
 def vehicle_of(name: str) -> Vehicle:
-    if name == "speeds":
-        return speeds()
-    if name == "lagless":
-        return parse_vehicle(speeds().text.replace("lag = 0.05", ""), name)
+    if name in ("speeds", "lagless"):
+        ground = {("ground_effect",): {"channel": "height", "rotor": 1.0}}
+        vehicle = with_entries(
+            builtin_vehicle("quad-x"), {("rotors", n): x for n, x in SPEEDS.items()} | ground
+        )
+        return vehicle if name == "speeds" else parse_vehicle(vehicle.text.replace("lag = 0.05", ""), name)
     if name == "drag":  # a wing whose body drags, with a constant thrust
-        table = "\n[body_drag]\nquadratic = [0.3, 0.2, 0.1]\n"
-        return parse_vehicle(builtin_vehicle("twin-boom").text + table, name)
+        return with_entries(builtin_vehicle("twin-boom"), {("body_drag", "quadratic"): [0.3, 0.2, 0.1]})
     return resolve_vehicle(EXAMPLES / name if name.endswith(".toml") else name)
-
-
-def exported_rotors(root: Path, vehicle: Vehicle) -> str:
-    write_files(root, jsbsim_aircraft.folder(vehicle, None))
-    return file_name(vehicle.name)
 
 
 @pytest.mark.parametrize("name", ["hexacopter.toml", "quadplane", "speeds"])
 def test_accelerations_of_rotors_at_random_states(name: str, tmp_path: Path) -> None:
     vehicle = vehicle_of(name)
     tolerance = 1e-12 if name == "hexacopter.toml" else 2e-5  # JSBSim's standard atmosphere
-    aircraft, rows, random = (
-        exported_rotors(tmp_path, vehicle),
-        parameter_rows(vehicle),
-        np.random.default_rng(5),
-    )
+    aircraft, rows, random = exported(tmp_path, vehicle), parameter_rows(vehicle), np.random.default_rng(5)
     point = trim(vehicle, None, 200.0)
     lags = [f"{r}.lag" for r in vehicle.file.rotor if f"{r}.lag" in vehicle.states]
     for _ in range(3):
@@ -225,17 +200,16 @@ def test_thirty_seconds_under_the_autopilot(
     assert record is not None
     assert record.time[-1] == 30.0
     assert len(record.restarts) == (29 if airspeed is None else 0)
-    exported_rotors(tmp_path, record.vehicle)
+    exported(tmp_path, record.vehicle)
     assert max(compare(tmp_path, record).relative.values()) < most
 
 
 def test_delayed_rotors(tmp_path: Path) -> None:
     """On JSBSim's frames the line between samples is the one of our finer steps."""
-    text = builtin_text("quad-x").replace("[rotors]", "[rotors]\ndelay = 0.0237")
-    vehicle = parse_vehicle(text, "late")
+    vehicle = with_entries(builtin_vehicle("quad-x"), {("rotors", "delay"): 0.0237})
     record = reference_record(vehicle, trim(vehicle, None, 200.0))
     assert record is not None
-    exported_rotors(tmp_path, record.vehicle)
+    exported(tmp_path, record.vehicle)
     flown = compare(tmp_path, record)
     assert np.abs(flown.fine - flown.flat).max() < 3e-4 * np.abs(flown.fine).max()
     early = replace(record, vehicle=record.vehicle.with_numbers({"rotors.delay": {"value": 0.0}}))
@@ -247,7 +221,7 @@ def test_rotors_without_a_lag_are_a_step_late(tmp_path: Path) -> None:
     assert vehicle.sloped
     record = reference_record(vehicle, trim(vehicle, None, 200.0))
     assert record is not None
-    exported_rotors(tmp_path, record.vehicle)
+    exported(tmp_path, record.vehicle)
     found = compare(tmp_path, record).relative
     assert 1e-3 < found.pop("r") < 0.05
     found.pop("psi")
@@ -256,7 +230,7 @@ def test_rotors_without_a_lag_are_a_step_late(tmp_path: Path) -> None:
 
 def test_a_number_can_be_changed_in_flight(tmp_path: Path) -> None:
     vehicle = builtin_vehicle("quad-x")
-    name, point = exported_rotors(tmp_path, vehicle), trim(vehicle, None, 200.0)
+    name, point = exported(tmp_path, vehicle), trim(vehicle, None, 200.0)
     record = Record(vehicle, point.start, np.array([0.0, 0.01]), np.stack([point.inputs] * 2))
     flown = begin(tmp_path, name, record, tmp_path / jsbsim_aircraft.PLANET)
     before = flown.read()["Z"]

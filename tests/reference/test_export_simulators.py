@@ -16,19 +16,15 @@ from stoop.exporters.exporter import ModelData
 from stoop.exporters.reference_flight import ReferenceFlight, reference_flight
 from stoop.exporters.rotorpy_flight import CHANNELS, motion
 from stoop.simulation import trim
-from stoop.vehicle import Vehicle, parse_vehicle
-from stoop.vehicle.builtin import builtin_text, resolve_vehicle
+from stoop.vehicle import Vehicle
+from stoop.vehicle.builtin import builtin_vehicle, resolve_vehicle
+from stoop.vehicle.document import with_entries
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 SECONDS = 10.0
-PYFLYT = {
-    "T1 = 2.5\nT2 = 6.0\ninflow = 0.25\ndrag = 0.08": "T2 = 8.5",
-    "[body_drag]\nquadratic = [0.02, 0.02, 0.03]": "[body_drag]\nquadratic = [0.03, 0.03, 0.03]\n[environment]\ndensity = 1.225",
-}
-CRAZYFLOW = {
-    "inflow = 0.25\ndrag = 0.08\n": "",
-    "quadratic = [0.02, 0.02, 0.03]": "linear = [0.2, 0.2, 0.3]\n[environment]\ndensity = 1.225",
-}
+BARE = {("rotors", "inflow"): 0.0, ("rotors", "drag"): 0.0, ("environment", "density"): 1.225}
+PYFLYT = BARE | {("rotors", "T1"): 0.0, ("rotors", "T2"): 8.5, ("body_drag", "quadratic"): [0.03, 0.03, 0.03]}
+CRAZYFLOW = BARE | {("body_drag", "quadratic"): [0.0, 0.0, 0.0], ("body_drag", "linear"): [0.2, 0.2, 0.3]}
 
 
 def open_loop(vehicle: Vehicle, airspeed: float | None = None) -> ReferenceFlight:
@@ -77,21 +73,20 @@ def test_mujoco(name: str, airspeed: float | None, tmp_path: Path) -> None:
     ],
 )
 def test_a_quadrotor_of_the_terms_of_a_simulator(
-    package: str, of: Any, changes: dict[str, str], fly: Callable[..., Any], channels: int | None, most: float,
+    package: str,
+    of: Any,
+    changes: dict,
+    fly: Callable[..., Any],
+    channels: int | None,
+    most: float,
     tmp_path: Path,
-) -> None:  # fmt: skip
+) -> None:
     if not exporter.installed(package):  # the script sets what drone_models asks for beside an imported SciPy
         pytest.skip(f"{package} is not installed")
-    text = builtin_text("quad-x")
-    for old, new in changes.items():
-        assert old in text
-        text = text.replace(old, new)
-    vehicle = parse_vehicle(text, "quad")
-    target = of(ModelData(vehicle))
+    vehicle = with_entries(builtin_vehicle("quad-x"), changes)
+    target, flight = of(ModelData(vehicle)), open_loop(vehicle)
     made = target.files()
-    flight = open_loop(vehicle)
-    found = shares_of_range(
-        motion(flight)[:, :channels], fly(written(tmp_path, made.files, made.main), flight)
-    )
+    theirs = fly(written(tmp_path, made.files, made.main), flight)
+    found = shares_of_range(motion(flight)[:, :channels], theirs)
     assert target.omitted == {}
     assert max(found.values()) < most

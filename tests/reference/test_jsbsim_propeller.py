@@ -16,14 +16,9 @@ INCH, FOOT, POUND = 0.0254, 0.3048, 4.4482216152605
 INERTIA = 1.67 * POUND * FOOT  #: kg m2, of JSBSim's prop_75in2f.xml
 THRUST_LINE = -24.41 * INCH  #: m, height in JSBSim's frame of the J3Cub
 VEHICLE = f"""name = "light airplane"
-[mass]
-mass = 400.0
-inertia = {{ xx = 900.0, yy = 500.0, zz = 1300.0, xz = 40.0 }}
-[reference]
-area = 16.6
-chord = 1.6
-span = 10.7
-airspeed = 35.0
+mass = {{ mass = 400.0, inertia = {{ xx = 900.0, yy = 500.0, zz = 1300.0, xz = 40.0 }} }}
+reference = {{ area = 16.6, chord = 1.6, span = 10.7, airspeed = 35.0 }}
+aerodynamics = {{ default = false, CL = {{ CL0 = 0.4 }} }}
 [propulsion]
 kind = "propeller"
 channel = "rotor_1"
@@ -31,10 +26,6 @@ speed_gain = {0.5 / math.pi}
 diameter = 1.9
 CT0 = 0.1
 inertia = {INERTIA}
-[aerodynamics]
-default = false
-[aerodynamics.CL]
-CL0 = 0.4
 """
 
 
@@ -50,10 +41,8 @@ def flown() -> FloatArray:
     sim["propulsion/set-running"] = -1
     rows = []
     for i in range(1200):
-        sim["fcs/elevator-cmd-norm"], sim["fcs/rudder-cmd-norm"] = (
-            0.3 * math.sin(0.05 * i),
-            0.3 * math.sin(0.03 * i),
-        )
+        for control, speed in (("elevator", 0.05), ("rudder", 0.03)):
+            sim[f"fcs/{control}-cmd-norm"] = 0.3 * math.sin(speed * i)
         sim.run()
         rates = [sim[f"velocities/{a}-rad_sec"] for a in "pqr"]
         moments = [sim[f"moments/{a}-prop-lbsft"] * POUND * FOOT for a in "lmn"]
@@ -66,8 +55,7 @@ def test_gyroscopic_moments() -> None:
     """Those about y and z, sign included; JSBSim adds the reaction to the propeller's torque about x."""
     vehicle, record = parse_vehicle(VEHICLE, "light.toml"), flown()
     rows, theirs = parameter_rows(vehicle), record[:, 5:]
-    still = rows.copy()
-    still[vehicle.rows["propulsion.inertia"]] = 0.0
+    still = parameter_rows(vehicle, {"propulsion.inertia": 0.0})
     xx, yy, zz, xz = (vehicle.value(f"mass.inertia.{axes}") for axes in ("xx", "yy", "zz", "xz"))
     inertia = np.array([[xx, 0.0, -xz], [0.0, yy, 0.0], [-xz, 0.0, zz]])
     rates = [vehicle.states.index(a) for a in "pqr"]

@@ -1,15 +1,9 @@
 """NASA NESC 6-DoF check cases (TM-2015-218675): tumbling brick, falling sphere.
 
-Data: simulators 01, 02 and 04 at 10 Hz in their own digits, see SOURCE.md beside them. Those simulators fly
-over a rotating ellipsoid with gravity that varies with height; stoop's Earth is flat, at rest, and pulls with
-a constant. What follows from that is written where it is subtracted:
-
-- gravity grows by 2 g / R per metre of fall: g^2 t^3 / 3 R, 0.44 ft/s after 30 s;
-- the rotating Earth holds up omega^2 R of gravity (0.35 %) and turns the velocity east, omega g t^2;
-- Euler angles are compared nowhere: the NESC's turn with the local vertical (15 deg an hour).
-
-The rotation of the body itself (cases 02, 03), the aerodynamic force (06) and the standard atmosphere (04's)
-contain no Earth model and agree to the printed digits.
+Data: simulators 01, 02 and 04 at 10 Hz in their own digits, see SOURCE.md beside them; they fly over a rotating ellipsoid with
+gravity that varies with height. What follows from our flat Earth at rest, of constant gravity, is written where it is subtracted:
+gravity grows by 2 g / R per metre of fall (g^2 t^3 / 3 R), and the rotating Earth holds up omega^2 R of it and turns the velocity
+east, omega g t^2. Euler angles are not compared: the NESC's turn with the local vertical.
 """
 
 from __future__ import annotations
@@ -54,19 +48,10 @@ Cn = {{ Cnr = {{ term = "r", value = -1.0 }} }}
 # cannonball_inertia.dml and cannonball_aero.dml: one slug, six inches across, drag only
 SPHERE = f"""
 name = "NESC cannonball"
-[mass]
-mass = {SLUG!r}
-inertia = {{ xx = {3.6 * SLUG * FOOT**2!r}, yy = {3.6 * SLUG * FOOT**2!r}, zz = {3.6 * SLUG * FOOT**2!r} }}
-[reference]
-area = {0.1963495 * FOOT**2!r}
-span = 1.0
-chord = 1.0
-airspeed = 100.0
-[environment]
-density = "log"
-[aerodynamics]
-default = false
-CD = {{ CD0 = {{ term = "1", value = 0.1 }} }}
+mass = {{ mass = {SLUG!r}, inertia = {{ {", ".join(f"{axes} = {3.6 * SLUG * FOOT**2!r}" for axes in ("xx", "yy", "zz"))} }} }}
+reference = {{ area = {0.1963495 * FOOT**2!r}, span = 1.0, chord = 1.0, airspeed = 100.0 }}
+environment = {{ density = "log" }}
+aerodynamics = {{ default = false, CD = {{ CD0 = {{ term = "1", value = 0.1 }} }} }}
 """
 
 
@@ -88,17 +73,27 @@ def rates(data: dict[str, np.ndarray]) -> np.ndarray:
     return np.array([data[f"bodyAngularRateWrtEi_deg_s_{axis}"] for axis in AXES]).T
 
 
-def tumble(data: dict[str, np.ndarray], changes: dict[str, float], parts: int) -> np.ndarray:
-    """Return body rates (n, 3), deg/s, of the brick in the file's own density."""
-    vehicle = parse_vehicle(BRICK, "brick")
+def flown(
+    vehicle: Vehicle,
+    data: dict[str, np.ndarray],
+    start: dict[str, float],
+    changes: dict[str, float],
+    parts: int,
+) -> np.ndarray:
+    """Return readings (n, k) of a body that begins at rest, in the file's own density."""
     t = data["time"]
     fine = np.linspace(t[0], t[-1], (len(t) - 1) * parts + 1)
     density = np.interp(fine, t, data["airDensity_slug_ft3"] * DENSITY)[:, None]
     rows = parameter_rows(vehicle, changes)
-    # A body at rest in the air has no direction of flow: begin with a micrometre per second, downwards.
-    start = {"V": 1e-6, "alpha": np.pi / 2, "p": 10 * DEGREE, "q": 20 * DEGREE, "r": 30 * DEGREE, "h": TOP}
-    x = initial_states(vehicle, start, rows, density[0])
-    y = vehicle.kernel().trajectories(rows, x, density, (t[1] - t[0]) / parts)[0, ::parts]
+    # a body at rest in the air has no direction of flow: begin with a micrometre per second, downwards
+    x = initial_states(vehicle, {"V": 1e-6, "alpha": np.pi / 2, "h": TOP} | start, rows, density[0])
+    return vehicle.kernel().trajectories(rows, x, density, (t[1] - t[0]) / parts)[0, ::parts]
+
+
+def tumble(data: dict[str, np.ndarray], changes: dict[str, float], parts: int) -> np.ndarray:
+    """Return body rates (n, 3), deg/s, of the brick."""
+    vehicle = parse_vehicle(BRICK, "brick")
+    y = flown(vehicle, data, {"p": 10 * DEGREE, "q": 20 * DEGREE, "r": 30 * DEGREE}, changes, parts)
     return np.degrees(y[:, [vehicle.outputs.index(c) for c in "pqr"]])
 
 
@@ -107,13 +102,10 @@ def effective_gravity(data: dict[str, np.ndarray]) -> float:
     return float(data["localGravity_ft_s2"][0] * FOOT - EARTH_RATE**2 * (EQUATOR + TOP))
 
 
-UNDAMPED = {"Clp": 0.0, "Cmq": 0.0, "Cnr": 0.0}
-
-
 def test_02_tumbling_without_damping(shared_data: Path) -> None:
     """Within 1e-8 deg/s over 30 s (measured: 4e-10)."""
     data = record(shared_data, "02", "04")
-    found = tumble(data, UNDAMPED, 100)
+    found = tumble(data, {"Clp": 0.0, "Cmq": 0.0, "Cnr": 0.0}, 100)
     assert np.abs(found - rates(data)).max() < 1e-8
     assert np.ptp(rates(data), axis=0).min() > 5.0, "it does tumble"
 
@@ -134,9 +126,8 @@ def test_03_moments_at_the_recorded_states(shared_data: Path) -> None:
     p, q, r = rates(data)[1:].T * DEGREE
     u = (data["airDensity_slug_ft3"] * DENSITY)[None, 1:]
     rows = parameter_rows(vehicle, None, n)
-    x = initial_states(
-        vehicle, {"V": speed(data)[1:], "alpha": 0.3, "beta": 0.2, "p": p, "q": q, "r": r}, rows, u
-    )
+    start = {"V": speed(data)[1:], "alpha": 0.3, "beta": 0.2, "p": p, "q": q, "r": r}
+    x = initial_states(vehicle, start, rows, u)
     turning = vehicle.kernel().evaluate(rows, x, u)[0][[vehicle.states.index(c) for c in "pqr"]]
     inertia = np.array([vehicle.value(f"mass.inertia.{a}") for a in ("xx", "yy", "zz")])[:, None]
     omega = np.array([p, q, r])
@@ -146,26 +137,17 @@ def test_03_moments_at_the_recorded_states(shared_data: Path) -> None:
         assert np.abs(moment[i] - printed).max() < tolerance * np.abs(printed).max(), axis
 
 
-def falling(
-    data: dict[str, np.ndarray], density: str, changes: dict[str, float], parts: int = 10
-) -> tuple[np.ndarray, Vehicle]:
-    """Return the readings (n, 12) of the sphere, dropped as the file's was."""
+def falling(data: dict[str, np.ndarray], density: str, changes: dict[str, float]) -> np.ndarray:
+    """Return the airspeed (n,) of the sphere, dropped as the file's was."""
     vehicle = parse_vehicle(SPHERE.replace('"log"', f'"{density}"'), "sphere")
-    t = data["time"]
-    fine = np.linspace(t[0], t[-1], (len(t) - 1) * parts + 1)
-    u = np.interp(fine, t, data["airDensity_slug_ft3"] * DENSITY)[:, None]
-    rows = parameter_rows(vehicle, changes)
-    x = initial_states(vehicle, {"V": 1e-6, "alpha": np.pi / 2, "h": TOP}, rows, u[0])
-    return vehicle.kernel().trajectories(rows, x, u, (t[1] - t[0]) / parts)[0, ::parts], vehicle
+    return flown(vehicle, data, {}, changes, 10)[:, vehicle.outputs.index("V")]
 
 
 def test_01_drop_without_drag(shared_data: Path) -> None:
     """The flat-earth part, and what the Earth adds, each by its formula."""
     data = record(shared_data, "01", "04")
     g = effective_gravity(data)
-    y, vehicle = falling(data, "log", {"environment.gravity": g, "CD0": 0.0})
-    t = data["time"]
-    down = y[:, vehicle.outputs.index("V")]
+    down, t = falling(data, "log", {"environment.gravity": g, "CD0": 0.0}), data["time"]
     assert down == pytest.approx(g * t, abs=1e-5), "free fall"
     growing = g * g * t**3 / (3 * (EQUATOR + TOP))  # gravity over the fall
     assert np.abs(data["feVelocity_ft_s_Z"] * FOOT - down).max() == pytest.approx(growing[-1], rel=2e-3)
@@ -191,10 +173,9 @@ def test_06_drag_at_the_recorded_states(shared_data: Path) -> None:
 def test_06_fall_in_the_standard_atmosphere(shared_data: Path) -> None:
     """The whole fall on a flat Earth: 0.11 m/s slower, 0.9 m higher after 4180 m, for want of growing gravity."""
     data = record(shared_data, "06", "04")
-    y, vehicle = falling(data, "standard", {"environment.gravity": effective_gravity(data)})
+    V = falling(data, "standard", {"environment.gravity": effective_gravity(data)})
     printed = data["airDensity_slug_ft3"] * DENSITY  # simulator 04 computes the 1976 standard
     assert standard_density(data["altitudeMsl_ft"] * FOOT) == pytest.approx(printed, rel=1e-6)
-    V = y[:, vehicle.outputs.index("V")]
     assert V[-1] - speed(data)[-1] == pytest.approx(-0.115, abs=0.01)
     fallen = np.concatenate([[0.0], np.cumsum(0.5 * (V[1:] + V[:-1]) * 0.1)])
     assert TOP - fallen[-1] - data["altitudeMsl_ft"][-1] * FOOT == pytest.approx(0.9, abs=0.1)

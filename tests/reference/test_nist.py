@@ -37,13 +37,12 @@ def test_every_file_is_run(shared_data: Path) -> None:
 
 
 def test_without_data_it_says_where_to_get_them(tmp_path: Path) -> None:
-    with pytest.raises(StoopError, match=r"no folder is named; give --data DIR with the files of https"):
-        EXPERIMENT.findings(Setting(1), {})
-    with pytest.raises(StoopError, match="holds none of its files"):
-        EXPERIMENT.findings(Setting(1, data=tmp_path), {})
-
-
-def test_a_file_of_something_else(tmp_path: Path) -> None:
+    for setting, said in (
+        (Setting(1), r"no folder is named; give --data DIR with the files of https"),
+        (Setting(1, data=tmp_path), "holds none of its files"),
+    ):
+        with pytest.raises(StoopError, match=said):
+            EXPERIMENT.findings(setting, {})
     path, damaged = (
         tmp_path / "Misra1a.dat",
         b"  b1 = 1 2 3 4\nResidual Sum of Squares: 1\n Lower Level of Difficulty\n",

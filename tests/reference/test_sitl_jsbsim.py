@@ -40,33 +40,25 @@ fin = { mix = { servo_3 = 0.3 } }
 flap = { mix = { servo_4 = 0.3 } }
 [aerodynamics]
 CD = { CD0 = 0.03, CDalpha2 = 1.2 }
-CQ = { CQbeta = -0.3 }
-[aerodynamics.CL]
-CL0 = 0.3
-CLalpha = 5.0
-CLl = { value = 0.3, term = "elevon_left" }
-CLr = { value = 0.3, term = "elevon_right" }
-[aerodynamics.Cm]
-Cm0 = 0.02
-Cmalpha = -0.5
-Cmq = -3.0
-Cml = { value = -0.3, term = "elevon_left" }
-Cmr = { value = -0.3, term = "elevon_right" }
-Cmflap = { value = -0.02, term = "flap" }
-[aerodynamics.Cl]
-Clbeta = -0.05
-Clp = -0.4
-Cll = { value = 0.1, term = "elevon_left" }
-Clr_ = { value = -0.1, term = "elevon_right" }
-Clfin = { value = 0.005, term = "fin" }
-[aerodynamics.Cn]
-Cnbeta = 0.06
-Cnr = -0.1
-Cnfin = { value = -0.05, term = "fin" }
+CQ.CQbeta = -0.3
+CL = { CL0 = 0.3, CLalpha = 5.0, CLl = { value = 0.3, term = "elevon_left" }, CLr = { value = 0.3, term = "elevon_right" } }
+Cm.Cml = { value = -0.3, term = "elevon_left" }
+Cm.Cmr = { value = -0.3, term = "elevon_right" }
+Cm.Cmflap = { value = -0.02, term = "flap" }
+Cm.Cm0 = 0.02
+Cm.Cmalpha = -0.5
+Cm.Cmq = -3.0
+Cl.Cll = { value = 0.1, term = "elevon_left" }
+Cl.Clr_ = { value = -0.1, term = "elevon_right" }
+Cl.Clfin = { value = 0.005, term = "fin" }
+Cl.Clbeta = -0.05
+Cl.Clp = -0.4
+Cn = { Cnbeta = 0.06, Cnr = -0.1, Cnfin = { value = -0.05, term = "fin" } }
 """
 
 
-def parameters(text: str) -> dict[str, float]:
+def airframe(texts: dict[str, str]) -> dict[str, float]:
+    text = next(text for file, text in texts.items() if "airframes" in file)
     found = re.findall(r"^(?:param set-default )?([A-Z0-9_]+) (\S+)$", text, re.MULTILINE)
     return {name: float(x) for name, x in found}
 
@@ -75,10 +67,9 @@ def commands(name: str) -> AutopilotCommands:
     return autopilot_commands(builtin_vehicle(name), None, 200.0, None)
 
 
-def aloft(
-    texts: dict[str, str], place: str, root: Path, start: dict[str, float], commands: dict[str, float]
-) -> Any:
+def aloft(folder: Folder, root: Path, start: dict[str, float], commands: dict[str, float]) -> Any:
     """Return JSBSim with the model of a folder in a flight over its Earth, at the first frame."""
+    texts, place = folder
     name = Path(place).stem
     write_files(root, {f"aircraft/{name}/{name}.xml": texts[place]})
     fdm = simulator(root)
@@ -98,21 +89,16 @@ def aloft(
     return fdm
 
 
-def turning(fdm: Any) -> np.ndarray:
-    return np.array([fdm[f"accelerations/{a}dot-rad_sec2"] for a in "pqr"])
-
-
 def accelerations(
     folder: Folder, root: Path, start: dict[str, float], commands: dict[str, float]
 ) -> np.ndarray:
     """Return the angular accelerations, rad/s2, two frames after commands to a model that began with steady ones."""
-    (texts, place), steady = folder, {name: x for name, x in commands.items() if not name.startswith("more ")}
-    fdm = aloft(texts, place, root, start, steady)
+    fdm = aloft(folder, root, start, {n: x for n, x in commands.items() if not n.startswith("more ")})
     for name, x in commands.items():
         fdm[name.removeprefix("more ")] = x
     for _ in range(2):
         fdm.run()
-    return turning(fdm)
+    return np.array([fdm[f"accelerations/{a}dot-rad_sec2"] for a in "pqr"])
 
 
 @pytest.mark.parametrize("name", ["twin-boom", "quadplane", "flying wing"])
@@ -142,7 +128,7 @@ def test_surfaces_turn_where_the_autopilot_means(name: str, target: str, tmp_pat
         assert ends["aileron"] == pytest.approx({"elevon_left": 0.4, "elevon_right": -0.4})
         assert ends["rudder"] == pytest.approx({"fin": -0.3})
         if target == "px4-jsbsim":
-            known = parameters(next(text for file, text in folder[0].items() if "airframes" in file))
+            known = airframe(folder[0])
             assert (known["CA_AIRFRAME"], known["CA_SV_CS_COUNT"]) == (1, 3)
     else:
         full = 0.35 if name == "quadplane" else FULL_DEFLECTION
@@ -154,15 +140,14 @@ def test_the_allocation_is_that_of_the_model(name: str, tmp_path: Path) -> None:
     """What PX4 computes from its parameters of a rotor is what JSBSim does when that output rises."""
     made = commands(name)
     texts, place = px4(made)
-    airframe = next(text for file, text in texts.items() if "airframes" in file)
-    known = parameters(airframe)
+    known = airframe(texts)
     assert made.hover is not None
     steady = {c.place: c.steady for c in made.rotors}
     for i, command in enumerate(made.rotors):
         assert known[f"PWM_MAIN_FUNC{i + 1}"] == 101 + i
 
         def loads(x: float, place_of: str = command.place) -> np.ndarray:
-            fdm = aloft(texts, place, tmp_path, made.hover.start, {**steady, place_of: x, "wait": 700})  # type: ignore[union-attr]
+            fdm = aloft((texts, place), tmp_path, made.hover.start, {**steady, place_of: x, "wait": 700})  # type: ignore[union-attr]
             return np.array([fdm[f"stoop/moment/{a}-Nm"] for a in "xyz"])
 
         moment = loads(command.steady + 0.002) - loads(command.steady - 0.002)
@@ -178,9 +163,8 @@ def test_what_the_bridge_reads(name: str) -> None:
     made = commands(name)
     texts, place = px4(made)
     config = ET.fromstring(next(text for file, text in texts.items() if "/configs/" in file))  # noqa: S314
-    known = parameters(next(text for file, text in texts.items() if "airframes" in file))
-    assert Path(place).stem == config.get("name")
-    assert Path(place).parent.name == config.get("name")
+    known = airframe(texts)
+    assert Path(place).stem == Path(place).parent.name == config.get("name")
     channels = config.findall("actuators/channel")
     assert [int(c.findtext("index", "")) for c in channels] == list(range(len(channels)))
     assert {c.findtext("scale") for c in channels} == {"1"}, "the bridge reads whole numbers"
@@ -222,11 +206,12 @@ def test_px4s_start_and_a_climb(tmp_path: Path) -> None:
 
 
 def test_what_they_cannot_hold() -> None:
+    shared = builtin_text("quad-x").replace('channel = "motor_2"', 'channel = "motor_1"')
+    still = re.sub(
+        r"(?m)^C\w\.\w+ = \{ value = .*\n", "", re.sub(r", \w+ = \{ value = [^}]*\}", "", FLYING_WING)
+    )
     with pytest.raises(VehicleError, match="no rotors; export to px4-jsbsim"):
         ardupilot(commands("quad-x"))
-    shared = builtin_text("quad-x").replace('channel = "motor_2"', 'channel = "motor_1"')
-    with pytest.raises(VehicleError, match="share a channel"):
-        autopilot_commands(parse_vehicle(shared, "shared"), None, 200.0, None)
-    still = re.sub(r"(?m)^\w+ = \{ value = .*, term = .*\}\n", "", FLYING_WING)
-    with pytest.raises(VehicleError, match="controls that turn the vehicle"):
-        autopilot_commands(parse_vehicle(still, "still"), None, 200.0, None)
+    for text, said in ((shared, "share a channel"), (still, "controls that turn the vehicle")):
+        with pytest.raises(VehicleError, match=said):
+            autopilot_commands(parse_vehicle(text, "it"), None, 200.0, None)

@@ -3,17 +3,16 @@ from __future__ import annotations
 import functools
 from dataclasses import replace
 from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
 from llvmlite import binding as llvm
 
-from stoop.base.arrays import FloatArray
 from stoop.errors import SimulationError
 from stoop.estimate.fit import Options, estimation_problem
+from stoop.input_design import information
 from stoop.input_design.information import (
-    MIN_AMPLITUDE,
-    SLEW,
     Knowledge,
     Limits,
     Setup,
@@ -41,13 +40,6 @@ from stoop.vehicle.builtin import builtin_text, builtin_vehicle, resolve_vehicle
 from stoop.vehicle.load import parse_vehicle
 from stoop_studies.verify.design import mean_ratio
 
-SERVOS = """
-[controls.elevator]
-rate_limit = 0.5
-dead_zone = 0.004
-[controls.aileron]
-[controls.rudder]
-"""
 PLAN = Plan(duration=8.0, rate=50.0, evaluations=40, seed=1)
 LINE = {"control": "elevator", "shape": "3-2-1-1", "start": 1.0, "step": 0.4, "amplitude": 0.05}
 MOVES = Maneuver.model_validate({"duration": 8.0, "rate": 50.0, "input": [LINE]})
@@ -55,10 +47,8 @@ MOVES = Maneuver.model_validate({"duration": 8.0, "rate": 50.0, "input": [LINE]}
 
 def of(vehicle: Vehicle, **limits: Any) -> Setup:
     """Return a vehicle in steady flight of which nothing is known."""
-    point = trim(vehicle)
-    return Setup(
-        vehicle, point, Limits.about(vehicle, point, **limits), Knowledge.none(), sensor_noise(vehicle)
-    )
+    point, noise = trim(vehicle), sensor_noise(vehicle)
+    return Setup(vehicle, point, Limits.about(vehicle, point, **limits), Knowledge.none(), noise)
 
 
 @functools.cache
@@ -69,16 +59,13 @@ def setup() -> Setup:
 def test_information_is_that_of_the_problem_a_fit_would_pose() -> None:
     """The other way: fly, pose the fit's own problem at the truth, invert everything, take the parameters' block."""
     flight = simulate_flight(setup().vehicle, MOVES, noise=False)
-    sigma = np.sqrt(np.diag(setup().noise))
-    problem, _ = estimation_problem(
-        setup().vehicle, {"simulated": flight}, [Window("simulated", 0.0, 8.0)], Options(covariance=sigma**2)
-    )
+    windows, options = [Window("simulated", 0.0, 8.0)], Options(covariance=np.diag(setup().noise))
+    problem, _ = estimation_problem(setup().vehicle, {"simulated": flight}, windows, options)
     # the truth of the initial state is the trim; the fit guesses it from noise-free readings, a little off
     z = np.concatenate([problem.layout.unit(setup().values), np.zeros(problem.extra)])
     full = len(problem.prices) - 1
     J = problem.jacobian(z, full, problem.residuals(z[None], full)[0])[0].dense()
-    inverse = np.linalg.inv(J.T @ J)
-    expected = np.sqrt(np.diag(inverse))[: problem.dimension] * problem.layout.width
+    expected = np.sqrt(np.diag(np.linalg.inv(J.T @ J)))[: problem.dimension] * problem.layout.width
     found = setup().std(setup().forecast(MOVES))
     assert np.isfinite(found).all()
     assert found == pytest.approx(expected, rel=0.02)
@@ -93,10 +80,10 @@ def test_what_is_not_finite_is_no_information() -> None:
     assert marginal(J, 2) == pytest.approx(truth)
     assert not marginal(np.full((9, 5), np.nan), 2).any()
     J = np.random.default_rng(4).standard_normal((40, 4))
-    twins = np.column_stack([J, -2.0 * J[:, 3], np.zeros(40)])
-    assert marginal(twins, 2) == pytest.approx(marginal(J, 2)), (
-        "nuisances that nothing tells apart are no failure"
-    )
+    twins = np.column_stack(
+        [J, -2.0 * J[:, 3], np.zeros(40)]
+    )  # nuisances that nothing tells apart are no failure
+    assert marginal(twins, 2) == pytest.approx(marginal(J, 2))
 
 
 def test_noise_repetition_and_knowledge_count_as_they_must() -> None:
@@ -106,8 +93,7 @@ def test_noise_repetition_and_knowledge_count_as_they_must() -> None:
     assert louder.std(louder.forecast(MOVES)) == pytest.approx(2.0 * setup().std(told), rel=weak_priors)
     assert setup().std(told, told) == pytest.approx(setup().std(told) / np.sqrt(2.0), rel=1e-9)
     assert setup().gain(told) > 0.0
-    known = Knowledge(("CLalpha",), np.array([[1e-2**-2.0]]))
-    informed = replace(setup(), knowledge=known)
+    informed = replace(setup(), knowledge=Knowledge(("CLalpha",), np.array([[1e-2**-2.0]])))
     i = informed.names.index("CLalpha")
     assert informed.std()[i] == pytest.approx(1e-2)
     assert np.isinf(np.delete(informed.std(), i)).all()
@@ -131,17 +117,22 @@ def test_leaving_the_envelope_and_limits_that_cannot_be() -> None:
     q = told.readings[:, setup().vehicle.outputs.index("q")]
     assert told.excess == pytest.approx((np.abs(q).max() - 0.01) / 0.02)
     assert not told.information.any(), "nobody will fly it"
-    with pytest.raises(SimulationError, match="stays within the envelope"):
-        design(replace(setup(), limits=tight), PLAN, "3-2-1-1")
-    with pytest.raises(SimulationError, match="even small 3-2-1-1"):
-        textbook_maneuver(replace(setup(), limits=tight), PLAN)
-    for given, says in (
-        ({"amplitude": {"flap": 0.1}}, "there is no control 'flap'; choose from elevator"),
-        ({"envelope": {"beta": (-1.0, 1.0)}}, "there is no channel 'beta'; choose from V, alpha"),
-        ({"envelope": {"V": (10.0, 20.0)}}, "the steady flight has V = 35, which is not between 10 and 20"),
+    narrow, about = (
+        replace(setup(), limits=tight),
+        functools.partial(Limits.about, setup().vehicle, setup().trim),
+    )
+    for call, says in (
+        (lambda: design(narrow, PLAN, "3-2-1-1"), "stays within the envelope"),
+        (lambda: textbook_maneuver(narrow, PLAN), "even small 3-2-1-1"),
+        (lambda: about(amplitude={"flap": 0.1}), "there is no control 'flap'; choose from elevator"),
+        (lambda: about(envelope={"beta": (-1.0, 1.0)}), "there is no channel 'beta'; choose from V, alpha"),
+        (
+            lambda: about(envelope={"V": (10.0, 20.0)}),
+            "the steady flight has V = 35, which is not between 10 and 20",
+        ),
     ):
         with pytest.raises(SimulationError, match=says):
-            Limits.about(setup().vehicle, setup().trim, **given)
+            call()
 
 
 def test_a_design_is_better_than_what_it_began_with_and_repeatable() -> None:
@@ -160,19 +151,18 @@ def test_robustness_draws_from_what_is_known() -> None:
     assert told.ratios == pytest.approx([1.0] * 5), "the same maneuver as its own reference"
     unsure = Knowledge(("Cmalpha",), np.array([[8.0**-2.0]]))
     wild = robustness(replace(setup(), knowledge=unsure), MOVES, MOVES, 12, 0)
-    assert told.notice.code == "design-stays-inside"
-    assert wild.notice.code == "design-leaves-envelope"
+    assert [one.notice.code for one in (told, wild)] == ["design-stays-inside", "design-leaves-envelope"]
     assert wild.notice.values["outside"] == wild.outside
     assert wild.outside + wild.untrimmed > 0, "some of these are unstable"
 
 
 def test_servos_of_the_vehicle_file_bound_slew_and_amplitude() -> None:
-    text = builtin_text("twin-boom") + SERVOS
-    vehicle = parse_vehicle(text, "servos.toml")
+    table = "\n[controls]\nelevator = { rate_limit = 0.5, dead_zone = 0.004 }\naileron = {}\nrudder = {}\n"
+    vehicle = parse_vehicle(builtin_text("twin-boom") + table, "servos.toml")
     limits = Limits.about(vehicle, trim(vehicle))
     assert limits.slew["elevator"] == 0.5
-    assert limits.slew["rudder"] == SLEW
-    smallest = {"elevator": 0.016, "aileron": MIN_AMPLITUDE, "rudder": MIN_AMPLITUDE}
+    assert limits.slew["rudder"] == information.SLEW
+    smallest = {"elevator": 0.016, "aileron": information.MIN_AMPLITUDE, "rudder": information.MIN_AMPLITUDE}
     assert limits.min_amplitude == pytest.approx(smallest)
     says = r"amplitude of elevator, 0.573 deg, is below .* 0.917 deg; raise --amplitude"
     with pytest.raises(SimulationError, match=says):
@@ -221,18 +211,13 @@ def test_maneuvers_on_rotors_are_flown_side_by_side(monkeypatch: pytest.MonkeyPa
     problem = InformationCost(hover, SHAPES["3-2-1-1"](frame), plan)
     X = np.random.default_rng(1).uniform(size=(3, problem.dimension))
     single = np.concatenate([problem.costs(x[None], 0) for x in X])
-    steps, step = [], trajectories.next_states
-
-    def counted(*arguments: Any) -> FloatArray:
-        steps.append(0)
-        return step(*arguments)
-
-    monkeypatch.setattr(trajectories, "next_states", counted)
+    step = Mock(side_effect=trajectories.next_states)
+    monkeypatch.setattr(trajectories, "next_states", step)
     features = llvm.get_host_cpu_features()
     # known to differ by 4e-9 with registers of 256 bits; the cause is not found
     narrow = features.get("avx") and not features.get("avx512f")
     np.testing.assert_allclose(problem.costs(X, 0), single, rtol=1e-7 if narrow else 0.0)
-    assert len(steps) == 500
+    assert step.call_count == 500
 
 
 def test_the_textbook_is_proposed_where_no_design_is_better() -> None:
@@ -268,8 +253,7 @@ def test_lines_fly_as_they_are_predicted() -> None:
     assert [round(f.duration, 9) for f in flights] == [6.48, 4.74, 4.74]
     assert [f.input[0].start for f in flights] == pytest.approx([1.0, 1.0, 0.99], abs=0.011)
     flown = [simulate_flight(by_hand.vehicle, f, noise=False) for f in flights]
-    outputs = by_hand.vehicle.outputs
-    readings = np.concatenate([np.column_stack([one.column(c) for c in outputs]) for one in flown])
+    readings = np.concatenate([[one.column(c) for c in by_hand.vehicle.outputs] for one in flown], axis=1).T
     assert readings == pytest.approx(whole.readings, rel=1e-7, abs=1e-9)
     errors = by_hand.std(*(setup().forecast(f) for f in flights))
     assert errors == pytest.approx(by_hand.std(whole), rel=1e-6)

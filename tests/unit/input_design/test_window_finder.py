@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from unit.flown import maneuver
 
 from stoop.base.arrays import FloatArray
 from stoop.errors import FlightError
 from stoop.flight import Flight, from_columns
-from stoop.input_design.windows import find_windows
+from stoop.flight.airborne import carried_by_rotors, flying
+from stoop.input_design.candidates import Excitation, with_motors
+from stoop.input_design.windows import _candidates, doubts, find_windows
 from stoop.simulation.fly import simulate_flight
-from stoop.simulation.maneuver import parse_maneuver
+from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.vehicle.builtin import builtin_vehicle
 
 RATE = 50.0
@@ -63,7 +66,43 @@ def test_a_log_that_is_busy_throughout_has_windows_and_an_autopilot_in_gusts_has
 
 def test_a_flight_whose_inputs_stand_still_has_no_windows_for_a_vehicle_either() -> None:
     vehicle = builtin_vehicle("twin-boom")
-    still = parse_maneuver("duration = 20.0\nrate = 50.0\nairspeed = 35.0\n", "m")
-    flight = simulate_flight(vehicle, still, seed=1, name="still")
+    flight = simulate_flight(vehicle, maneuver(20.0, airspeed=35.0), seed=1, name="still")
     with pytest.raises(FlightError, match="no maneuver here"):
         find_windows({"still": flight}, vehicle)
+
+
+# --- pulses that a vehicle file calls motors: its flight is found to be one, though the log alone does not tell
+
+
+@pytest.fixture(scope="module")
+def pulsed() -> tuple[Vehicle, Flight]:
+    """Return quad-x, driven by pulses, and a flight."""
+    text = builtin_vehicle("quad-x").text.replace('"motor_', '"pwm_')
+    drive = 'drive = "command"'
+    vehicle = parse_vehicle(text.replace(drive, f"{drive}\ngain = 0.001\nidle = 1000"), "pulses.toml")
+    roll = maneuver(8.0, ("roll", "3-2-1-1", 2.0, 0.15, 12.0), rate=100.0)
+    return vehicle, simulate_flight(vehicle, roll, seed=1, name="f")
+
+
+def test_windows_of_pulses(pulsed: tuple[Vehicle, Flight]) -> None:
+    vehicle, flight = pulsed
+    assert not carried_by_rotors(flight)
+    assert "roll" in [w.axis for w in find_windows({"f": flight}, vehicle).windows]
+    assert not [d for d in doubts({"f": flight}, vehicle) if "rotors" in d.code]
+
+
+def test_motors_are_told_by_gain_and_idle_and_a_pusher_does_not_lift(pulsed: tuple[Vehicle, Flight]) -> None:
+    """Of a vehicle that its rotors carry windows without a maneuver are candidates beside those with one."""
+    vehicle, flight = pulsed
+    told = with_motors(flight, vehicle)
+    assert np.allclose(told.column("motor_3"), 0.001 * (flight.column("pwm_3") - 1000.0))
+    assert flying(told).all()
+    for one, by in ((flight, None), (flight, builtin_vehicle("twin-boom")), (told, vehicle)):
+        assert with_motors(one, by) is one
+    tried, bare = (_candidates(told, by, Excitation.of(told)) for by in (vehicle, None))
+    assert {c.maneuver is None for c in tried} == {True, False}
+    assert all(c.maneuver is not None for c in bare)
+    last = vehicle.text.index('channel = "pwm_4"')
+    pusher = parse_vehicle(vehicle.text[:last] + "axis = [1, 0, 0]\n" + vehicle.text[last:], "pusher.toml")
+    names = set(with_motors(flight, pusher).data) & {f"motor_{i}" for i in range(1, 5)}
+    assert names == {"motor_1", "motor_2", "motor_3"}

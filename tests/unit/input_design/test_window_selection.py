@@ -21,22 +21,26 @@ def chosen(found: list[Candidate], *told: np.ndarray) -> Selection:
     return select(found, CandidateInformation(np.eye(len(told[0])), tuple(told)))
 
 
-def test_windows_that_tell_different_things_are_taken_and_doubles_held_out() -> None:
-    first, second = np.diag([100.0, 0.0]), np.diag([0.0, 50.0])
-    choice = chosen([at(0.0), at(20.0), at(40.0)], first, 1.02 * first, second)
-    assert set(choice.fitted) == {1, 2}
-    assert choice.held_out == (0,)
-    assert choice.gains[0] == pytest.approx(0.25 * np.log(103.0))
-
-
-def test_of_two_windows_one_is_taken() -> None:
-    told, other = np.diag([100.0, 0.0]), np.diag([0.0, 99.0])
-    choice = chosen([at(0.0), at(4.0)], told, other)
-    assert (choice.fitted, choice.held_out) == ((0,), ()), "they overlap"
-    same = 30.0 * np.eye(2)
-    assert chosen([at(0.0), at(1.0, 4.0)], same, same).fitted == (1,), "the shorter of two equals"
-    assert chosen([at(0.0, 4.0), at(0.5, 5.0, "roll")], same, same).fitted == (1,), "a whole maneuver"
-    assert chosen([at(0.0)], 0.05 * np.eye(3)).fitted == (), "what tells little is left"
+@pytest.mark.parametrize(
+    ("windows", "told", "fitted", "held_out"),
+    [
+        ([(0.0,), (20.0,), (40.0,)], [(100.0, 0.0), (102.0, 0.0), (0.0, 50.0)], {1, 2}, {0}),  # doubles
+        ([(0.0,), (4.0,)], [(100.0, 0.0), (0.0, 99.0)], {0}, set()),  # they overlap
+        ([(0.0,), (1.0, 4.0)], [(30.0, 30.0)] * 2, {1}, set()),  # the shorter of two equals
+        ([(0.0, 4.0), (0.5, 5.0, "roll")], [(30.0, 30.0)] * 2, {1}, set()),  # a whole maneuver
+        ([(0.0,)], [(0.05, 0.05, 0.05)], set(), set()),  # what tells little is left
+        # the weaker one of an axis is held out, and the only one about an axis never is
+        ([(0.0, 7.0, "roll"), (10.0, 3.0, "roll"), (20.0, 5.0, "yaw")], [(900.0, 0.0), (400.0, 0.0), (0.0, 50.0)], {0, 2}, {1}),
+        ([(0.0, 7.0, "roll"), (20.0, 5.0, "yaw")], [(900.0, 0.0), (0.0, 50.0)], {0, 1}, set()),
+    ],
+)  # fmt: skip
+def test_windows_that_tell_different_things_are_taken_and_doubles_held_out(
+    windows: list, told: list, fitted: set, held_out: set
+) -> None:
+    choice = chosen([at(*one) for one in windows], *map(np.diag, told))
+    assert (set(choice.fitted), set(choice.held_out)) == (fitted, held_out)
+    if len(windows) == 3 and told[0][0] == 100.0:
+        assert choice.gains[0] == pytest.approx(0.25 * np.log(103.0))
 
 
 def test_greedy_is_near_the_best_of_its_size() -> None:
@@ -54,36 +58,16 @@ def test_greedy_is_near_the_best_of_its_size() -> None:
     assert total(both) > (1.0 - 1.0 / np.e) * best
 
 
-def test_a_command_that_rests_at_its_end_is_saturated_and_a_peak_is_not() -> None:
-    x = 0.5 + 0.3 * np.sin(np.arange(400) / 20.0)
-    assert not saturated(x, np.ones(400, dtype=bool)).sum() > 16
-    held = np.minimum(x, 0.7)
-    found = saturated(held, np.ones(400, dtype=bool))
+def test_a_command_that_rests_at_its_end_is_saturated_and_a_peak_or_a_pulsed_pusher_is_not() -> None:
+    flying, x = np.ones(400, dtype=bool), 0.5 + 0.3 * np.sin(np.arange(400) / 20.0)
+    assert not saturated(x, flying).sum() > 16
+    held, starved = np.minimum(x, 0.7), np.maximum(x, 0.3)
+    found = saturated(held, flying)
     assert found[held == 0.7].all()
     assert not found[np.abs(held - 0.5) < 0.1].any()
-
-
-def test_a_pusher_that_rests_or_is_pulsed_is_not_saturated() -> None:
-    flying = np.ones(400, dtype=bool)
-    rng = np.random.default_rng(0)
-    pulse = np.zeros(400)
-    pulse[100:200] = 0.4
-    assert not saturated(pulse, flying).any()
-    ridden = np.zeros(400)
-    ridden[100:200] = 0.3 + 0.1 * rng.random(100)
-    assert not saturated(ridden, flying).any()
-    starved = np.maximum(0.5 + 0.3 * np.sin(np.arange(400) / 20.0), 0.3)
     assert saturated(starved, flying)[starved == 0.3].all()
-
-
-def test_the_best_maneuver_of_an_axis_is_fitted() -> None:
-    """Of two that tell the same the weaker one is held out, and the only one about an axis never is."""
-    told = [np.diag([900.0, 0.0]), np.diag([400.0, 0.0]), np.diag([0.0, 50.0])]
-    found = [at(0.0, 7.0, "roll"), at(10.0, 3.0, "roll"), at(20.0, 5.0, "yaw")]
-    choice = chosen(found, *told)
-    assert set(choice.fitted) == {0, 2}
-    assert choice.held_out == (1,)
-    assert chosen(found[:1] + found[2:], told[0], told[2]).held_out == ()
+    for moved in (np.full(100, 0.4), 0.3 + 0.1 * np.random.default_rng(0).random(100)):
+        assert not saturated(np.concatenate([np.zeros(100), moved, np.zeros(200)]), flying).any()
 
 
 def test_each_axis_flown_twice_is_predicted_once() -> None:

@@ -16,6 +16,7 @@ GOOD = (
     ),
     Entry(flight="a b@c", start=1.0, stop=2.5, use="validate", loading="heavy"),
     Entry(flight="flight2", start=161.6, stop=168.3, accept=False),
+    Entry(flight="\U0001f681 \x7f\n[[window]]", start=1_700_000_123.456, stop=1_700_000_125.25, accept=False),
 )
 HEAD = 'format = "stoop-windows/1"\n[[window]]\n'
 WINDOW = 'flight = "f"\nstart = 1.0\nstop = 2.0\n'
@@ -24,16 +25,16 @@ WINDOW = 'flight = "f"\nstart = 1.0\nstop = 2.0\n'
 @pytest.fixture
 def good(tmp_path: Path) -> Path:
     path = tmp_path / "windows.toml"
-    path.write_text(written(GOOD, "stoop identify x", ["a note\nover lines"]))
+    path.write_text(written(GOOD, "stoop identify 'a\nb'", ["a note\nover lines"]), encoding="utf-8")
     return path
 
 
 def test_what_is_written_comes_back(good: Path) -> None:
     back = read_windows(good)
     assert [(e.text, e.accept, e.use) for e in back] == [(e.text, e.accept, e.use) for e in GOOD]
-    document = tomllib.loads(good.read_text())
-    assert document["window"][0]["why"] == 'says "so"\n'
-    assert document["window"][0]["information"] == 1.25
+    assert GOOD[3].text.endswith("@1700000123.456:1700000125.25")
+    first, *_ = tomllib.loads(good.read_text())["window"]
+    assert (first["why"], first["information"]) == ('says "so"\n', 1.25)
 
 
 def test_accepted_windows_take_the_place_of_the_file(good: Path) -> None:
@@ -69,16 +70,5 @@ def test_an_edited_file_is_refused_in_one_line(tmp_path: Path) -> None:
         ('format = "stoop-windows/1"\nwindow = [3]', r"window\.0: this must be a table"),
     ):
         path.write_text(text)
-        with pytest.raises(FlightError, match=advice) as caught:
+        with pytest.raises(FlightError, match=rf"^[^\n]*w\.toml[^\n]*{advice}[^\n]*$"):
             read_windows(path)
-        assert "w.toml" in str(caught.value)
-        assert "\n" not in str(caught.value)
-
-
-def test_any_name_and_any_clock_come_back(tmp_path: Path) -> None:
-    path = tmp_path / "windows.toml"
-    flown = Entry(flight="\U0001f681 \x7f\n[[window]]", start=1_700_000_123.456, stop=1_700_000_125.25)
-    path.write_text(written([flown], "stoop identify 'a\nb'"), encoding="utf-8")
-    (back,) = read_windows(path)
-    assert (back.flight, back.start, back.stop) == (flown.flight, flown.start, flown.stop)
-    assert flown.text.endswith("@1700000123.456:1700000125.25")
