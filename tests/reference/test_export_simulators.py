@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -73,13 +72,7 @@ def test_mujoco(name: str, airspeed: float | None, tmp_path: Path) -> None:
     ],
 )
 def test_a_quadrotor_of_the_terms_of_a_simulator(
-    package: str,
-    of: Any,
-    changes: dict,
-    fly: Callable[..., Any],
-    channels: int | None,
-    most: float,
-    tmp_path: Path,
+    package: str, of: Any, changes: Any, fly: Any, channels: int | None, most: float, tmp_path: Path
 ) -> None:
     if not exporter.installed(package):  # the script sets what drone_models asks for beside an imported SciPy
         pytest.skip(f"{package} is not installed")

@@ -14,7 +14,7 @@ from unit.flown import maneuver
 from stoop.kernels import Kernel
 from stoop.simulation import initial_states, parameter_rows, trim
 from stoop.simulation.fly import fly
-from stoop.vehicle import Vehicle
+from stoop.vehicle.builtin import builtin_vehicle
 
 PAPER = maneuver(
     20.0, ("elevator", "3-2-1-1", 1.0, 0.3, 0.2), ("elevator", "doublet", 4.0, 1.5, 0.05), ("aileron", "doublet", 9.0, 0.5, 0.1),
@@ -39,7 +39,8 @@ def exact(kernel: Kernel, rows: np.ndarray, x: np.ndarray, u: np.ndarray, corner
     return np.array(out)
 
 
-def test_outputs_at_100_hz(twin_boom: Vehicle) -> None:
+def test_outputs_at_100_hz() -> None:
+    twin_boom = builtin_vehicle("twin-boom")
     flown = fly(twin_boom, PAPER)
     point = trim(twin_boom)
     rows = parameter_rows(twin_boom, point.changes)
@@ -49,8 +50,9 @@ def test_outputs_at_100_hz(twin_boom: Vehicle) -> None:
     assert error.max() < 1e-6, dict(zip(twin_boom.outputs, error, strict=True))
 
 
-def test_order_four(twin_boom: Vehicle) -> None:
+def test_order_four() -> None:
     """A multisine sampled every 80 ms, and steps that divide those: the corners never fall inside a step."""
+    twin_boom = builtin_vehicle("twin-boom")
     coarse, corners = 0.08, 51
     t = coarse * np.arange(corners)
     point = trim(twin_boom)

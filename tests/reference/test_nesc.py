@@ -23,6 +23,7 @@ EARTH_RATE = 7.292115e-5  #: rad/s, WGS 84
 EQUATOR = 6378137.0  #: m, WGS 84
 DENSITY = SLUG / FOOT**3
 TOP = 30000.0 * FOOT  #: m, where every case begins, above the equator
+Record, Numbers = dict[str, np.ndarray], dict[str, float]
 AXES = ("Roll", "Pitch", "Yaw")
 
 # brick_inertia.dml and brick_aero.dml: a 5 lb face brick, rate damping only
@@ -55,7 +56,7 @@ aerodynamics = {{ default = false, CD = {{ CD0 = {{ term = "1", value = 0.1 }} }
 """
 
 
-def record(shared_data: Path, case: str, simulator: str) -> dict[str, np.ndarray]:
+def record(shared_data: Path, case: str, simulator: str) -> Record:
     """Return the columns of one simulator's file, in its units."""
     folder = next((shared_data / "nesc-checkcases" / "Atmospheric_checkcases").glob(f"Atmos_{case}_*"))
     with (folder / f"Atmos_{case}_sim_{simulator}.csv").open() as lines:
@@ -63,23 +64,17 @@ def record(shared_data: Path, case: str, simulator: str) -> dict[str, np.ndarray
     return {name: np.array([float(row[name]) for row in rows]) for name in rows[0]}
 
 
-def speed(data: dict[str, np.ndarray]) -> np.ndarray:
+def speed(data: Record) -> np.ndarray:
     """Return airspeed, m/s (the air turns with the Earth, and there is no wind)."""
     return np.sqrt(sum(data[f"feVelocity_ft_s_{axis}"] ** 2 for axis in "XYZ")) * FOOT
 
 
-def rates(data: dict[str, np.ndarray]) -> np.ndarray:
+def rates(data: Record) -> np.ndarray:
     """Return the body's inertial rates (n, 3), deg/s."""
     return np.array([data[f"bodyAngularRateWrtEi_deg_s_{axis}"] for axis in AXES]).T
 
 
-def flown(
-    vehicle: Vehicle,
-    data: dict[str, np.ndarray],
-    start: dict[str, float],
-    changes: dict[str, float],
-    parts: int,
-) -> np.ndarray:
+def flown(vehicle: Vehicle, data: Record, start: Numbers, changes: Numbers, parts: int) -> np.ndarray:
     """Return readings (n, k) of a body that begins at rest, in the file's own density."""
     t = data["time"]
     fine = np.linspace(t[0], t[-1], (len(t) - 1) * parts + 1)
@@ -90,14 +85,14 @@ def flown(
     return vehicle.kernel().trajectories(rows, x, density, (t[1] - t[0]) / parts)[0, ::parts]
 
 
-def tumble(data: dict[str, np.ndarray], changes: dict[str, float], parts: int) -> np.ndarray:
+def tumble(data: Record, changes: Numbers, parts: int) -> np.ndarray:
     """Return body rates (n, 3), deg/s, of the brick."""
     vehicle = parse_vehicle(BRICK, "brick")
     y = flown(vehicle, data, {"p": 10 * DEGREE, "q": 20 * DEGREE, "r": 30 * DEGREE}, changes, parts)
     return np.degrees(y[:, [vehicle.outputs.index(c) for c in "pqr"]])
 
 
-def effective_gravity(data: dict[str, np.ndarray]) -> float:
+def effective_gravity(data: Record) -> float:
     """Return what accelerates the body at the start, m/s2: gravity less omega^2 R."""
     return float(data["localGravity_ft_s2"][0] * FOOT - EARTH_RATE**2 * (EQUATOR + TOP))
 
@@ -137,7 +132,7 @@ def test_03_moments_at_the_recorded_states(shared_data: Path) -> None:
         assert np.abs(moment[i] - printed).max() < tolerance * np.abs(printed).max(), axis
 
 
-def falling(data: dict[str, np.ndarray], density: str, changes: dict[str, float]) -> np.ndarray:
+def falling(data: Record, density: str, changes: Numbers) -> np.ndarray:
     """Return the airspeed (n,) of the sphere, dropped as the file's was."""
     vehicle = parse_vehicle(SPHERE.replace('"log"', f'"{density}"'), "sphere")
     return flown(vehicle, data, {}, changes, 10)[:, vehicle.outputs.index("V")]

@@ -13,18 +13,18 @@ import pytest
 from stoop.simulation import trim
 from stoop.simulation.fly import fly
 from stoop.simulation.maneuver import Maneuver
-from stoop.vehicle import Vehicle
+from stoop.vehicle.builtin import builtin_vehicle
 
 
 @pytest.mark.parametrize("reduce", ["full", "longitudinal"])
-def test_trim(twin_boom: Vehicle, reduce: str) -> None:
-    point = trim(twin_boom.reduced(reduce), 35.0, 200.0)
+def test_trim(reduce: str) -> None:
+    point = trim(builtin_vehicle("twin-boom").reduced(reduce), 35.0, 200.0)
     assert math.degrees(point.start["alpha"]) == pytest.approx(5.88, abs=0.005)
     assert math.degrees(point.deflections["elevator"]) == pytest.approx(-1.7, abs=0.05)
     assert point.thrust["propulsion.thrust"] == pytest.approx(220.87, abs=0.08)
     assert point.residual < 1e-12
 
 
-def test_start_of_a_maneuver_stays_where_it_is(twin_boom: Vehicle) -> None:
-    flown = fly(twin_boom, Maneuver(duration=20.0))
+def test_start_of_a_maneuver_stays_where_it_is() -> None:
+    flown = fly(builtin_vehicle("twin-boom"), Maneuver(duration=20.0))
     assert abs(flown.outputs - flown.outputs[0]).max() < 1e-9

@@ -23,10 +23,8 @@ KNOWN = {
 }  # fmt: skip
 #: the same of the attitude loop, 1/s
 ANGLES = {
-    "roll": (6.0, 3.0, 0.0, 0.0, 20.0),
-    "pitch": (4.0, 2.0, 0.1, 0.2, 20.0),
-    "yaw": (6.0, 1.0, 0.35, 0.0, 360.0),
-}
+    "roll": (6.0, 3.0, 0.0, 0.0, 20.0), "pitch": (4.0, 2.0, 0.1, 0.2, 20.0), "yaw": (6.0, 1.0, 0.35, 0.0, 360.0),
+}  # fmt: skip
 OUTER = {f"pid_attitude.pitch_k{n}": x for n, x in zip(("p", "i", "d", "ff"), ANGLES["pitch"], strict=False)}
 CUTOFFS = {"roll": 40.0, "pitch": 30.0, "yaw": 25.0}
 DT = 0.002
@@ -110,9 +108,8 @@ def test_response_is_that_of_a_recorded_step(outer: bool) -> None:
         record = flown(Twin(axis, True, outer), *((step, rest) if signal == SETPOINT else (rest, step)))
         answer = np.diff(np.diff(sum(record.values()), prepend=0.0), prepend=0.0)
         known = np.fft.rfft(answer)[1 : n // 2] / (1.0 - np.exp(-1j * w))
-        found = law_of(axis, True, outer).response(signal, w / DT) * (
-            1.0 if outer else 32767.0 * np.pi / 180.0
-        )
+        unit = 1.0 if outer else 32767.0 * np.pi / 180.0
+        found = law_of(axis, True, outer).response(signal, w / DT) * unit
         np.testing.assert_allclose(found, known, rtol=1e-6, err_msg=f"{axis} {signal}")
 
 

@@ -13,11 +13,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from naive.rate_loops import ArduPilotLoop, Px4Loop
 
-from stoop.control_laws import ardupilot, crazyflie, px4
-from stoop.control_laws.filters import butterworth, low_pass, notch
+from stoop.control_laws import ardupilot, betaflight, crazyflie, px4
+from stoop.control_laws.filters import PASS, butterworth, low_pass, notch
 from stoop.control_laws.mixing import thrust_slope
 from stoop.control_laws.parameters import read_parameters
 from stoop.control_laws.rate_law import ACCELERATION, RATE, SETPOINT, RateLaw
+from stoop.control_laws.recursion import LawRecursion
 from stoop.control_laws.table import firmware_of, firmwares
 from stoop.errors import StoopError
 
@@ -145,10 +146,9 @@ def test_mixing_is_the_documented_one_and_turns_about_one_axis_at_a_time() -> No
     angles = np.radians([90.0, -90.0, -30.0, 150.0, 30.0, -150.0])
     hexa = 0.4 * np.column_stack([np.cos(angles), np.sin(angles), np.zeros(6)])
     sixfold = np.array([-1.0, 1.0, -1.0, 1.0, 1.0, -1.0])
-    for mix, (places, spins) in itertools.product(
-        (px4.mixing, ardupilot.mixing, crazyflie.mixing), ((quad, turning), (hexa, sixfold))
-    ):
-        mixed = mix({}, places, spins)
+    both = ((quad, turning), (hexa, sixfold))
+    for law, (places, spins) in itertools.product((px4, ardupilot, crazyflie), both):
+        mixed = law.mixing({}, places, spins)
         turned = np.array([-places[:, 1] @ mixed, places[:, 0] @ mixed, spins @ mixed])
         np.testing.assert_allclose(turned, np.diag(np.diag(turned)), atol=1e-12)
         assert np.all(np.diag(turned) > 0.0)
@@ -219,3 +219,72 @@ def test_planes_before_4_1_and_thin_air() -> None:
     new, dense = (ardupilot.plane(PLANE, "roll", ratio).outputs(signals, scale) for ratio in (thin, 1.0))
     np.testing.assert_allclose(new["FF"] * thin, dense["FF"], rtol=1e-12)
     np.testing.assert_array_equal(new["P"], dense["P"])
+
+
+# --- sample by sample, and integrals that stop at the ends of actuators
+
+SHORT = 600
+BETAFLIGHT = {
+    "looptime": 500.0, "pid_process_denom": 2.0, "yawPID[0]": 45.0, "yawPID[1]": 20.0, "yawPID[2]": 10.0,
+    "gyro_lpf1_static_hz": 250.0, "dterm_lpf1_static_hz": 75.0, "yaw_lowpass_hz": 100.0, "ff_weight[2]": 80.0,
+    "gyro_lpf2_static_hz": 0.0, "dterm_lpf2_static_hz": 0.0,
+}  # fmt: skip
+LAWS = {
+    "px4": CASES["px4"][0],
+    "yaw of px4": px4.multicopter({"MC_YAWRATE_P": 0.2, "MC_YAW_TQ_CUTOFF": 2.0}, "yaw"),
+    "plane": CASES["plane"][0],
+    "copter": CASES["copter"][0],
+    "betaflight": betaflight.rate_pid(BETAFLIGHT, "yaw"),
+    "crazyflie": crazyflie.cascade({"pid_rate.roll_kp": 250.0}, "roll"),
+}
+
+
+def steps(seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return setpoints and rates (n,), zero at first."""
+    rng = np.random.default_rng(seed)
+    setpoint = np.repeat(rng.normal(0.0, 2.0, SHORT // 60), 60)
+    setpoint[:60] = 0.0
+    return setpoint, np.convolve(setpoint, np.ones(25) / 25.0, "same")
+
+
+def sensed(law: RateLaw, rate: np.ndarray) -> Mapping[str, np.ndarray]:
+    """Return the measured signals by the sampling of the gyro, whole record at once, at rest one sample before."""
+    times = np.arange(len(rate) + 1) / law.rate
+    gyro = np.arange(int(times[-1] * law.gyro_rate + 1e-6) + 1) / law.gyro_rate
+    last = np.floor(times * law.gyro_rate + 1e-6).astype(int)
+    out = {}
+    for name in (n for n in law.signals if n != SETPOINT):
+        filtered = law.sensing.get(name, PASS).output(np.interp(gyro, times, np.r_[rate[:1], rate]))
+        out[name] = law.sensing_loop.output(filtered[last])[1:]
+    return out
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_samples_are_those_of_the_whole_record(name: str) -> None:
+    """Two lanes, one of them of another record; what actuators do is all that is asked for."""
+    law = LAWS[name]
+    records = [steps(1), steps(2)]
+    scaled = law.terms[0].power and name != "plane"
+    scale = 1.0 + (0.2 if scaled else 0.0) * np.sin(np.arange(SHORT) / 50.0)
+    expected = [law.outputs({SETPOINT: s, **sensed(law, rate)}, scale)["command"] for s, rate in records]
+    setpoints, rates = (np.column_stack([r[i] for r in records]) for i in range(2))
+    running, found = LawRecursion([law], np.zeros((1, 2))), []
+    for k in range(SHORT):
+        at = slice(k, k + 1)
+        found.append(running.commands(setpoints[at], rates[at], np.full(2, scale[k]), running.unlimited)[0])
+    assert np.ptp(expected[0]) > 1e-2
+    np.testing.assert_allclose(np.array(found).T, expected, rtol=1e-8, atol=1e-10)
+
+
+def test_an_integral_stops_where_actuators_end() -> None:
+    """Against its limit the integral stays; it shrinks at once when the error turns."""
+    law = ardupilot.copter({"ATC_RAT_RLL_P": 0.1, "ATC_RAT_RLL_I": 1.0, "ATC_RAT_RLL_IMAX": 0.9}, "roll")
+    running, none, one = LawRecursion([law], np.zeros((1, 1))), np.zeros((1, 1)), np.ones((1, 1))
+    done = none
+    for _ in range(800):
+        done = np.minimum(running.commands(3.0 * one, none, np.ones(1), done), 0.2)
+    held = float(running.integrals.max())
+    assert 0.0 < held < 0.2
+    for _ in range(40):
+        done = np.minimum(running.commands(-3.0 * one, none, np.ones(1), done), 0.2)
+    assert float(running.integrals.max()) < held

@@ -82,9 +82,8 @@ def differences(vehicle: Vehicle, point: Trim) -> dict[str, float]:
 def test_the_file_holds_the_equations(name: str, fixed: bool) -> None:
     """Loads of the written file, by a naive twin of the systems' sources, at random motions, angles and speeds."""
     model = made(builtin_vehicle(name))
-    twin = naive.Model(
-        gazebo_files.folders(model, made(model.vehicle, True))[f"{model.name}/model.sdf"], fixed
-    )
+    files = gazebo_files.folders(model, made(model.vehicle, True))
+    twin = naive.Model(files[f"{model.name}/model.sdf"], fixed)
     random = np.random.default_rng(5)
     for _ in range(20):
         velocity, rates = random.normal([15.0, 0.0, 0.0], [8.0, 3.0, 5.0]), random.normal(0.0, 1.0, 3)
@@ -170,26 +169,22 @@ def test_structure(name: str) -> None:
         assert model.get("name") == place.split("/")[0]
         links, joints = ({e.get("name") for e in model.findall(kind)} | {None} for kind in ("link", "joint"))
         ends = {joint.findtext(end) for joint in model.findall("joint") for end in ("parent", "child")}
-        named = {
-            e.text for p in model.iter("plugin") for tag in ("linkName", "link_name") for e in p.iter(tag)
-        }
-        assert ends | named <= links
-        named = {
-            e.text for p in model.iter("plugin") for tag in ("jointName", "joint_name") for e in p.iter(tag)
-        }
-        assert named <= joints
+        own = {e.text for p in model.iter("plugin") for tag in ("linkName", "link_name") for e in p.iter(tag)}
+        assert ends | own <= links
+        plugins = [*model.iter("plugin")]
+        assert {e.text for p in plugins for tag in ("jointName", "joint_name") for e in p.iter(tag)} <= joints
         total, first, second = 0.0, np.zeros(3), np.zeros((3, 3))
         for link in model.findall("link"):
-            pose, own = (e.findtext("pose") or "0 0 0" for e in (link, link.find("inertial")))  # type: ignore[union-attr]
-            r = sum(np.array(one.split()[:3], dtype=float) for one in (pose, own))
+            poses = (e.findtext("pose") or "0 0 0" for e in (link, link.find("inertial")))  # type: ignore[union-attr]
+            r = sum(np.array(one.split()[:3], dtype=float) for one in poses)
             entry = {e.tag: float(e.text or "") for e in link.find("inertial/inertia") or ()}
-            own = np.array([[entry[f"i{min(a, b)}{max(a, b)}"] for b in "xyz"] for a in "xyz"])
-            least, middle, most = np.linalg.eigvalsh(own)
+            tensor = np.array([[entry[f"i{min(a, b)}{max(a, b)}"] for b in "xyz"] for a in "xyz"])
+            least, middle, most = np.linalg.eigvalsh(tensor)
             assert least > 0.0
             assert most <= least + middle + 1e-12  # a body has such a tensor
             mass = float(link.findtext("inertial/mass", ""))
             total, first = total + mass, first + mass * r
-            second += own + mass * (r @ r * np.eye(3) - np.outer(r, r))
+            second += tensor + mass * (r @ r * np.eye(3) - np.outer(r, r))
         assert total == pytest.approx(vehicle.value("mass.mass"), rel=1e-12)
         assert np.abs(first).max() < 1e-12 * total
         assert second == pytest.approx(made(vehicle).inertia * np.outer(FLIP, FLIP), rel=1e-9, abs=1e-12)
@@ -203,11 +198,9 @@ def test_blades_give_thrust_torque_and_losses() -> None:
     motor, speed = model.motors[2], 600.0
 
     def mean(velocity: list[float]) -> np.ndarray:
-        found = [
-            np.concatenate(twin.blades("rotor_2", motor.spin_sign * speed, a, velocity, [0.0] * 3))
-            for a in np.linspace(0.0, 2.0 * np.pi, 48, endpoint=False)
-        ]
-        force, moment = np.mean(found, axis=0).reshape(2, 3)
+        azimuths = np.linspace(0.0, 2.0 * np.pi, 48, endpoint=False)
+        turned = (twin.blades("rotor_2", motor.spin_sign * speed, a, velocity, [0.0] * 3) for a in azimuths)
+        force, moment = np.mean([np.concatenate(one) for one in turned], axis=0).reshape(2, 3)
         return np.concatenate([FLIP * force, FLIP * moment])
 
     for velocity in ([0.0] * 3, [0.0, 0.0, 0.1], [0.1, 0.05, 0.0]):
@@ -251,15 +244,9 @@ def rotor_tables(text: str, order: list[str], spins: dict[str, str] | None = Non
 
 @pytest.mark.parametrize(
     ("name", "frame"),
-    [
-        ("-quad-x", (1, 1)),
-        ("quad-plus", (1, 0)),
-        ("hexa-x", (2, 1)),
-        ("octo-x", (3, 1)),
-        ("quadplane", (1, 1)),
-    ],
+    [("-quad-x", 1.1), ("quad-plus", 1.0), ("hexa-x", 2.1), ("octo-x", 3.1), ("quadplane", 1.1)],
 )
-def test_the_frame_follows_from_where_rotors_stand(name: str, frame: tuple[int, int]) -> None:
+def test_the_frame_follows_from_where_rotors_stand(name: str, frame: float) -> None:
     """Output n has the function of the motor of ArduPilot that stands and turns there, whatever the order of the file."""
     backward, name = name.startswith("-"), name.removeprefix("-")
     text = builtin_text(name)
@@ -271,10 +258,11 @@ def test_the_frame_follows_from_where_rotors_stand(name: str, frame: tuple[int, 
     model = gazebo_model(vehicle, trim(vehicle))
     sets = sets_of(gazebo_autopilots.parameters(model))
     head = "Q_FRAME" if name == "quadplane" else "FRAME"
-    assert (sets[f"{head}_CLASS"], sets[f"{head}_TYPE"]) == frame
+    found = int(sets[f"{head}_CLASS"]), int(sets[f"{head}_TYPE"])
+    assert found == divmod(round(10.0 * frame), 10)
     assert gazebo_autopilots.notes(model) == []
     for n, rotor in enumerate(vehicle.file.rotor, 1):
-        azimuth, spin = FRAMES[frame][int(sets[f"SERVO{n}_FUNCTION"]) - 33]
+        azimuth, spin = FRAMES[found][int(sets[f"SERVO{n}_FUNCTION"]) - 33]
         x, y = (vehicle.value(f"rotor.{rotor}.position.{a}") for a in "xy")
         place = np.array([x, y]) / math.hypot(x, y)
         assert place @ [math.cos(math.radians(azimuth)), math.sin(math.radians(azimuth))] > 0.98
@@ -322,9 +310,8 @@ def test_cruise_and_hover_in_the_parameters() -> None:
 
 
 def test_joints_end_where_the_channel_ends() -> None:
-    for channel, gain, center, limit in (
-        ("pwm_1", 7e-4, 1500.0, 0.35), ("elevator_cmd", 1.0, 0.0, math.radians(25.0))
-    ):  # fmt: skip
+    elevator = ("elevator_cmd", 1.0, 0.0, math.radians(25.0))
+    for channel, gain, center, limit in (("pwm_1", 7e-4, 1500.0, 0.35), elevator):
         written = f"mix = {{ {channel} = {gain} }}, center = {{ {channel} = {center} }}"
         wing = made(parse_vehicle(WING.replace("mix = { servo_1 = 0.4 }", written), "wing")).wing
         assert wing is not None
@@ -333,9 +320,8 @@ def test_joints_end_where_the_channel_ends() -> None:
 
 def test_elevons_are_known_by_their_moments() -> None:
     aileron = "\naileron = { mix = { servo_1 = 0.4, servo_2 = -0.4 }, lag = 0.05 }"
-    text = WING.replace(
-        "{ servo_1 = 0.4 }, lag = 0.05 }", "{ servo_1 = 0.4, servo_2 = 0.4 }, lag = 0.05 }" + aileron
-    )
+    old = "servo_1 = 0.4 }, lag = 0.05 }"
+    text = WING.replace(old, f"servo_1 = 0.4, servo_2 = 0.4 }}, lag = 0.05 }}{aileron}")
     model = made(parse_vehicle(text.replace("Clp = -0.4", "Clp = -0.4, Claileron = 0.2"), "wing"))
     assert model.wing is not None
     assert [s.limit for s in model.wing.moved] == pytest.approx([0.4, 0.4])

@@ -6,7 +6,7 @@ import math
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
-from types import ModuleType, SimpleNamespace
+from types import SimpleNamespace
 from typing import Any
 
 import lupa
@@ -78,12 +78,12 @@ class Clock:
         self.now += max(seconds, 1e-6)
 
 
-def module(folder: Path, files: dict[str, str], name: str, clock: Clock) -> ModuleType:
-    """Write files, and import a script of them with another clock."""
+def module(folder: Path, files: dict[str, str], name: str) -> Any:
+    """Write files, and import a script of them with a clock of ours."""
     for file, text in files.items():
         (folder / file).write_text(text)
     script = load_script(folder / name)
-    script.time = clock  # type: ignore[attr-defined]
+    script.time = Clock()
     return script
 
 
@@ -247,15 +247,14 @@ def test_parameters_of_sweeps_give_the_designed_signal() -> None:
 
 
 class Link:
-    """A link of MAVLink that records set-points and modes."""
+    """A link of MAVLink that records set-points and modes, and changes once some set-points were sent."""
 
     target_system = target_component = 1
+    mode, roll, pitch, asked, silent, refuses, pending = 4 << 16, 0.0, 0.0, "", False, False, 0
 
     def __init__(self, clock: Clock) -> None:
-        self.clock, self.mav, self.mode, self.asked = clock, self, 4 << 16, ""
+        self.clock, self.mav, self.modes = clock, self, list[tuple[int, int]]()
         self.sent: list[tuple[float, int, tuple[float, ...], float]] = []
-        self.modes: list[tuple[int, int]] = []
-        self.roll, self.pitch, self.pending, self.silent, self.refuses = 0.0, 0.0, 0, False, False
         self.upset: tuple[int, str, Any] = (0, "", 0)
 
     def param_request_read_send(self, _: int, __: int, name: bytes, ___: int) -> None:
@@ -266,15 +265,12 @@ class Link:
             return SimpleNamespace(param_id=self.asked, param_value=(GAINS | SCALING)[self.asked])
         if blocking:
             return SimpleNamespace(throttle=55, yaw=1.0, airspeed=35.0)
-        if self.silent:
-            return None
         self.pending = (self.pending + 1) % 4
-        if self.pending == 0 or type is None:
+        if self.silent or self.pending == 0 or type is None:
             return None
-        kinds = {1: "ATTITUDE", 2: "VFR_HUD", 3: "HEARTBEAT"}
         message = SimpleNamespace(roll=self.roll, pitch=self.pitch, airspeed=35.0, custom_mode=self.mode)
-        message.get_type = lambda kind=kinds[self.pending]: kind
-        message.get_srcComponent = lambda: 1
+        kind = ("ATTITUDE", "VFR_HUD", "HEARTBEAT")[self.pending - 1]
+        message.get_type, message.get_srcComponent = lambda: kind, lambda: 1
         return message
 
     def command_long_send(self, *words: int) -> None:
@@ -291,10 +287,9 @@ class Link:
             setattr(self, *self.upset[1:])
 
 
-def px4(tmp_path: Path) -> tuple[ModuleType, Link, list[dict[str, float]]]:
-    clock = Clock()
-    script = module(tmp_path, PX4.write(wings()), "fly_px4.py", clock)
-    return script, Link(clock), script.read_rows(tmp_path / "px4_setpoints.csv")
+def px4(tmp_path: Path) -> tuple[Any, Link, list[dict[str, float]]]:
+    script = module(tmp_path, PX4.write(wings()), "fly_px4.py")
+    return script, Link(script.time), script.read_rows(tmp_path / "px4_setpoints.csv")
 
 
 def test_the_script_of_px4_sends_rates_that_give_the_maneuver(tmp_path: Path) -> None:
@@ -341,15 +336,17 @@ def test_the_script_of_px4_ends_for_pilots_limits_and_lost_links(tmp_path: Path)
 
 
 def test_the_script_of_the_crazyflie_sends_the_expected_attitude(tmp_path: Path) -> None:
-    clock, sent, stopped, values = Clock(), [], [], []
-    one = injection("quad-x", DOUBLETS)
-    script = module(tmp_path, CRAZYFLIE.write(one), "fly_crazyflie.py", clock)
+    one, sent, stopped, values = injection("quad-x", DOUBLETS), [], [], []
+    script = module(tmp_path, CRAZYFLIE.write(one), "fly_crazyflie.py")
+    clock = script.time
+
+    def send(*v: float) -> None:
+        sent.append((clock.now, *v))
+
     commander = SimpleNamespace(
-        send_setpoint=lambda *_: None,
-        send_zdistance_setpoint=lambda *v: sent.append((clock.now, *v)),
-        send_hover_setpoint=lambda *v: sent.append((clock.now, *v)),
-        send_stop_setpoint=lambda: stopped.append(clock.now),
+        send_setpoint=lambda *_: None, send_zdistance_setpoint=send, send_hover_setpoint=send
     )
+    commander.send_stop_setpoint = lambda: stopped.append(clock.now)
     cf = SimpleNamespace(commander=commander, param=SimpleNamespace(set_value=lambda *v: values.append(v)))
     rows = script.read_rows(tmp_path / "crazyflie_setpoints.csv")
     config = (tmp_path / "config.txt").read_text().splitlines()
@@ -378,11 +375,8 @@ def test_the_script_of_the_crazyflie_sends_the_expected_attitude(tmp_path: Path)
 
 
 def test_the_card_counts_the_steps() -> None:
-    inputs = (
-        ("elevator", "3-2-1-1", 1.0, 0.5, math.radians(-2.5)),
-        ("aileron", "doublet", 12.0, 1.0, math.radians(2.0)),
-    )
-    course = maneuver(20.0, *inputs, rate=100.0, airspeed=35.0)
+    step, roll = ("elevator", "3-2-1-1", 1.0, 0.5), ("aileron", "doublet", 12.0, 1.0, math.radians(2.0))
+    course = maneuver(20.0, (*step, math.radians(-2.5)), roll, rate=100.0, airspeed=35.0)
     one = replace(wings(), maneuver=course, beat=0.5, throws={"elevator": math.radians(25.0)})
     text = PILOT.write(one)["card.txt"]
     found = [line.split(maxsplit=2) for line in text.splitlines() if "nose" in line or "wing" in line]

@@ -14,16 +14,7 @@ import numpy as np
 import pytest
 from scipy.io import loadmat
 
-from stoop.exporters.matlab import (
-    Matlab,
-    StateSpace,
-    equations,
-    json_text,
-    mat_bytes,
-    matlab,
-    state_space,
-    variables,
-)
+from stoop.exporters.matlab import StateSpace, equations, json_text, mat_bytes, matlab, state_space, variables
 from stoop.simulation import Trim, initial_states, parameter_rows, trim
 from stoop.simulation.derivatives import ParameterCovariance
 from stoop.vehicle import Vehicle, parse_vehicle
@@ -80,7 +71,7 @@ def run(text: str, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> tuple[np.ndar
     return known["dx"], known["y"]
 
 
-def files(vehicle: Vehicle, point: Trim) -> Matlab:
+def files(vehicle: Vehicle, point: Trim) -> Any:
     return matlab(vehicle, point, state_space(vehicle, point))
 
 
@@ -102,7 +93,7 @@ def test_the_function_computes_what_the_kernel_does(twin_boom: Vehicle, steady: 
     check(crooked, trim(crooked, None, 200.0), equations(crooked, "crooked"))
 
 
-def stepped(made: Matlab, s: np.ndarray, a: np.ndarray, b: np.ndarray, p: np.ndarray, h: float) -> np.ndarray:
+def stepped(made: Any, s: np.ndarray, a: np.ndarray, b: np.ndarray, p: np.ndarray, h: float) -> np.ndarray:
     """Return the state after a step, by the lines of the script."""
     script, function = made.texts[f"{made.name}_fly.m"], made.texts[f"{made.name}_equations.m"]
     known: dict[str, Any] = {"s": s, "a": a, "b": b, "p": p, "h": h}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
 import sys
 from pathlib import Path
 from types import ModuleType
@@ -56,11 +55,3 @@ def test_a_row_is_seen_by_the_command_line(card: str, tmp_path: Path, capsys: py
     assert said.index("a card") < said.index("no aerodynamics") < said.index("cards fly badly")
     with pytest.raises(StoopError, match=r"no target 'gazeboo' of an export; did you mean gazebo\?"):
         stoop.export("twin-boom", "gazeboo")
-
-
-def test_modules_are_imported_when_chosen() -> None:
-    choices = "[o.choices for v in verbs().values() for o in v.options]"
-    names = "[m for m in sys.modules if m.startswith('stoop.exporters.')]"
-    code = f"import sys, stoop.cli.files; from stoop.base.verbs import verbs; {choices}; print({names})"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "['stoop.exporters.targets']"

@@ -36,9 +36,8 @@ def fleet(seed: int = 1) -> tuple[FigureTable, Parts]:
     time, *texts, value, error, season = zip(*sorted(rows), strict=True)
     names = ("flight", "vehicle", "figure", "software", "parts")
     numbers = {"time": np.array(time), "value": np.array(value), "std_error": np.array(error)}
-    table = FigureTable.of_columns(
-        dict(zip(names, texts, strict=True)), numbers, {"season": np.array(season)}
-    )
+    columns = dict(zip(names, texts, strict=True))
+    table = FigureTable.of_columns(columns, numbers, {"season": np.array(season)})
     return table, Parts(tuple(fittings))
 
 

@@ -65,12 +65,10 @@ def naive(kind: Kind, own: Stretch, events: list[Event], others: dict[str, Stret
 
     pairs = [(s, k) for s in events for k in range(1, FLIGHTS) if k - 1 < s.time <= k]
     pairs += [(s, k) for s in unrecorded(["rotor_1", "battery"]) for k in range(1, FLIGHTS)]
-    every_size = [(s, k, a) for s, k in pairs for a in range(3)]
-    A = {
-        g: 1.0 + sum(prior[s.what] * p(g, s) * B(g, s, k, a) for s, k, a in every_size) / 3.0 for g in others
-    }
+    each = [(s, k, a) for s, k in pairs for a in range(3)]
+    A = {g: 1.0 + sum(prior[s.what] * p(g, s) * B(g, s, k, a) for s, k, a in each) / 3.0 for g in others}
     out = dict.fromkeys(prior, 0.0)
-    for s, k, a in every_size:
+    for s, k, a in each:
         weight = prior[s.what] * p("", s) * B("", s, k, a)
         for g in others:
             weight *= 1.0 - p(g, s) + p(g, s) * B(g, s, k, a) / A[g]
@@ -81,10 +79,8 @@ def naive(kind: Kind, own: Stretch, events: list[Event], others: dict[str, Stret
 @pytest.mark.parametrize(("kind", "seed"), [*((kind, 0) for kind in KINDS), ("step", 1)])
 def test_causes_are_those_of_every_hypothesis(kind: Kind, seed: int) -> None:
     own = stretch("share", "rotor_1", 28, 2.0, seed)
-    others = {
-        "lift": stretch("lift", "battery rotor_1", 28, 1.5, seed),
-        "resistance": stretch("resistance", "battery", 41, 3.0, seed),
-    }
+    lift = stretch("lift", "battery rotor_1", 28, 1.5, seed)
+    others = {"lift": lift, "resistance": stretch("resistance", "battery", 41, 3.0, seed)}
     events = [ROTOR, UPDATE, BATTERY]
     found = {one.what: one.probability for one in causes(own, kind, events, others)}
     assert found == pytest.approx(naive(kind, own, events, others), rel=1e-9)
@@ -108,11 +104,8 @@ def test_the_rotor_is_named_whose_share_moves_the_others_with_it(weak: int) -> N
 
 def test_the_event_is_named_that_explains_what_changed() -> None:
     """By the part on which a figure depends, by other figures that changed with it, or by nothing that was recorded."""
-    share, climb, drag = (
-        stretch("share", "rotor_1", 30, 3.0),
-        stretch("climb", "", 30, 3.0),
-        stretch("drag", "", 30, 3.0),
-    )
+    named = {"share": "rotor_1", "climb": "", "drag": ""}
+    share, climb, drag = (stretch(figure, place, 30, 3.0) for figure, place in named.items())
     lift, early = stretch("lift", "", 99, 0.0), stretch("share", "rotor_1", 20, 4.0)
     worn = stretch("resistance", "battery", 30, 4.0)
     for name, own, events, others, what, place in (

@@ -12,6 +12,8 @@ from hypothesis import strategies as st
 from stoop.base.arrays import FloatArray
 from stoop.fleet.changes import Change, Readings, changes, peaks, scan, threshold
 
+SPREADS = [(np.inf,), (0.7,), (np.inf, 0.5, 0.8), (0.3, 0.5)]
+
 
 def readings(rng: np.random.Generator, n: int, spread: tuple[float, ...]) -> Readings:
     """Return a sequence about a level and further effects, each of its own stretch of flights."""
@@ -44,11 +46,7 @@ def naive(one: Readings, t: int) -> float:
 
 
 @settings(deadline=None, max_examples=20)
-@given(
-    st.integers(0, 10**6),
-    st.integers(2, 12),
-    st.sampled_from([(np.inf,), (0.7,), (np.inf, 0.5, 0.8), (0.3, 0.5)]),
-)
+@given(st.integers(0, 10**6), st.integers(2, 12), st.sampled_from(SPREADS))
 def test_ratios_are_those_of_regressions(seed: int, n: int, spread: tuple[float, ...]) -> None:
     rng = np.random.default_rng(seed)
     one = readings(rng, n, spread)

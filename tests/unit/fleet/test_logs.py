@@ -84,21 +84,14 @@ def reasons(found: LogFigures) -> dict[str, str]:
     return {flight: reason for flight, group, reason in found.absent if group == "flight"}
 
 
-def test_a_flight_that_tells_nothing_or_contradicts_others_costs_itself_and_is_forgotten(
-    tmp_path: Path,
-) -> None:
+def test_a_flight_that_tells_nothing_or_contradicts_others_costs_itself(tmp_path: Path) -> None:
     old = {"a": said(20000, 1), "b": said(20001, 2)}
     first = table_of(tmp_path, old | {"unknown": {**said(20003, 4), "header": {}}})
     assert first.table.flight == ("a", "b")
     assert list(reasons(first)) == ["unknown"]
     assert "give a table of the flights with --flights" in reasons(first)["unknown"]
-    new = {
-        "early": said(19000, 3),
-        "twin": said(20001, 2),
-        "d": said(20004, 4),
-        "e": said(20004, 5),
-        "next": said(20002, 3),
-    }
+    new = {"early": said(19000, 3), "twin": said(20001, 2), "next": said(20002, 3)}
+    new |= {"d": said(20004, 4), "e": said(20004, 5)}
     out = {"early", "twin", "d", "e"}  # early is dated before a, twin flies while b does, d and e fly at once
     found = table_of(tmp_path, new)
     assert found.table.flight == ("a", "b", "next")
@@ -108,9 +101,7 @@ def test_a_flight_that_tells_nothing_or_contradicts_others_costs_itself_and_is_f
     assert set(pd.read_csv(tmp_path / DATES).flight) == {"a", "b", "next"}, "what is out is no evidence"
     table_of(tmp_path, new)
     assert content(tmp_path) == once, "the same command, the same bytes"
-    assert set(reasons(table_of(tmp_path, old | new))) == out, (
-        "flights that have not changed are earlier ones"
-    )
+    assert set(reasons(table_of(tmp_path, old | new))) == out, "unchanged flights are earlier ones"
     later = table_of(tmp_path, {"later": said(19001, 0), "reset": said(20003, 1)})
     assert not reasons(later), "those that are out contradict nothing"
     flights = tmp_path / "flights.csv"
@@ -118,9 +109,7 @@ def test_a_flight_that_tells_nothing_or_contradicts_others_costs_itself_and_is_f
     assert not reasons(table_of(tmp_path, new, flights))
 
 
-def test_a_log_is_read_again_when_it_or_what_its_reading_depends_on_changed_and_not_for_its_place(
-    tmp_path: Path,
-) -> None:
+def test_a_log_is_read_again_when_its_reading_would_change_and_not_for_its_place(tmp_path: Path) -> None:
     mapping, vehicle = tmp_path / "m.toml", tmp_path / "v.toml"
     mapping.write_text('[variables]\np = { column = "p", unit = "rad/s" }\n[files]\nmocap = "track.csv"\n')
     shutil.copy(Path(__file__).parents[3] / "examples" / "crazyflie.toml", vehicle)
@@ -137,17 +126,10 @@ def test_a_log_is_read_again_when_it_or_what_its_reading_depends_on_changed_and_
     assert identity(logs[1]) == first
     flights.write_text("flight,mass\n2026.01.01,0.03\n")
     assert identity(logs[0], flights) != first
-    assert identity(logs[0], flights, None) == identity(logs[0], None, None), (
-        "without a vehicle no mass is used"
-    )
+    assert identity(logs[0], flights, None) == identity(logs[0], None, None), "no vehicle, no mass"
     keys = {first}
-    for path in (
-        logs[0],
-        mapping,
-        logs[0].with_name("2026.01.01.csv.toml"),
-        vehicle,
-        logs[0].with_name("track.csv"),
-    ):
+    beside = (logs[0].with_name(name) for name in ("2026.01.01.csv.toml", "track.csv"))
+    for path in (logs[0], mapping, vehicle, *beside):
         path.write_text(f"{path.read_text()}\n" if path.exists() else "1")
         keys.add(identity(logs[0]))
     assert len(keys) == 6
@@ -209,12 +191,10 @@ def test_the_mass_of_a_flight_is_a_number_above_zero_and_no_condition(tmp_path: 
     found = table_of(tmp_path, {"a": said(20000, 1), "b": said(20001, 2)}, flights).table
     assert set(found.conditions) == {"density", "payload"}
     wrong = {
-        f"flight,mass\na,1.5\nb,{x}\n": "the mass of flight b is no number"
-        for x in ("0", "-1", "inf", "heavy")
+        f"flight,mass\na,1.5\nb,{x}\n": "the mass of flight b is no" for x in ("0", "-1", "inf", "heavy")
     }
-    for text, said_of in (
-        wrong | {"flight,vehicle\na,v\na,w\n": "flight a stands there twice; keep one row"}
-    ).items():
+    wrong["flight,vehicle\na,v\na,w\n"] = "flight a stands there twice; keep one row"
+    for text, said_of in wrong.items():
         flights.write_text(text)
         with pytest.raises(StoopError, match=said_of):
             planned([], None, None, flights)

@@ -90,11 +90,8 @@ def test_the_likelihood_is_the_highest_wherever_the_mean_is() -> None:
     """Spreads of one in ten thousand of the mean; sums of squares about zero would cancel."""
     rng = np.random.default_rng(7)
     vehicle, part = np.repeat(np.arange(20), 40), np.repeat(np.arange(40), 20)
-    y = (
-        rng.standard_normal(20)[vehicle]
-        + 0.3 * rng.standard_normal(40)[part]
-        + 0.5 * rng.standard_normal(800)
-    )
+    u, v, e = (rng.standard_normal(n) for n in (20, 40, 800))
+    y = u[vehicle] + 0.3 * v[part] + 0.5 * e
     groups, errors, X = {"vehicle": vehicle, "part": part}, np.full(800, 0.2), np.ones((800, 1))
     about_zero, far = (fit_mixed_model(Design(mean + y, errors, X, groups), True) for mean in (0.0, 1e4))
     assert far.flight == pytest.approx(about_zero.flight, rel=1e-5)

@@ -30,9 +30,7 @@ def exchanged() -> tuple[FigureTable, Parts, FleetAnalysis, ToldAlarm]:
     return worn, parts, found, alarm
 
 
-def rendered(
-    table: FigureTable, parts: Parts, found: FleetAnalysis, alarms: tuple[ToldAlarm, ...] = ()
-) -> str:
+def rendered(table: FigureTable, parts: Parts, found: FleetAnalysis, alarms: tuple[ToldAlarm, ...]) -> str:
     one = Fleet(Path("store"), table, parts, 0.1, found.threshold, alarms)
     return render_sheet(fleet_page(one, found, "stoop fleet x.csv").content)
 
@@ -48,12 +46,8 @@ def test_alarms_come_first_and_their_vehicles_are_open() -> None:
     html = rendered(worn, parts, found, (alarm, replace(alarm, figure="drag", withdrawn=True)))
     places = [html.index(one) for one in ("rotor_1: v3b for v3a", "Withdrawn", 'id="v3"', 'id="v0"')]
     assert places == sorted(places)
-    for text, count in (
-        ("<svg", 2 * 8),
-        ('class="edge"', 1),
-        ('<a href="#change-0">thrust</a>', 1),
-        ('id="change-0"', 1),
-    ):
+    once = ('class="edge"', '<a href="#change-0">thrust</a>', 'id="change-0"')
+    for text, count in (("<svg", 2 * 8), *((one, 1) for one in once)):
         assert html.count(text) == count, text
     assert "v3a</text>" in html, "serials of the part"
     known = replace(alarm, size=-0.15, std_error=0.02, unit="N")
@@ -70,10 +64,8 @@ def test_an_alarm_opens_the_flights_around_it() -> None:
     html = rendered(worn, parts, found, (alarm, late, gone))
     (head, first, *rows, last), whole = map(cells, re.findall(r"<details>(.*?)</details>", html, re.DOTALL))
     assert head == ["flight", "day", "value (95 %)", "software", "rotor_1", "change"]
-    assert [first[0], last[0]] == [
-        f"{EXCHANGED - NEAR} more flights",
-        f"{FLIGHTS - EXCHANGED - NEAR - 1} more flights",
-    ]
+    more = EXCHANGED - NEAR, FLIGHTS - EXCHANGED - NEAR - 1
+    assert [first[0], last[0]] == [f"{n} more flights" for n in more]
     own = worn.of("thrust").rows(np.array([v == "v3" for v in worn.of("thrust").vehicle]))
     for k, row in zip(range(EXCHANGED - NEAR, EXCHANGED + NEAR + 1), rows, strict=True):
         serial, mark = "v3a" if k < EXCHANGED else "v3b", "began, found" if k == EXCHANGED else ""
@@ -91,7 +83,7 @@ def test_what_is_unlike_the_fleet_is_told() -> None:
     own = np.array([v == "v5" and f == "drag" for v, f in zip(table.vehicle, table.figure, strict=True)])
     far = replace(table, value=table.value + 0.6 * own)
     found = analyze(far, parts, 0.1)
-    html = rendered(far, parts, found)
+    html = rendered(far, parts, found, ())
     _, row = cells(html.partition('id="unlike-the-fleet"')[2].partition("</table>")[0])
     assert row[:3] == ["v5", "–", "drag"]
     assert float(row[3].split()[0]) == pytest.approx(0.6, abs=0.2)
@@ -100,10 +92,10 @@ def test_what_is_unlike_the_fleet_is_told() -> None:
     level = names.index("v2b")
     model = replace(thrust.model, design=thrust.model.design.with_apart("rotor_1", level))
     apart = replace(thrust, model=model, outliers=(Outlier("rotor_1", level, -0.2, 0.01, -9.0),))
-    html = rendered(far, parts, replace(found, figures={"thrust": apart}))
+    html = rendered(far, parts, replace(found, figures={"thrust": apart}), ())
     assert ["v2", "rotor_1: v2b", "thrust", "−0.200 (−0.220 to −0.180)"] in cells(html)
     worn, parts, found, _ = exchanged()
-    assert "Unlike the fleet" not in rendered(worn, parts, found)
+    assert "Unlike the fleet" not in rendered(worn, parts, found, ())
 
 
 def test_names_are_text() -> None:

@@ -6,6 +6,7 @@ import json
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -112,17 +113,12 @@ def test_logs_are_gathered_while_no_other_command_writes(tmp_path: Path) -> None
     assert (store / "absent.csv").exists()
 
 
-def test_an_alarm_that_could_not_be_kept_is_told_again(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_alarm_that_could_not_be_kept_is_told_again(tmp_path: Path, capsys: Any, monkeypatch: Any) -> None:
     figures, parts = write(tmp_path, WORN)
     command = ["fleet", str(figures), "--parts", str(parts), "-o", str(tmp_path / "store")]
 
-    def full(folder: Path, files: dict[str, str]) -> None:
-        raise StoopError("the disk is full")
-
     with monkeypatch.context() as patched:
-        patched.setattr("stoop.fleet.store.write_files", full)
+        patched.setattr("stoop.fleet.store.write_files", Mock(side_effect=StoopError("the disk is full")))
         assert main(command) == 2
     assert "v3 thrust: step" in capsys.readouterr().out
     assert not list((tmp_path / "store").iterdir())
@@ -144,10 +140,8 @@ def test_a_store_that_is_not_fit(tmp_path: Path) -> None:
 
 def test_a_nightly_job(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     figures, parts = write(tmp_path, WORN)
-    command, show = (
-        ["fleet", str(figures), "--output", str(tmp_path / "store")],
-        ["fleet", str(tmp_path / "store")],
-    )
+    show = ["fleet", str(tmp_path / "store")]
+    command = ["fleet", str(figures), "--output", show[1]]
     assert main([*command, "--parts", str(parts), "--alarms-a-year", "0.1"]) == 3
     head, told, unused, page = capsys.readouterr().out.splitlines()
     assert unused.startswith("parts: 5 vehicles without flights (v0, v4, v5, v6, v7)")

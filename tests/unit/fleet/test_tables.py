@@ -45,10 +45,8 @@ def test_a_part_moves_between_vehicles(tmp_path: Path) -> None:
 def test_what_fits_no_flight_or_figure_is_named() -> None:
     table, parts = fleet()
     assert parts.unused(table) == ()
-    wrong = [
-        *(replace(parts.fittings[0], vehicle=f"w{i}") for i in range(7)),
-        replace(parts.fittings[0], part="rotr_1"),
-    ]
+    wrong = [replace(parts.fittings[0], vehicle=f"w{i}") for i in range(7)]
+    wrong.append(replace(parts.fittings[0], part="rotr_1"))
     assert Parts((*parts.fittings, *wrong)).unused(table) == (
         "7 vehicles without flights (w0, w1, w2, w3, w4); correct the name",
         "1 place without figures (rotr_1); correct the name",
@@ -99,9 +97,7 @@ def test_rows_come_in_order(tmp_path: Path, ending: str) -> None:
     if ending == "csv":
         ROWS.assign(vehicle="NA", software=["null", "", "1"]).to_csv(path, index=False)
         table = read_figures(path)
-        assert (table.vehicle, table.software) == (("NA",) * 3, ("1", "", "null")), (
-            "a vehicle called NA is one"
-        )
+        assert (table.vehicle, table.software) == (("NA",) * 3, ("1", "", "null")), "no blanks"
 
 
 def test_what_is_wrong_is_named(tmp_path: Path) -> None:

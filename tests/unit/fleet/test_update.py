@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -62,9 +63,7 @@ def test_python_updates_a_fleet_as_the_command_does(logs: Path, tmp_path: Path) 
         assert files(tmp_path / "a") == before
 
 
-def test_logs_of_no_use_are_told_one_by_one(
-    logs: Path, tmp_path: Path, capsys: pytest.CaptureFixture
-) -> None:
+def test_logs_of_no_use_are_told_one_by_one(logs: Path, tmp_path: Path, capsys: Any) -> None:
     (tmp_path / "parts.csv").write_text("vehicle,part,serial,from,to\na,batery,B1,,\nc,battery,B2,,\n")
     sources = [*sorted(logs.glob("*.ulg")), logs / "f0.csv", copied(logs / "f1.csv", tmp_path / "g.csv")]
     words = ["fleet", *map(str, sources), "--flights", str(logs / "flights.csv"), "--workers", "1"]
@@ -84,10 +83,8 @@ def test_logs_of_no_use_are_told_one_by_one(
 def test_nothing_is_left_of_a_store_that_no_log_could_begin(logs: Path, tmp_path: Path) -> None:
     store = tmp_path / "store"
     with ThreadPoolExecutor(1) as executor:
-        for sources, said in (
-            ([logs], "a folder, and not of one log"),
-            ([logs / "broken00.ulg"], "no log gave a figure: broken00: "),
-        ):
+        unread = "no log gave a figure: broken00: "
+        for sources, said in (([logs], "a folder, and not of one log"), ([logs / "broken00.ulg"], unread)):
             with pytest.raises(StoopError, match=said):
                 stoop.update_fleet(store, sources, executor=executor)
             assert not store.exists()

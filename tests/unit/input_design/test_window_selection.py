@@ -34,7 +34,7 @@ def chosen(found: list[Candidate], *told: np.ndarray) -> Selection:
         ([(0.0, 7.0, "roll"), (20.0, 5.0, "yaw")], [(900.0, 0.0), (0.0, 50.0)], {0, 1}, set()),
     ],
 )  # fmt: skip
-def test_windows_that_tell_different_things_are_taken_and_doubles_held_out(
+def test_windows_that_tell_different_things_are_taken(
     windows: list, told: list, fitted: set, held_out: set
 ) -> None:
     choice = chosen([at(*one) for one in windows], *map(np.diag, told))

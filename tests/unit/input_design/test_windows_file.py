@@ -11,9 +11,7 @@ from stoop.errors import FlightError
 from stoop.input_design.windows_file import Entry, expanded, read_windows, written
 
 GOOD = (
-    Entry(
-        flight="flight2", start=140.5, stop=145.9, axis="roll", why='says "so"\n', information=1.25, gain=0.5
-    ),
+    Entry(flight="flight2", start=140.5, stop=145.9, axis="roll", why='says "so"\n', information=1.25),
     Entry(flight="a b@c", start=1.0, stop=2.5, use="validate", loading="heavy"),
     Entry(flight="flight2", start=161.6, stop=168.3, accept=False),
     Entry(flight="\U0001f681 \x7f\n[[window]]", start=1_700_000_123.456, stop=1_700_000_125.25, accept=False),

@@ -91,12 +91,10 @@ def test_what_was_found_stands_where_wider_bounds_end_worse() -> None:
 
 def test_boxes_double_beyond_the_bound_as_far_as_physics_allows() -> None:
     for name, value, box, bound, wider in (
-        ("Cmq", -10.0, (-150.0, 0.0), 0.0, (-150.0, 150.0)),
-        ("CLq", 5.0, (-20.0, 60.0), -20.0, (-100.0, 60.0)),
-        (INERTIA, 1.0, (0.5, 1.5), 0.5, (0.1, 1.5)),
-        ("CD0", 0.05, (0.0, 0.5), 0.0, (0.0, 0.5)),
+        ("Cmq", -10.0, (-150.0, 0.0), 0.0, (-150.0, 150.0)), ("CLq", 5.0, (-20.0, 60.0), -20.0, (-100.0, 60.0)),
+        (INERTIA, 1.0, (0.5, 1.5), 0.5, (0.1, 1.5)), ("CD0", 0.05, (0.0, 0.5), 0.0, (0.0, 0.5)),
         ("controls.elevator.lag", 0.05, (0.0, 0.2), 0.0, (0.0, 0.2)),
-    ):
+    ):  # fmt: skip
         assert wider_bounds(name, value, box, bound) == wider, name
 
 

@@ -76,10 +76,8 @@ def test_after_a_refusal_the_next_is_tried(monkeypatch: pytest.MonkeyPatch, impo
     }.items():  # fmt: skip
         monkeypatch.setattr(extension, name, one)
     setup = setup_of(Strategy.default(), cast("Any", set()), {}, [], [Window("held", 0.0, 1.0)])
-    wanted, refused = (
-        {"two"} if impossible else {"one", "two"},
-        [*["extension-refused"] * (1 if impossible else 2)],
-    )
+    wanted = {"two"} if impossible else {"one", "two"}
+    refused = ["extension-refused"] * (1 if impossible else 2)
     for vehicle, codes in ((wanted, ["extension-kept"] * len(wanted)), (set(), refused)):
         found = extension.extend(setup)
         assert found is not None

@@ -14,9 +14,7 @@ from stoop_studies.verify import scenes
 SURFACES = {"elevator": ("pitch", -0.4), "aileron": ("roll", 0.3), "rudder": ("yaw", -0.4)}
 
 
-def rolling(
-    damping: ArrayLike, effect: ArrayLike = 30.0, late: float = 0.0, servo: ArrayLike = 1.0
-) -> Plants:
+def rolling(damping: ArrayLike, effect: ArrayLike = 30, late: float = 0.0, servo: ArrayLike = 1) -> Plants:
     """Return a roll mode for each damping (d,), effectiveness and sign of the servo (d,), late by so much."""
     damping = np.asarray(damping, dtype=float)
     A = np.tile([[0.0, 0.0, 0.0], [0.0, -15.0, 0.0], [1.0, 0.0, 0.0]], (len(damping), 1, 1))

@@ -27,6 +27,7 @@ from stoop.vehicle import Vehicle
 from stoop.vehicle.document import with_entries
 from stoop.workflow.tuning import conditions_of
 
+Parameters = Mapping[str, float]
 KNOWN = Draws(("mass.mass",), np.empty((0, 1)), "covariance")
 WING = {
     "FW_RR_P": 0.4, "FW_RR_I": 0.3, "FW_RR_FF": 0.3, "FW_PR_P": 0.8, "FW_PR_I": 0.6, "FW_PR_FF": 1.0, "FW_YR_P": 0.3,
@@ -59,18 +60,16 @@ CRAZYFLIE = {
 
 def course(duration: float, *inputs: tuple[str, float, float, float], **more: float) -> Maneuver:
     """Return pulses of a control: its start, its duration, s, and its amplitude."""
-    keys = ("control", "shape", "start", "duration", "amplitude")
-    pulses = [dict(zip(keys, (name, "pulse", *rest), strict=True)) for name, *rest in inputs]
+    keys = ("control", "start", "duration", "amplitude")
+    pulses = [dict(zip(keys, one, strict=True)) | {"shape": "pulse"} for one in inputs]
     return Maneuver.model_validate({"duration": duration, "rate": 100.0, "input": pulses} | more)
 
 
-def flown(vehicle: Vehicle, maneuver: Maneuver, parameters: Mapping[str, float]) -> FlownUnderLaw:
+def flown(vehicle: Vehicle, maneuver: Maneuver, parameters: Parameters) -> FlownUnderLaw:
     return fly_under_law(vehicle, maneuver, firmware_of(parameters, bool(vehicle.rotors)), parameters)
 
 
-def check_gain_margin(
-    vehicle: Vehicle, parameters: Mapping[str, float], gains: list[str], airspeed: float
-) -> None:
+def check_gain_margin(vehicle: Vehicle, parameters: Parameters, gains: list[str], airspeed: float) -> None:
     """Margins come from frequency responses; the flight knows none of them."""
     firmware = firmware_of(parameters, bool(vehicle.rotors))
     conditions = conditions_of(vehicle, firmware, parameters, [airspeed], 200.0, KNOWN)
@@ -104,7 +103,7 @@ def test_a_loop_begins_to_swing_at_its_gain_margin() -> None:
     ids=["copter", "plane", "betaflight", "crazyflie"],
 )
 def test_loops_of_other_autopilots_begin_to_swing_at_theirs(
-    vehicle: Callable[[], Vehicle], parameters: Mapping[str, float], gains: list[str], airspeed: float
+    vehicle: Callable[[], Vehicle], parameters: Parameters, gains: list[str], airspeed: float
 ) -> None:
     check_gain_margin(vehicle(), parameters, gains, airspeed)
 
@@ -112,7 +111,7 @@ def test_loops_of_other_autopilots_begin_to_swing_at_theirs(
 @pytest.mark.parametrize(
     ("parameters", "held"), [(BETAFLIGHT, 2), (CRAZYFLIE, 3)], ids=["betaflight", "crazyflie"]
 )
-def test_angles_are_held_by_laws_of_each(parameters: Mapping[str, float], held: int) -> None:
+def test_angles_are_held_by_laws_of_each(parameters: Parameters, held: int) -> None:
     """A bank, and a heading that the Crazyflie alone holds; back at the trim at the end."""
     maneuver = course(4.0, ("phi", 0.5, 1.5, 0.2), ("psi", 0.5, 1.5, 0.05))
     found = flown(quad(delay=0.005, lag=0.025), maneuver, parameters)

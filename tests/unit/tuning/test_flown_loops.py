@@ -27,6 +27,7 @@ PARAMETERS = {
     "IMU_GYRO_RATEMAX": RATE,
 }  # fmt: skip
 ATTITUDE = 2.5
+Signals = tuple[np.ndarray, ...]
 Found = tuple[FrequencyResponse, ModelResponse, list[Notice]]
 
 
@@ -37,16 +38,14 @@ def plants(effect: float = 1.0, spread: float = 0.01) -> Plants:
 
 
 @cache
-def fly(seed: int, attitude: float = 0.0, pilot: float = 0.5, gust: float = 0.0) -> tuple[np.ndarray, ...]:
+def fly(seed: int, attitude: float = 0.0, pilot: float = 0.5, gust: float = 0.0) -> Signals:
     """Return setpoints, rates and commands of 120 s."""
     asked, one = asked_at_random(round(120.0 * RATE), 1, RATE, seed, pilot), rolling([4.0])
     outer = attitude * np.array([[0.0, 0.0, 1.0]])
     return flown(one.A[0], one.B[0], [0], [{"P": 0.15, "I": 0.3, "FF": 0.1}], RATE, 3, asked, outer, gust)
 
 
-def compared(
-    signals: tuple[np.ndarray, ...], model: Plants, attitude: float = 0.0, full: float = 0.0
-) -> Found:
+def compared(signals: Signals, model: Plants, attitude: float = 0.0, full: float = 0.0) -> Found:
     (one,) = estimate_responses([Stretch(RATE, *signals[:2])], ["roll"], ["roll"], (0.0, 60.0))
     shown = replace(under_feedback(one, attitude), output="p")
     loops = [{"roll": AxisLoop(px4.fixed_wing(PARAMETERS, "roll"), attitude)}]
@@ -93,9 +92,7 @@ def test_gusts_that_make_all_setpoints_show_nothing() -> None:
     assert codes(doubts) == ["tune-loop-unknown"]
 
 
-def px4_log(
-    path: Path, signals: tuple[np.ndarray, ...], parameters: Mapping[str, float] = PARAMETERS
-) -> Path:
+def px4_log(path: Path, signals: Signals, parameters: Mapping[str, float] = PARAMETERS) -> Path:
     """Write a ULog of setpoints, rates and commands (n, k), setpoints at half the rate of the loop."""
     setpoint, rate, command = (np.pad(one, ((0, 0), (0, 3 - one.shape[1]))) for one in signals)
     time, few = 10.0 + np.arange(len(setpoint)) / RATE, slice(None, None, 2)
@@ -109,19 +106,12 @@ def px4_log(
     return path
 
 
-def ardupilot_log(path: Path, signals: tuple[np.ndarray, ...]) -> Path:
+def ardupilot_log(path: Path, signals: Signals) -> Path:
     """Write a DataFlash log of a plane: degrees, commands of 45."""
     target, actual = (np.degrees(one[:, 0]) for one in signals[:2])
     stamp, zero = 1_000_000 + 10_000 * np.arange(len(target)), np.zeros(len(target))
-    pid = {
-        "TimeUS": stamp,
-        "Tar": target,
-        "Act": actual,
-        "P": 45.0 * signals[2][:, 0],
-        "I": zero,
-        "D": zero,
-        "FF": zero,
-    }
+    pid = {"TimeUS": stamp, "Tar": target, "Act": actual, "P": 45.0 * signals[2][:, 0]}
+    pid |= {"I": zero, "D": zero, "FF": zero}
     gyro = {"TimeUS": stamp, "I": zero.astype(int), "GyrX": signals[1][:, 0], "GyrY": zero, "GyrZ": zero}
     tables = [
         Table("PIDR", ",".join(pid), "Qffffff", "s------", "F------", pid),
@@ -151,10 +141,8 @@ def test_logs_of_both_autopilots_show_it(tmp_path: Path) -> None:
 def test_a_log_without_setpoints_says_so_in_one_line(shared_data: Path) -> None:
     """PX4 1.6 logged the gyro before the filters of the loop; ArduPlane 3.8 no rate beside its target."""
     loops = [{"roll": AxisLoop(px4.fixed_wing(PARAMETERS, "roll"))}]
-    for name in (
-        "px4-ulog-reader-samples/sample_appended_multiple.ulg",
-        "ardupilot-dataflash-sample/test.BIN",
-    ):
+    logs = "px4-ulog-reader-samples/sample_appended_multiple.ulg", "ardupilot-dataflash-sample/test.BIN"
+    for name in logs:
         found, (said,) = closed_loops(shared_data / name, False, [Condition(20.0, 1.0, plants())], loops)
         assert found is None
         assert said.code == "tune-no-closed-loop"

@@ -44,9 +44,8 @@ def test_outputs_of_a_v_tail_are_those_of_commands() -> None:
 
 def test_motors_move_by_commands_or_by_pulses_of_their_range() -> None:
     """PX4 linearizes thrust behind `actuator_motors`, so that it counts for pulses alone; speeds of rotors are no command."""
-    parameters = {
-        "MC_ROLLRATE_P": 0.1, "PWM_MAIN_MIN1": 1100.0, "PWM_MAIN_MAX1": 1900.0, "THR_MDL_FAC": 0.6, "MPC_THR_HOVER": 0.3,
-    }  # fmt: skip
+    throttle = {"THR_MDL_FAC": 0.6, "MPC_THR_HOVER": 0.3}
+    parameters = {"MC_ROLLRATE_P": 0.1, "PWM_MAIN_MIN1": 1100.0, "PWM_MAIN_MAX1": 1900.0} | throttle
     (firmware,) = firmwares(parameters)
     commands, pulses = (commands_of(quad(kind), firmware, parameters).mixing for kind in ("motor", "pwm"))
     assert np.abs(commands).max() == pytest.approx(1.0)
@@ -57,12 +56,8 @@ def test_motors_move_by_commands_or_by_pulses_of_their_range() -> None:
 
 def test_thrust_of_betaflight_is_linearized_about_the_hover_of_the_altitude() -> None:
     """Commands and pulses that hover alike have one slope; where the air is thin motors hover nearer to their limit."""
-    parameters = {
-        "pidsum_limit": 500.0,
-        "motorOutput[0]": 158.0,
-        "motorOutput[1]": 2047.0,
-        "thrust_linear": 40.0,
-    }
+    ends = {"motorOutput[0]": 158.0, "motorOutput[1]": 2047.0}
+    parameters = {"pidsum_limit": 500.0, "thrust_linear": 40.0} | ends
     (firmware,) = firmwares(parameters)
 
     def mixing(kind: str, altitude: float, **rotors: float) -> np.ndarray:

@@ -10,16 +10,8 @@ from unit.tuning.made_up import rolling
 
 from stoop.control_laws import px4
 from stoop.control_laws.rate_law import RateLaw
-from stoop.tuning.loops import (
-    GROWTH,
-    AxisLoop,
-    Plants,
-    frequencies,
-    motion,
-    opened,
-    return_difference,
-    stable,
-)
+from stoop.tuning import loops as modeled
+from stoop.tuning.loops import AxisLoop, Plants, motion, stable
 from stoop.tuning.margins import margins
 
 S = control.tf("s")
@@ -73,8 +65,9 @@ def test_a_loop_that_never_crosses_has_no_limit() -> None:
 
 def opened_by(plants: Plants, law: RateLaw) -> tuple[np.ndarray, np.ndarray]:
     loops = [AxisLoop(law)]
-    frequency = frequencies(loops)
-    return frequency, opened(return_difference(motion(plants, frequency), loops, frequency))[0]
+    frequency = modeled.frequencies(loops)
+    difference = modeled.return_difference(motion(plants, frequency), loops, frequency)
+    return frequency, modeled.opened(difference)[0]
 
 
 def test_the_gain_margin_is_where_a_loop_in_the_time_domain_begins_to_grow() -> None:
@@ -91,9 +84,8 @@ def test_the_gain_margin_is_where_a_loop_in_the_time_domain_begins_to_grow() -> 
 def test_a_delay_takes_the_margin_that_is_said() -> None:
     law = px4.fixed_wing(WING, "roll")
     left = margins(*opened_by(rolling([4.0, 6.0]), law)).delay[0]
-    assert margins(*opened_by(rolling([4.0, 6.0], late=0.5 * left), law)).delay[0] == pytest.approx(
-        0.5 * left, rel=1e-3
-    )
+    later = margins(*opened_by(rolling([4.0, 6.0], late=0.5 * left), law))
+    assert later.delay[0] == pytest.approx(0.5 * left, rel=1e-3)
     assert stable(rolling([4.0, 6.0], late=0.95 * left), [AxisLoop(law)])[0]
     assert not stable(rolling([4.0, 6.0], late=1.05 * left), [AxisLoop(law)])[0]
 
@@ -101,21 +93,15 @@ def test_a_delay_takes_the_margin_that_is_said() -> None:
 def test_growing_poles_are_those_of_the_matrix_of_the_closed_loops() -> None:
     """300 random plants of two axes under P and I without limits or holds: as the eigenvalues say."""
     rng, right, stands = np.random.default_rng(0), 0, 0
-    fast = WING | {
-        "IMU_GYRO_RATEMAX": 2e4,
-        "FW_PR_P": 0.0,
-        "FW_PR_IMAX": 1e9,
-        "FW_PR_FF": 0.0,
-        "FW_PR_D": 0.0,
-    }
+    fast = {"IMU_GYRO_RATEMAX": 2e4, "FW_PR_P": 0.0, "FW_PR_IMAX": 1e9, "FW_PR_FF": 0.0, "FW_PR_D": 0.0}
     for _ in range(300):
         A, B = rng.normal(size=(5, 5)) * 2.0 - rng.uniform(0.0, 4.0) * np.eye(5), rng.normal(size=(5, 2))
         k, i = rng.uniform(0.0, 1.5, 2), rng.uniform(0.0, 1.0, 2)
-        values = fast | {"FW_RR_P": k[0], "FW_RR_I": i[0], "FW_PR_P": k[1], "FW_PR_I": i[1]}
+        values = WING | fast | {"FW_RR_P": k[0], "FW_RR_I": i[0], "FW_PR_P": k[1], "FW_PR_I": i[1]}
         loops = [AxisLoop(px4.fixed_wing(values, axis)) for axis in ("roll", "pitch")]
         C = np.eye(2, 5)
         closed = np.block([[A - B @ np.diag(k) @ C, B @ np.diag(i)], [-C, np.zeros((2, 2))]])
-        growth = np.linalg.eigvals(closed).real.max() - GROWTH
+        growth = np.linalg.eigvals(closed).real.max() - modeled.GROWTH
         if abs(growth) < 0.02:  # held commands, of 50 us, decide
             continue
         plants = Plants(("p", "q", "x", "y", "z"), A[None], B[None], np.zeros((1, 2)))

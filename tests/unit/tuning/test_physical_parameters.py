@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from functools import cache
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,7 +13,8 @@ from scipy.optimize import fsolve
 from stoop.assessment.draws import Draws
 from stoop.propagation.wing_figures import Domain
 from stoop.simulation import trim
-from stoop.tuning.physical_parameters import PhysicalParameters, physical_parameters
+from stoop.tuning.physical_parameters import PhysicalParameters as Found
+from stoop.tuning.physical_parameters import physical_parameters
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import builtin_vehicle
 from stoop.vehicle.document import with_entries
@@ -22,12 +23,8 @@ from stoop.vehicle.load import parse_vehicle
 G, SEA = 9.80665, 1.225
 HEIGHT, RHO = 400.0, SEA * (1.0 - 2.25577e-5 * 400.0) ** 4.25588  #: m, kg/m3 of the standard atmosphere
 PX4_COPTER = {
-    "MPC_THR_HOVER": 0.5,
-    "EKF2_BCOEF_X": 0.0,
-    "EKF2_BCOEF_Y": 0.0,
-    "EKF2_MCOEF": 0.0,
-    "THR_MDL_FAC": 0.0,
-}
+    "MPC_THR_HOVER": 0.5, "EKF2_BCOEF_X": 0.0, "EKF2_BCOEF_Y": 0.0, "EKF2_MCOEF": 0.0, "THR_MDL_FAC": 0.0,
+}  # fmt: skip
 COPTER = dict.fromkeys(("EK3_DRAG_BCOEF_X", "EK3_DRAG_BCOEF_Y", "EK3_DRAG_MCOEF"), 0.0) | {
     "MOT_THST_HOVER": 0.35, "MOT_THST_EXPO": 0.65, "MOT_SPIN_MIN": 0.1, "MOT_SPIN_MAX": 0.9,
 }  # fmt: skip
@@ -61,14 +58,12 @@ def known(vehicle: Vehicle, names: tuple[str, ...], share: float = 0.02, count: 
     return Draws(names, values + spread, "covariance")
 
 
-def of_rotors(
-    vehicle: Vehicle, parameters: dict[str, float], firmware: str = "PX4 multicopter"
-) -> PhysicalParameters:
+def of_rotors(vehicle: Vehicle, given: dict[str, float], firmware: str = "PX4 multicopter") -> Found:
     domain = Domain((0.0, 8.0), 0.0, HEIGHT, RHO, speeds=(0.0, 8.0))
-    return physical_parameters(vehicle, firmware, parameters, domain, known(vehicle, ROTOR_NUMBERS))
+    return physical_parameters(vehicle, firmware, given, domain, known(vehicle, ROTOR_NUMBERS))
 
 
-def estimates(found: PhysicalParameters) -> dict[str, float]:
+def estimates(found: Found) -> dict[str, float]:
     return {one.name: one.figure.estimate for one in found.found}
 
 
@@ -148,9 +143,8 @@ def ekf3_drag(found: dict[str, float], air: np.ndarray) -> np.ndarray:
     ],
 )
 def test_filters_predict_the_specific_force_of_a_hover_in_wind(
-    headings: tuple[float, ...], parameters: dict[str, float], firmware: str,
-    filtered: Callable[[dict[str, float], np.ndarray], np.ndarray],
-) -> None:  # fmt: skip
+    headings: tuple[float, ...], parameters: dict[str, float], firmware: str, filtered: Any
+) -> None:
     """In steady flight specific force is gravity's: its parts along x and y are those of the attitude."""
     vehicle = quadrotor(2)
     found = estimates(of_rotors(vehicle, parameters, firmware))
@@ -188,19 +182,15 @@ def aeroplane() -> Vehicle:
     head, _, rest = text.partition("[propulsion]")
     text = head + '[propulsion]\nkind = "propeller"\nchannel = "control_throttle"\n'
     text += "".join(f"{n} = {x}\n" for n, x in PROPELLER.items()) + rest[rest.index("\n[aerodynamics.CD]") :]
-    for surface, axis, throw in (
-        ("elevator", "pitch", -0.35),
-        ("aileron", "roll", 0.35),
-        ("rudder", "yaw", -0.35),
-    ):
-        text += f"\n[controls.{surface}]\nmix = {{ control_{axis} = {throw} }}\n"
+    for surface, axis in (("elevator", "pitch = -"), ("aileron", "roll = "), ("rudder", "yaw = -")):
+        text += f"\n[controls.{surface}]\nmix = {{ control_{axis}0.35 }}\n"
     vehicle = parse_vehicle(text + "\n[sensors]\nV = { scale = 0.95 }\n", "made up")
     return with_entries(vehicle, {("environment", "density"): "standard"})
 
 
 def of_wings(
     vehicle: Vehicle, parameters: dict[str, float], firmware: str = "PX4 fixed wing", more: tuple[str, ...] = (), stream: str = ""
-) -> PhysicalParameters:  # fmt: skip
+) -> Found:  # fmt: skip
     domain, draws = Domain((30.0, 42.0), 35.0, HEIGHT, RHO), known(vehicle, (*WING_NUMBERS, *more))
     return physical_parameters(vehicle, firmware, parameters, domain, draws, frozenset({stream}))
 

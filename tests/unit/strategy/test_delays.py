@@ -1,4 +1,4 @@
-"""Delays of sensors that nobody modelled are freed; nothing else is, and a file that gives a delay decides."""
+"""Delays of commands and of sensors are found in the record; a file that gives one decides, and none is made up."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from functools import cache
 
 import numpy as np
 import pytest
-from unit.strategy.test_strategy import WINDOWS, known
-from unit.strategy.test_strategy import flights as calm_flights
+from unit.strategy import test_strategy as short
+from unit.strategy.test_strategy import known
 
 from stoop.assessment.error_bars import error_bars
 from stoop.base.rotations import quaternions_of, to_body
@@ -17,11 +17,14 @@ from stoop.base.variables import EULER, SPECIFIC_FORCE, VELOCITY
 from stoop.errors import IdentificationError
 from stoop.estimate.estimate import Estimate
 from stoop.estimate.fit import Options
+from stoop.estimate.regression.command_delay import LONGEST, Scan, scan_delays
 from stoop.flight import Flight
 from stoop.flight.flight import from_columns
+from stoop.problem.prepare import prepare
 from stoop.problem.windows import Window
 from stoop.results.extensions import ExtensionTest, ExtensionTests
 from stoop.strategy import Strategy, sensor_delays
+from stoop.strategy.command_delays import with_found_delays
 from stoop.strategy.decision import Fitted, Setup, estimate
 from stoop.strategy.run import setup_of
 from stoop.vehicle import Vehicle
@@ -31,8 +34,112 @@ from stoop.vehicle.extensions import catalogue
 from stoop.workflow.identification import search
 from stoop_studies.verify import scenes
 
+CONTROLS = ("elevator", "aileron", "rudder")
+NAMES = ("pitch", "roll")
+NUMBER = "controls.elevator.delay"
+WINDOWS = [Window(name, 0.0, scenes.DURATION) for name in NAMES]
 
-def flown(late: tuple[str, ...]) -> list[Flight]:
+
+@cache
+def flown() -> tuple[Flight, ...]:
+    fly, truth, maneuvers = scenes.simulate_flight, scenes.aircraft(), scenes.maneuvers()
+    return tuple(fly(truth, maneuvers[n], noise=True, seed=seed, name=n) for seed, n in enumerate(NAMES))
+
+
+def commanded_early(flight: Flight, seconds: float) -> Flight:
+    """Return the flight with stamps of its commands so much before they act."""
+    n = round(seconds * flight.rate)
+    ahead = {c: ("time", np.append(flight.column(c)[n:], np.full(n, flight.column(c)[-1]))) for c in CONTROLS}
+    return replace(flight, data=flight.data.assign(ahead))
+
+
+def scanned(flights: list[Flight]) -> Scan | None:
+    """Return the scan of delays of all controls in these flights."""
+    vehicle = scenes.aircraft()
+    pieces = prepare(vehicle, {one.name: one for one in flights}, WINDOWS).pieces
+    return scan_delays(vehicle, pieces, [vehicle.inputs.index(c) for c in CONTROLS])
+
+
+def best(flights: list[Flight]) -> float:
+    """Return the delay that explains these flights best."""
+    scan = scanned(flights)
+    assert scan is not None
+    assert scan.delays[-1] == pytest.approx(LONGEST)
+    return float(scan.delays[np.argmax(scan.log_likelihood)])
+
+
+def found(vehicle: Vehicle, seconds: float) -> dict[str, float]:
+    flights = {one.name: commanded_early(one, seconds) for one in flown()}
+    changed, notices = with_found_delays(setup_of(Strategy.default(), vehicle, flights, WINDOWS), vehicle)
+    assert {n.subject for n in notices} == {n for n in changed.rows if n == NUMBER and n not in vehicle.rows}
+    return {n.subject: float(str(n.values["delay"])) for n in notices}
+
+
+@pytest.mark.parametrize("seconds", [0.0, 0.12, 0.46])
+def test_the_scan_finds_the_sample(seconds: float) -> None:
+    flights = [commanded_early(one, seconds) for one in flown()]
+    assert best(flights) == pytest.approx(seconds, abs=0.5 / flown()[0].rate)
+
+
+def test_a_delay_by_which_controls_turn_the_wrong_way_is_none() -> None:
+    """Commands that answer a motion explain it at the delay of the answer, with the other sign."""
+    early = [commanded_early(one, 0.3) for one in flown()]
+    back = [replace(e, data=e.data.assign({c: ("time", -e.column(c)) for c in CONTROLS})) for e in early]
+    scan = scanned(back)
+    assert scan is not None
+    there = int(np.argmin(np.abs(scan.delays - 0.3)))
+    # no better than no control at all, which any delay may be
+    assert scan.log_likelihood[there] == pytest.approx(scan.log_likelihood.min(), abs=1.0)
+
+
+def test_a_delay_beyond_the_usual_is_found_and_none_is_made_up() -> None:
+    assert found(scenes.aircraft(), 0.0) == {}
+    assert found(scenes.aircraft(), 0.06) == {}  # the usual prior covers it
+    assert found(scenes.aircraft(), 0.3) == {NUMBER: pytest.approx(0.3, abs=0.011)}
+
+
+@pytest.mark.parametrize("entry", [0.0, {"value": 0.0, "free": True, "bounds": [0.0, 0.1]}])
+def test_a_file_that_gives_a_delay_decides(entry: object) -> None:
+    given = with_entries(scenes.aircraft(), {("controls", c, "delay"): entry for c in CONTROLS})
+    flights = {one.name: commanded_early(one, 0.3) for one in flown()}
+    changed, notices = with_found_delays(setup_of(Strategy.default(), given, flights, WINDOWS), given)
+    assert changed is given
+    assert not notices
+
+
+def test_a_drafted_prior_of_a_delay_is_moved() -> None:
+    """As stoop vehicle new writes it: usual of an autopilot and a logger, not of a radio link."""
+    shared = "=controls.elevator.delay"
+    first = {("controls", "elevator", "delay"): {"value": 0.02, "prior": 0.02}}
+    others = {("controls", c, "delay"): shared for c in CONTROLS[1:]}
+    drafted = with_entries(scenes.aircraft(), first | others)
+    flights = [commanded_early(one, 0.4) for one in flown()]
+    done = search(drafted, flights, [str(w) for w in WINDOWS], options=Options(seed=1))
+    names = [p.name for p in done.estimate.problem.layout.parameters]
+    std = error_bars(done.estimate).std[names.index(NUMBER)]
+    assert std < 0.005
+    assert abs(done.estimate.estimates[NUMBER] - 0.4) < 4.0 * std
+    assert [n.code for n in done.estimate.notices].count("command-delay-found") == 1
+
+
+def test_no_rates_no_scan() -> None:
+    lost = {c: ("time", np.full(len(flown()[0].time), np.nan)) for c in "pqr"}
+    assert scanned([replace(one, data=one.data.assign(lost)) for one in flown()]) is None
+
+
+@pytest.mark.parametrize("lost", [0.06, 0.3])
+def test_a_reading_that_one_maneuver_lacks_for_a_while(lost: float) -> None:
+    first, second = (commanded_early(one, 0.3) for one in flown())
+    alpha = second.column("alpha").copy()
+    alpha[: round(lost * len(alpha))] = np.nan
+    blind = replace(second, data=second.data.assign(alpha=("time", alpha)))
+    assert best([first, blind]) == pytest.approx(0.3, abs=0.5 / first.rate)
+
+
+# --- sensors
+
+
+def rolled(late: tuple[str, ...]) -> list[Flight]:
     """Return the flight of a roll of the twin-boom aircraft with sensor noise, some channels recorded late."""
     maneuver = scenes.maneuvers()["roll"]
     flight = scenes.simulate_flight(scenes.aircraft(), maneuver, noise=True, seed=3, name="roll")
@@ -57,7 +164,7 @@ def freed(done: Fitted) -> list[str]:
     ],
 )
 def test_a_late_sensor_is_found(late: tuple[str, ...], name: str, number: str) -> None:
-    flights = flown(late)
+    flights = rolled(late)
     done = searched(flights)
     assert freed(done) == [name]
     index = [p.name for p in done.estimate.problem.layout.parameters].index(number)
@@ -69,7 +176,7 @@ def test_a_late_sensor_is_found(late: tuple[str, ...], name: str, number: str) -
 
 
 def test_what_is_in_time_stays_as_it_is() -> None:
-    done = searched(flown(()))
+    done = searched(rolled(()))
     assert freed(done) == []
     assert not any(name.endswith(".delay") for name in done.estimate.estimates)
 
@@ -77,7 +184,7 @@ def test_what_is_in_time_stays_as_it_is() -> None:
 @cache
 def calm() -> Fitted:
     options = Options(seed=1, budget=400.0, method="output-error")
-    return estimate(setup_of(Strategy.default(), known(), calm_flights(), WINDOWS, options=options))
+    return estimate(setup_of(Strategy.default(), known(), short.flights(), short.WINDOWS, options=options))
 
 
 def stopped(found: Fitted, status: str) -> Fitted:
@@ -165,9 +272,7 @@ def test_the_delay_of_velocities_is_known_before_the_fit(method: str, late: floa
 
 
 @pytest.mark.parametrize("ends", ["at once", "further", "refused"])
-def test_a_fit_with_a_delay_that_does_not_end_leaves_the_one_without(
-    asks_for_a_delay: list, ends: str
-) -> None:
+def test_a_fit_with_a_delay_that_does_not_end_leaves_the_other(asks_for_a_delay: list, ends: str) -> None:
     """After an interruption there is no further fit; a filter refuses delays, which must be known."""
     asked = list[bool]()
 
