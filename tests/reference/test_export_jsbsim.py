@@ -27,7 +27,6 @@ DENSER = 1e-5  #: JSBSim's standard atmosphere, relative; measured 8.1e-6 at sea
 
 
 def exported(root: Path, vehicle: Vehicle) -> str:
-    """Write JSBSim's root folder; return the name of the aircraft."""
     write_files(root, jsbsim_aircraft.folder(vehicle, None))
     return js.file_name(vehicle.name)
 
@@ -68,7 +67,6 @@ def test_accelerations_at_random_states(name: str, variant: str, tmp_path: Path)
 
 
 def apart(root: Path, record: js.Record, steps: int = 1) -> float:
-    """Return the largest difference of any channel, as a fraction of its maximum."""
     name = exported(root, record.vehicle)
     flown = js.jsbsim_readings(root, name, record, root / jsbsim_aircraft.PLANET)
     found = js.relative_differences(record.vehicle.outputs, js.own_readings(record, steps), flown)

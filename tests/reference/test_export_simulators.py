@@ -27,7 +27,6 @@ CRAZYFLOW = BARE | {("body_drag", "quadratic"): [0.0, 0.0, 0.0], ("body_drag", "
 
 
 def open_loop(vehicle: Vehicle, airspeed: float | None = None) -> ReferenceFlight:
-    """Return the first seconds of the reference flight, without restarts."""
     flight = reference_flight(vehicle, trim(vehicle, airspeed))
     assert flight is not None
     n = round(SECONDS / flight.dt) + 1
@@ -36,7 +35,6 @@ def open_loop(vehicle: Vehicle, airspeed: float | None = None) -> ReferenceFligh
 
 
 def shares_of_range(ours: np.ndarray, theirs: np.ndarray) -> dict[str, float]:
-    """Return the largest difference of each channel over its range."""
     shares = np.abs(theirs - ours).max(axis=0) / np.ptp(ours, axis=0)
     return dict(zip(CHANNELS, shares.tolist(), strict=False))
 

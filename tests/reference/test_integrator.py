@@ -23,8 +23,6 @@ PAPER = maneuver(
 
 
 def exact(kernel: Kernel, rows: np.ndarray, x: np.ndarray, u: np.ndarray, corner: float) -> np.ndarray:
-    """Return readings at every corner of the inputs."""
-
     def rates(s: float, state: np.ndarray, k: int) -> np.ndarray:
         here = u[k] + (u[min(k + 1, len(u) - 1)] - u[k]) * (s / corner)
         return kernel.evaluate(rows, state[:, None], here[:, None].copy())[0][:, 0]

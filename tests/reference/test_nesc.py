@@ -57,7 +57,6 @@ aerodynamics = {{ default = false, CD = {{ CD0 = {{ term = "1", value = 0.1 }} }
 
 
 def record(shared_data: Path, case: str, simulator: str) -> Record:
-    """Return the columns of one simulator's file, in its units."""
     folder = next((shared_data / "nesc-checkcases" / "Atmospheric_checkcases").glob(f"Atmos_{case}_*"))
     with (folder / f"Atmos_{case}_sim_{simulator}.csv").open() as lines:
         rows = list(csv.DictReader(lines))
@@ -70,12 +69,10 @@ def speed(data: Record) -> np.ndarray:
 
 
 def rates(data: Record) -> np.ndarray:
-    """Return the body's inertial rates (n, 3), deg/s."""
     return np.array([data[f"bodyAngularRateWrtEi_deg_s_{axis}"] for axis in AXES]).T
 
 
 def flown(vehicle: Vehicle, data: Record, start: Numbers, changes: Numbers, parts: int) -> np.ndarray:
-    """Return readings (n, k) of a body that begins at rest, in the file's own density."""
     t = data["time"]
     fine = np.linspace(t[0], t[-1], (len(t) - 1) * parts + 1)
     density = np.interp(fine, t, data["airDensity_slug_ft3"] * DENSITY)[:, None]
@@ -86,7 +83,6 @@ def flown(vehicle: Vehicle, data: Record, start: Numbers, changes: Numbers, part
 
 
 def tumble(data: Record, changes: Numbers, parts: int) -> np.ndarray:
-    """Return body rates (n, 3), deg/s, of the brick."""
     vehicle = parse_vehicle(BRICK, "brick")
     y = flown(vehicle, data, {"p": 10 * DEGREE, "q": 20 * DEGREE, "r": 30 * DEGREE}, changes, parts)
     return np.degrees(y[:, [vehicle.outputs.index(c) for c in "pqr"]])
@@ -133,7 +129,6 @@ def test_03_moments_at_the_recorded_states(shared_data: Path) -> None:
 
 
 def falling(data: Record, density: str, changes: Numbers) -> np.ndarray:
-    """Return the airspeed (n,) of the sphere, dropped as the file's was."""
     vehicle = parse_vehicle(SPHERE.replace('"log"', f'"{density}"'), "sphere")
     return flown(vehicle, data, {}, changes, 10)[:, vehicle.outputs.index("V")]
 
@@ -152,7 +147,6 @@ def test_01_drop_without_drag(shared_data: Path) -> None:
 
 
 def test_06_drag_at_the_recorded_states(shared_data: Path) -> None:
-    """The force on the sphere from the recorded speed and density."""
     data, tolerance = record(shared_data, "06", "01"), 1e-8
     vehicle = parse_vehicle(SPHERE, "sphere")
     n = len(data["time"]) - 1

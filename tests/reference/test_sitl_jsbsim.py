@@ -136,7 +136,6 @@ def test_surfaces_turn_where_the_autopilot_means(name: str, target: str, tmp_pat
 
 @pytest.mark.parametrize("name", ["hexa-x", "quadplane"])
 def test_the_allocation_is_that_of_the_model(name: str, tmp_path: Path) -> None:
-    """What PX4 computes from its parameters of a rotor is what JSBSim does when that output rises."""
     made = commands(name)
     texts, place = px4(made)
     known = airframe(texts)

@@ -109,7 +109,6 @@ def flown(twin: Twin, setpoint: Floats, gyro: Floats) -> dict[str, Floats]:
 
 @pytest.mark.parametrize("axis", AXES)
 def test_terms_are_those_of_the_twin(axis: str) -> None:
-    """Of each axis, and of every kind of low-pass in both places of the D term."""
     for kinds in ((0, 1), (1, 2), (2, 3), (3, 0)) if axis == "roll" else ((0, 1),):
         header = HEADER | {"dterm_lpf1_type": float(kinds[0]), "dterm_lpf2_type": float(kinds[1])}
         rng = np.random.default_rng(kinds[0])
@@ -186,7 +185,6 @@ def motors(output: tuple[float, float], e: float, newer: bool, throttle: float, 
 
 
 def test_motors_move_as_the_mixer_moves_them() -> None:
-    """Small commands about each axis, nose up and nose right, on top of a throttle; as a log has the motors, from 0 to 1."""
     ranges, step = ((DSHOT, 48.0, 2047.0), (PULSES, 1070.0, 2000.0)), 1e-3
     for (range_, stop, full), e, newer in itertools.product(ranges, (0.0, 0.4, 1.0), (False, True)):
         header = HEADER | range_ | {"thrust_linear": 100.0 * e} | ({"ap_position_f": 80.0} if newer else {})
@@ -296,7 +294,5 @@ def test_bad_headers() -> None:
         lost = dict.fromkeys(n for n in HEADER if n.startswith(low_pass))
         cases.append((lost, f"{low_pass}_static_hz is missing; take them from a log"))
     for wrong, word in cases:
-        header = {n: x for n, x in (HEADER | wrong).items() if x is not None}
-        with pytest.raises(StoopError, match=word) as caught:
-            rate_pid(header, "roll")
-        assert "\n" not in str(caught.value)
+        with pytest.raises(StoopError, match=word):
+            rate_pid({n: x for n, x in (HEADER | wrong).items() if x is not None}, "roll")

@@ -112,7 +112,6 @@ def test_motors_follow_with_their_lag() -> None:
 
 @pytest.mark.parametrize("name", ["twin-boom", "quadplane"])
 def test_first_order_on_wings(name: str) -> None:
-    """All derivatives of forces and moments at the steady flight are the vehicle's, by the exact ones of `derivatives`."""
     vehicle = builtin_vehicle(name)
     point = trim(vehicle, vehicle.value("reference.airspeed"))
     model, exact = gazebo_model(vehicle, point), derivatives(vehicle, point)
@@ -160,7 +159,6 @@ def test_vehicles_of_its_own_terms_fly_alike(kind: str) -> None:
 
 @pytest.mark.parametrize("name", VEHICLES)
 def test_structure(name: str) -> None:
-    """Joints join links that are there, systems name joints and links that are there, and mass properties are the vehicle's."""
     vehicle = builtin_vehicle(name)
     texts = gazebo_files.folders(made(vehicle), made(vehicle, True))
     for place in (place for place in texts if place.endswith("model.sdf")):
@@ -191,7 +189,6 @@ def test_structure(name: str) -> None:
 
 
 def test_blades_give_thrust_torque_and_losses() -> None:
-    """LiftDrag's blades, over the azimuth, at rest and in a slow climb and drift."""
     vehicle = builtin_vehicle("quad-x")
     model, plain = made(vehicle, True), made(vehicle)
     twin = naive.Model(gazebo_files.model(model, model.name))
@@ -211,7 +208,6 @@ def test_blades_give_thrust_torque_and_losses() -> None:
 
 
 def test_outputs_of_the_autopilots() -> None:
-    """An output of PX4 or ArduPilot turns rotors as the recorded channel does."""
     model = made(builtin_vehicle("quad-x"))
     texts = gazebo_files.folders(model, made(model.vehicle, True))
     sets, motor = sets_of(texts[f"px4/{airframe_number(model.name)}_gz_{model.name}"]), model.motors[0]
@@ -227,13 +223,11 @@ def test_outputs_of_the_autopilots() -> None:
 
 
 def sets_of(text: str) -> dict[str, float]:
-    """Return the parameters of an airframe of PX4 or a parameter file of ArduPilot."""
     pairs = [line.removeprefix("param set-default ").split() for line in text.splitlines()]
     return {p[0]: float(p[1]) for p in pairs if len(p) == 2 and p[0].isupper()}
 
 
 def rotor_tables(text: str, order: list[str], spins: dict[str, str] | None = None) -> str:
-    """Return a vehicle file whose rotors stand in another order; some turn otherwise."""
     parts = re.split(r"(?m)^(?=\[)", text)
     rotors = {p[7 : p.index("]")]: p for p in parts if p.startswith("[rotor.")}
     for name, spin in (spins or {}).items():
@@ -247,7 +241,6 @@ def rotor_tables(text: str, order: list[str], spins: dict[str, str] | None = Non
     [("-quad-x", 1.1), ("quad-plus", 1.0), ("hexa-x", 2.1), ("octo-x", 3.1), ("quadplane", 1.1)],
 )
 def test_the_frame_follows_from_where_rotors_stand(name: str, frame: float) -> None:
-    """Output n has the function of the motor of ArduPilot that stands and turns there, whatever the order of the file."""
     backward, name = name.startswith("-"), name.removeprefix("-")
     text = builtin_text(name)
     order = re.findall(r"(?m)^\[rotor\.(\w+)\]", text)

@@ -66,8 +66,6 @@ def wings() -> Injection:
 
 
 class Clock:
-    """A clock that runs by sleeping."""
-
     def __init__(self) -> None:
         self.now = 100.0
 
@@ -79,7 +77,6 @@ class Clock:
 
 
 def module(folder: Path, files: dict[str, str], name: str) -> Any:
-    """Write files, and import a script of them with a clock of ours."""
     for file, text in files.items():
         (folder / file).write_text(text)
     script = load_script(folder / name)
@@ -208,7 +205,6 @@ def test_the_script_of_a_plane_ends_beyond_limits() -> None:
 
 
 def waveform(p: dict[str, float], time: float) -> float:
-    """The signal of ArduCopter's mode System ID, step by step."""
     w_min, w_max = 2 * math.pi * p["SID_F_START_HZ"], 2 * math.pi * p["SID_F_STOP_HZ"]
     record, fade_in, fade_out = p["SID_T_REC"], p["SID_T_FADE_IN"], p["SID_T_FADE_OUT"]
     constant, b, window = 2.0 / p["SID_F_START_HZ"], math.log(w_max / w_min), 1.0
@@ -247,8 +243,6 @@ def test_parameters_of_sweeps_give_the_designed_signal() -> None:
 
 
 class Link:
-    """A link of MAVLink that records set-points and modes, and changes once some set-points were sent."""
-
     target_system = target_component = 1
     mode, roll, pitch, asked, silent, refuses, pending = 4 << 16, 0.0, 0.0, "", False, False, 0
 
@@ -389,7 +383,6 @@ def test_the_card_counts_the_steps() -> None:
 
 
 def test_refusals() -> None:
-    """Vehicles and throws that a target does not take, and maneuvers that it cannot write."""
     two, near = {"elevator": 0.4, "aileron": 0.3}, {**THROWS, "aileron": 0.02}
     for target, name, text, throws, said in (
         (PILOT, "quad-x", DOUBLETS, {}, "this flight is on rotors; its sticks command"),

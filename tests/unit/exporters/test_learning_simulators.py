@@ -38,7 +38,6 @@ def square() -> Vehicle:
 
 
 def drawn(vehicle: Vehicle, count: int = 12) -> ModelData:
-    """Return a model with draws of thrust and drag that correlate."""
     z = np.random.default_rng(1).standard_normal((count, 2))
     thrust = vehicle.value("rotors.T2") * (1.0 + 0.02 * z[:, 0])
     drag = vehicle.value("rotors.drag") * (1.0 + 0.05 * (0.8 * z[:, 0] + 0.6 * z[:, 1]))
@@ -46,7 +45,6 @@ def drawn(vehicle: Vehicle, count: int = 12) -> ModelData:
 
 
 def test_gym_pybullet_drones_reads_the_description(square: Vehicle) -> None:
-    """As BaseAviary does: by the places of elements."""
     made = GymPyBulletDrones(ModelData(square)).files()
     root = ET.fromstring(made.files[made.main])  # noqa: S314
     properties, base, mass = root[0].attrib, root[1], square.value("mass.mass")

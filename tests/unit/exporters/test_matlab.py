@@ -94,7 +94,6 @@ def test_the_function_computes_what_the_kernel_does(twin_boom: Vehicle, steady: 
 
 
 def stepped(made: Any, s: np.ndarray, a: np.ndarray, b: np.ndarray, p: np.ndarray, h: float) -> np.ndarray:
-    """Return the state after a step, by the lines of the script."""
     script, function = made.texts[f"{made.name}_fly.m"], made.texts[f"{made.name}_equations.m"]
     known: dict[str, Any] = {"s": s, "a": a, "b": b, "p": p, "h": h}
     known[f"{made.name}_equations"] = lambda *given: run(function, *given)[0]

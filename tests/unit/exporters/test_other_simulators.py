@@ -70,7 +70,6 @@ def test_a_longitudinal_fit_is_exported_whole_to_gazebo() -> None:
 
 
 def rotorpy_script(vehicle: Vehicle, folder: Path, **lost: float) -> Any:
-    """Write an export, some of its parameters changed, and import it."""
     pytest.importorskip("rotorpy")
     made = rotorpy_model.rotorpy_model(vehicle, trim(vehicle))
     for name, text in made.texts.items():

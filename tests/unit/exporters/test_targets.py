@@ -16,8 +16,6 @@ from stoop.exporters.targets import TARGETS, Target
 
 
 class MassCard(Exporter):
-    """The mass of a vehicle on a card."""
-
     def files(self) -> Exported:
         text = f"{self.vehicle.value('mass.mass')!r} kg\n"
         return Exported({"card.txt": text.encode()}, "card.txt", ("a card",))
@@ -31,7 +29,6 @@ class MassCard(Exporter):
 
 @pytest.fixture
 def card(monkeypatch: pytest.MonkeyPatch) -> str:
-    """Add a target: a module with a class, and a row."""
     module = ModuleType("stoop.exporters.mass_card")
     module.MassCard = MassCard  # type: ignore[attr-defined]
     monkeypatch.setitem(sys.modules, module.__name__, module)

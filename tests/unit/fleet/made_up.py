@@ -17,7 +17,6 @@ CHANGED = "v3"
 
 
 def fleet(seed: int = 1) -> tuple[FigureTable, Parts]:
-    """Return thrusts of a rotor that is exchanged once, and drags, of a year with a season."""
     rng, fittings, rows = np.random.default_rng(seed), [], []
     for v in range(VEHICLES):
         name, days = f"v{v}", np.sort(rng.uniform(0.0, 365.0, FLIGHTS))
@@ -42,7 +41,6 @@ def fleet(seed: int = 1) -> tuple[FigureTable, Parts]:
 
 
 def changed(table: FigureTable, figure: str, first: int, size: float) -> FigureTable:
-    """Return the table with a step of a vehicle's figure from a flight on."""
     own = [v == CHANGED and f == figure for v, f in zip(table.vehicle, table.figure, strict=True)]
     late = [int(flight.partition("-")[2]) >= first for flight in table.flight]
     return replace(table, value=table.value + size * (np.array(own) & np.array(late)))

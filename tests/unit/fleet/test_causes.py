@@ -16,7 +16,6 @@ FLIGHTS = 60
 
 
 def stretch(figure: str, place: str, first: int, size: float, seed: int = 0) -> Stretch:
-    """Return readings of a scatter of one, with a step."""
     time, ones = np.arange(float(FLIGHTS)), np.ones(FLIGHTS)
     values = np.random.default_rng([seed, len(figure)]).standard_normal(FLIGHTS) + size * (time >= first)
     texts = {"flight": [f"f{i}" for i in range(FLIGHTS)], "vehicle": ["v"] * FLIGHTS}
@@ -88,7 +87,6 @@ def test_causes_are_those_of_every_hypothesis(kind: Kind, seed: int) -> None:
 
 @pytest.mark.parametrize("weak", range(3))
 def test_the_rotor_is_named_whose_share_moves_the_others_with_it(weak: int) -> None:
-    """Shares over the mean of three: one that changes by two moves the others by one, the other way."""
     names = ["m1", "m2", "m3"]
     places = [" ".join([name, *(n for n in names if n != name)]) for name in names]
     sizes = [6.0 if i == weak else -3.0 for i in range(3)]
@@ -103,7 +101,6 @@ def test_the_rotor_is_named_whose_share_moves_the_others_with_it(weak: int) -> N
 
 
 def test_the_event_is_named_that_explains_what_changed() -> None:
-    """By the part on which a figure depends, by other figures that changed with it, or by nothing that was recorded."""
     named = {"share": "rotor_1", "climb": "", "drag": ""}
     share, climb, drag = (stretch(figure, place, 30, 3.0) for figure, place in named.items())
     lift, early = stretch("lift", "", 99, 0.0), stretch("share", "rotor_1", 20, 4.0)

@@ -26,7 +26,6 @@ def readings(rng: np.random.Generator, n: int, spread: tuple[float, ...]) -> Rea
 
 
 def left(A: FloatArray, b: FloatArray, precisions: FloatArray) -> float:
-    """Return the least sum of squares, those of the effects over their spreads among them."""
     stacked = np.vstack([A, np.diag(np.sqrt(precisions))])
     target = np.concatenate([b, np.zeros(len(precisions))])
     return float(np.sum((target - stacked @ np.linalg.lstsq(stacked, target, rcond=1e-12)[0]) ** 2))
@@ -67,7 +66,6 @@ def test_ratios_with_a_trend_are_those_of_regressions() -> None:
 
 
 def test_the_rate_of_false_alarms_is_the_stated_one() -> None:
-    """Vehicles differ, and so do the parts that they carry for a while."""
     rng = np.random.default_rng(4)
     sequences = [readings(rng, 60, (0.5, 0.4, 0.4)) for _ in range(40)]
     h = threshold(np.concatenate([peaks(one, 100, rng)[1:] for one in sequences]), 100.0)

@@ -20,7 +20,6 @@ def recording(info: dict[str, str], streams: dict[str, Stream] | None = None) ->
 
 
 def test_real_logs_tell_vehicle_firmware_date_and_count(shared_data: Path) -> None:
-    """What the readers of PX4 and ArduPilot print of these logs."""
     for name, vehicle, software, began, count in (
         ("px4-ulog-reader-samples/sample_log_small.ulg", "000600000000383638393239510d0035002d", "1.11.2 8583f1da",
          datetime(2021, 4, 21, 6, 30, 38, tzinfo=UTC), 65.0),
@@ -33,7 +32,6 @@ def test_real_logs_tell_vehicle_firmware_date_and_count(shared_data: Path) -> No
 
 
 def test_dates_of_receivers_blackbox_and_bags() -> None:
-    """A receiver without a fix tells none."""
     clock = np.array([0.0, 0.0, 1e6 * NOON + 2e6, 1e6 * NOON + 3e6])
     for columns, zero in (({"time_utc_usec": clock}, NOON), ({"time_utc_usec": 0.0 * clock}, None)):
         assert header(recording({}, {"vehicle_gps_position": Stream(np.arange(4.0), columns)})).zero == zero

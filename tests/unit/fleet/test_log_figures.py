@@ -42,7 +42,6 @@ def told(group: str, flight: Flight, vehicle: Vehicle | None = None) -> dict[str
 
 
 def drawn(rng: np.random.Generator) -> Flight:
-    """Return a flight of a battery that is emptied, its readings correlated over seconds."""
     time = np.arange(0.0, SECONDS, 1.0 / RATE)
 
     def colored(pole: float) -> FloatArray:
@@ -124,7 +123,6 @@ def test_the_error_of_a_scale_reaches_to_the_reverse_regression(gusts: float, gr
 
 
 def hovering(rng: np.random.Generator, slope: float) -> Flight:
-    """Return a hover of a quadrotor whose lift goes with the voltage of the charge, N/V; thrust makes that sag."""
     balance, time = Balance(builtin_vehicle("quad-x")), np.arange(0.0, 300.0, 1.0 / RATE)
     commands = np.linspace(0.2, 1.0, 500)
     lifts = balance.of_thrust[0] @ balance.drive({f"motor_{i}": commands for i in range(1, 5)})[0]
@@ -156,7 +154,6 @@ LEVEL = MASS * 9.80665 / (0.5 * DENSITY * SPEED**2 * AREA)  #: lift coefficient 
 
 
 def glide(rng: Any, noise: float = 0.02, swing: float = 4.0, mass: float = MASS, **others: Any) -> Flight:
-    """Return a glide at a load factor of one, its polar and its trims known, the motor off."""
     time = np.arange(0.0, 300.0, 1.0 / RATE)
     V = SPEED + swing * np.sin(0.05 * time)
     pressure_area = 0.5 * DENSITY * V**2 * AREA

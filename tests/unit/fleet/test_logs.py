@@ -41,7 +41,6 @@ def planned(logs: list[Path], *options: Any) -> Reading:
 
 
 def said(day: int, count: float, vehicle: str = "uuid") -> dict[str, Any]:
-    """Return what a run of a log of half an hour returns, with a header."""
     begin = 86400.0 * day
     header = {"vehicle": vehicle, "time": begin, "end": begin + 1800.0, "count": count, "density": 1.2}
     figures = [["az.bias", 0.1, 0.01, "imu", "m/s2"]]
@@ -49,7 +48,6 @@ def said(day: int, count: float, vehicle: str = "uuid") -> dict[str, Any]:
 
 
 def table_of(folder: Path, logs: dict[str, dict[str, Any]], flights: Path | None = None) -> LogFigures:
-    """Gather as a command does, and keep its files."""
     folder.mkdir(exist_ok=True)
     paths = [folder / f"{name}.ulg" for name in logs]
     for path in paths:

@@ -22,7 +22,6 @@ from stoop.report.sheet import render_sheet
 
 @cache
 def exchanged() -> tuple[FigureTable, Parts, FleetAnalysis, ToldAlarm]:
-    """Return a fleet with a weak new part, its analysis, and the alarm."""
     table, parts = fleet()
     worn = changed(table, "thrust", EXCHANGED, -0.15)
     found = analyze(worn, parts, 0.1)
@@ -36,7 +35,6 @@ def rendered(table: FigureTable, parts: Parts, found: FleetAnalysis, alarms: tup
 
 
 def cells(html: str) -> list[list[str]]:
-    """Return the texts of the rows of a table."""
     rows = re.findall(r"<tr[^>]*>(.*?)</tr>", html, re.DOTALL)
     return [re.findall(r"<t[hd][^>]*>(.*?)</t[hd]>", row) for row in rows]
 

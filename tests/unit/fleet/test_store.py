@@ -30,8 +30,6 @@ STEP = ("v3", "thrust", "step", f"v3-{EXCHANGED}")
 
 
 def write(folder: Path, table: FigureTable, parts: Parts = PARTS, name: str = "figures") -> tuple[Path, Path]:
-    """Write the tables that a user has."""
-
     def moment(seconds: float) -> str:
         return datetime.fromtimestamp(seconds, UTC).isoformat() if np.isfinite(seconds) else ""
 
@@ -42,7 +40,6 @@ def write(folder: Path, table: FigureTable, parts: Parts = PARTS, name: str = "f
 
 
 def update_fleet(*words: Any, **options: Any) -> tuple[Fleet, tuple[ToldAlarm, ...], FleetAnalysis]:
-    """Return the updated fleet, the alarms that are new, and the analysis."""
     with updated_fleet(*words, **options) as update:
         pass
     return update.fleet, update.fresh, update.analysis

@@ -19,7 +19,6 @@ from stoop.flight import from_columns
 
 @pytest.fixture(scope="module")
 def logs(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return a folder with the logs of two flights, their table, and twelve files that are no logs."""
     folder = tmp_path_factory.mktemp("logs")
     rng, t = np.random.default_rng(0), np.arange(0.0, 60.0, 0.2)
     for i in range(2):
@@ -33,7 +32,6 @@ def logs(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def copied(log: Path, to: Path) -> Path:
-    """Return a copy of a log, with that of its mapping."""
     shutil.copy(log.with_name(f"{log.name}.toml"), to.with_name(f"{to.name}.toml"))
     return Path(shutil.copy(log, to))
 

@@ -31,7 +31,6 @@ MOVES = Maneuver.model_validate({"duration": 8.0, "rate": 50.0, "input": [LINE]}
 
 
 def of(vehicle: Vehicle, **limits: Any) -> Setup:
-    """Return a vehicle in steady flight of which nothing is known."""
     point, noise = trim(vehicle), sensor_noise(vehicle)
     return Setup(vehicle, point, Limits.about(vehicle, point, **limits), Knowledge.none(), noise)
 
@@ -169,7 +168,6 @@ def test_what_is_too_small_or_too_long_is_not_proposed() -> None:
 
 @pytest.mark.parametrize("shape", ["3-2-1-1", "sweep"])
 def test_a_multirotor_is_designed_for_under_its_autopilot(shape: str) -> None:
-    """In short windows whose start is unknown; the information of two maneuvers is more than that of one."""
     setup = of(builtin_vehicle("quad-x"), amplitude={"pitch": 0.0, "heave": 0.0, "yaw": 0.0})
     assert set(setup.limits.amplitude) == {"roll"}
     assert not setup.limits.slew
@@ -186,7 +184,6 @@ def test_a_multirotor_is_designed_for_under_its_autopilot(shape: str) -> None:
 
 
 def test_maneuvers_on_rotors_are_flown_side_by_side(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A batch takes the steps of one flight, and its costs are those of single flights."""
     hover = of(builtin_vehicle("quad-x"))
     plan = Plan(duration=5.0)
     frame = Frame(hover.limits.amplitude, {}, plan.duration, plan.band, optimization.MIN_STEP)
@@ -203,7 +200,6 @@ def test_maneuvers_on_rotors_are_flown_side_by_side(monkeypatch: pytest.MonkeyPa
 
 
 def test_the_textbook_is_proposed_where_no_design_is_better() -> None:
-    """One evaluation of small steps is worse than the textbook's; where it cannot be flown, the design stays."""
     small = replace(PLAN, evaluations=1)
     found = propose(setup(), small, ["doublet"])
     assert found.best.shape == "textbook"

@@ -84,7 +84,6 @@ def counted(beat: float, duration: float = 40.0) -> Frame:
 @settings(max_examples=15)
 @given(data=st.data(), beat=st.sampled_from([0.25, 0.5, 1.0]))
 def test_steps_by_hand_fall_on_the_beat(shape: str, data: st.DataObject, beat: float) -> None:
-    """One control after the other, from steady flight, with hands off before the next."""
     family = SHAPES[shape](counted(beat))
     box = st.lists(st.floats(0.0, 1.0), min_size=family.dimension, max_size=family.dimension)
     specs = family.inputs(np.array(data.draw(box)))

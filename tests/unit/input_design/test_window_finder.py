@@ -52,7 +52,6 @@ def test_a_small_or_short_doublet_beside_a_large_one_is_a_window(step: float, si
 
 
 def noise(seed: int, seconds: float) -> FloatArray:
-    """Return levels of a random sign and size that last some time each."""
     levels = np.random.default_rng(seed).normal(size=TIME.size)
     return np.repeat(levels, round(seconds * RATE))[: TIME.size]
 
@@ -76,7 +75,6 @@ def test_a_flight_whose_inputs_stand_still_has_no_windows_for_a_vehicle_either()
 
 @pytest.fixture(scope="module")
 def pulsed() -> tuple[Vehicle, Flight]:
-    """Return quad-x, driven by pulses, and a flight."""
     text = builtin_vehicle("quad-x").text.replace('"motor_', '"pwm_')
     drive = 'drive = "command"'
     vehicle = parse_vehicle(text.replace(drive, f"{drive}\ngain = 0.001\nidle = 1000"), "pulses.toml")
@@ -92,7 +90,6 @@ def test_windows_of_pulses(pulsed: tuple[Vehicle, Flight]) -> None:
 
 
 def test_motors_are_told_by_gain_and_idle_and_a_pusher_does_not_lift(pulsed: tuple[Vehicle, Flight]) -> None:
-    """Of a vehicle that its rotors carry windows without a maneuver are candidates beside those with one."""
     vehicle, flight = pulsed
     told = with_motors(flight, vehicle)
     assert np.allclose(told.column("motor_3"), 0.001 * (flight.column("pwm_3") - 1000.0))

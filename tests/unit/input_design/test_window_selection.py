@@ -71,7 +71,6 @@ def test_a_command_that_rests_at_its_end_is_saturated_and_a_peak_or_a_pulsed_pus
 
 
 def test_each_axis_flown_twice_is_predicted_once() -> None:
-    """Two sets of three maneuvers: one of each axis is fitted, the other one held out."""
     axes = ("pitch", "yaw", "roll")
     told = [np.diag([size if i == k else 0.0 for i in range(3)]) for size in (60.0, 10.0) for k in range(3)]
     choice = chosen([at(10.0 * i, 5.0, axes[i % 3]) for i in range(6)], *told)

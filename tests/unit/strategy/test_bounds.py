@@ -44,7 +44,6 @@ def flight() -> Flight:
 
 
 def found(share: float, method: str = "output-error", **fields: object) -> Estimate:
-    """Fit the inertia from a file in which it is a share of the truth."""
     vehicle = known().with_numbers({INERTIA: {"value": share * known().value(INERTIA), **fields}})
     options = Options(budget=4000.0, method=method)
     return fit(FIT_ALONE, vehicle, {"flight": flight()}, WINDOWS, options=options).estimate
@@ -74,7 +73,6 @@ def test_what_was_found_stands_where_wider_bounds_end_worse() -> None:
     calls: list[Fitted] = []
 
     def fitter(setup: Setup) -> Fitted:
-        """Fit at first; then end where a search began, in another optimum."""
         one = estimate(setup)
         if calls:
             z = np.concatenate([one.estimate.problem.layout.start, one.estimate.z[1:]])

@@ -47,21 +47,18 @@ def flown() -> tuple[Flight, ...]:
 
 
 def commanded_early(flight: Flight, seconds: float) -> Flight:
-    """Return the flight with stamps of its commands so much before they act."""
     n = round(seconds * flight.rate)
     ahead = {c: ("time", np.append(flight.column(c)[n:], np.full(n, flight.column(c)[-1]))) for c in CONTROLS}
     return replace(flight, data=flight.data.assign(ahead))
 
 
 def scanned(flights: list[Flight]) -> Scan | None:
-    """Return the scan of delays of all controls in these flights."""
     vehicle = scenes.aircraft()
     pieces = prepare(vehicle, {one.name: one for one in flights}, WINDOWS).pieces
     return scan_delays(vehicle, pieces, [vehicle.inputs.index(c) for c in CONTROLS])
 
 
 def best(flights: list[Flight]) -> float:
-    """Return the delay that explains these flights best."""
     scan = scanned(flights)
     assert scan is not None
     assert scan.delays[-1] == pytest.approx(LONGEST)
@@ -90,6 +87,8 @@ def test_a_delay_by_which_controls_turn_the_wrong_way_is_none() -> None:
     there = int(np.argmin(np.abs(scan.delays - 0.3)))
     # no better than no control at all, which any delay may be
     assert scan.log_likelihood[there] == pytest.approx(scan.log_likelihood.min(), abs=1.0)
+    lost = {c: ("time", np.full(len(flown()[0].time), np.nan)) for c in "pqr"}
+    assert scanned([replace(one, data=one.data.assign(lost)) for one in flown()]) is None, "no rates"
 
 
 def test_a_delay_beyond_the_usual_is_found_and_none_is_made_up() -> None:
@@ -122,11 +121,6 @@ def test_a_drafted_prior_of_a_delay_is_moved() -> None:
     assert [n.code for n in done.estimate.notices].count("command-delay-found") == 1
 
 
-def test_no_rates_no_scan() -> None:
-    lost = {c: ("time", np.full(len(flown()[0].time), np.nan)) for c in "pqr"}
-    assert scanned([replace(one, data=one.data.assign(lost)) for one in flown()]) is None
-
-
 @pytest.mark.parametrize("lost", [0.06, 0.3])
 def test_a_reading_that_one_maneuver_lacks_for_a_while(lost: float) -> None:
     first, second = (commanded_early(one, 0.3) for one in flown())
@@ -140,7 +134,6 @@ def test_a_reading_that_one_maneuver_lacks_for_a_while(lost: float) -> None:
 
 
 def rolled(late: tuple[str, ...]) -> list[Flight]:
-    """Return the flight of a roll of the twin-boom aircraft with sensor noise, some channels recorded late."""
     maneuver = scenes.maneuvers()["roll"]
     flight = scenes.simulate_flight(scenes.aircraft(), maneuver, noise=True, seed=3, name="roll")
     readings = {c: (flight.data[c].dims, scenes.recorded_late(flight.data[c].to_numpy())) for c in late}
@@ -159,26 +152,26 @@ def freed(done: Fitted) -> list[str]:
 @pytest.mark.parametrize(
     ("late", "name", "number"),
     [
-        (("beta",), "sensors.beta.delay", "sensors.beta.delay"),
-        (("phi", "theta", "psi"), "sensors.attitude.delay", "sensors.phi.delay"),
+        (("beta",), "beta", "sensors.beta.delay"),
+        (("phi", "theta", "psi"), "attitude", "sensors.phi.delay"),
+        ((), "", ""),
     ],
 )
-def test_a_late_sensor_is_found(late: tuple[str, ...], name: str, number: str) -> None:
+def test_a_late_sensor_is_found_and_what_is_in_time_stays(
+    late: tuple[str, ...], name: str, number: str
+) -> None:
     flights = rolled(late)
     done = searched(flights)
-    assert freed(done) == [name]
+    assert freed(done) == ([f"sensors.{name}.delay"] if late else [])
+    if not late:
+        assert not any(name.endswith(".delay") for name in done.estimate.estimates)
+        return
     index = [p.name for p in done.estimate.problem.layout.parameters].index(number)
     assert abs(done.estimate.estimates[number] - scenes.LATE) < 3.0 * done.tested.bars.std[index]
     assert done.tested.bars.std[index] < 0.005
     if late == ("beta",):  # a file that gives the delay decides for itself
         given = with_entries(scenes.aircraft(), {("sensors", one, "delay"): 0.0 for one in late})
         assert freed(searched(flights, given)) == []
-
-
-def test_what_is_in_time_stays_as_it_is() -> None:
-    done = searched(rolled(()))
-    assert freed(done) == []
-    assert not any(name.endswith(".delay") for name in done.estimate.estimates)
 
 
 @cache
@@ -194,7 +187,6 @@ def stopped(found: Fitted, status: str) -> Fitted:
 
 @pytest.fixture
 def asks_for_a_delay(monkeypatch: pytest.MonkeyPatch) -> list[tuple[float, float]]:
-    """Score tests that ask for the delay of a sensor once; costs of the fits whose likelihoods are compared."""
     late = next(one for one in catalogue(known()) if one.readings)
     test = ExtensionTest(late.name, "delay", 0.02, 0.001, "s", 20.0, 1e-9, 200.0, "x", 0.02)
     asked, compared = [ExtensionTests(10, 0.05, (test,))], list[tuple[float, float]]()
@@ -213,7 +205,6 @@ def asks_for_a_delay(monkeypatch: pytest.MonkeyPatch) -> list[tuple[float, float
 
 
 def longer(setup: Setup) -> bool:
-    """Whether a fit is that with a delay among its unknowns."""
     return setup.vehicle is not known()
 
 
@@ -237,7 +228,6 @@ def test_likelihoods_of_two_methods_are_not_compared(asks_for_a_delay: list, gai
 
 @cache
 def hovered(late: float) -> Flight:
-    """Return a flight of a quadrotor that is tossed about, its velocities late."""
     vehicle, rng = builtin_vehicle("quad-x"), np.random.default_rng(2)
     t = np.arange(0.0, 60.0, 0.02)
     slow = [np.convolve(rng.standard_normal(t.size), np.hanning(150), "same") for _ in range(6)]
@@ -258,7 +248,6 @@ def hovered(late: float) -> Flight:
     [("multiple-shooting", 0.2, True), ("filter-error", 0.2, False), ("multiple-shooting", 0.0, False)],
 )
 def test_the_delay_of_velocities_is_known_before_the_fit(method: str, late: float, free: bool) -> None:
-    """A filter must know it."""
     flights, windows = {"hover": hovered(late)}, (Window("hover", 0.0, 5.0),)
     quad, options = builtin_vehicle("quad-x"), Options(method=method)
     setup = setup_of(Strategy.default(), quad, flights, windows, options=options)

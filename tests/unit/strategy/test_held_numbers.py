@@ -35,7 +35,6 @@ def flight(name: str) -> Flight:
 
 
 def user(**numbers: dict[str, object]) -> Vehicle:
-    """Return the true vehicle with these free numbers alone, each with what is told of it."""
     truth = scenes.aircraft()
     changes: dict[str, dict[str, object]] = {p.name: {"free": False} for p in truth.parameters if p.free}
     return truth.with_numbers(changes | {n: {"free": True} | told for n, told in numbers.items()})
@@ -48,7 +47,6 @@ def pitching(scale: float, **inertia: object) -> Vehicle:
 
 
 def rolling(**told: dict[str, object]) -> Vehicle:
-    """Return that with priors about the truth but for those given."""
     names = ("Clp", "Claileron", "Clbeta", "Cnbeta", "Cnr", "Cnrudder")
     return user(**{n: {"prior": 0.2 * abs(scenes.aircraft().value(n))} for n in names} | told)
 
@@ -95,7 +93,6 @@ def test_a_held_moment_without_a_prior_is_known_as_its_bounds_say() -> None:
 
 @pytest.mark.parametrize("share", [0.3, 0.9])
 def test_of_the_inertia_in_yaw_and_the_torque_of_rotors_a_flight_shows_the_ratio(share: float) -> None:
-    """Where it moves the moment against its prior, the moment is held; within its prior it stays free."""
     scene = quadrotor_scene(0.0, 1)
     name, truth = "mass.inertia.zz", scene.truth["mass.inertia.zz"]
     vehicle = scene.start.with_numbers({name: {"value": share * truth, "prior": 0.2 * share * truth}})
@@ -110,7 +107,6 @@ def test_of_the_inertia_in_yaw_and_the_torque_of_rotors_a_flight_shows_the_ratio
 
 
 def held(value: float, known: float | None) -> Estimate:
-    """Return the estimate with the moment held at a value, of which a standard deviation is known."""
     return done(pitching(1.0, free=False, value=value, prior=known), Strategy.textbook()).estimate
 
 
@@ -155,7 +151,6 @@ def test_a_prior_that_the_flight_contradicts_is_widened() -> None:
 
 
 def test_right_priors_stay_and_a_mass_is_a_measurement() -> None:
-    """It is named by the notices of a result, and not estimated anew."""
     mass, only = scenes.aircraft().value("mass.mass"), Strategy.only("priors")
     found = done(rolling(), only, "roll")
     assert [one.state for one in found.decisions if one.name == "priors"] == ["not needed"]

@@ -31,7 +31,6 @@ def found(wrong: Vehicle, flight: Flight) -> Estimate:
 
 
 def ended(found: Estimate, x: FloatArray) -> Estimate:
-    """Return an estimate that ended with other parameters (D,) of the unit box."""
     z = np.concatenate([x, found.z[len(x) :]])
     return replace(found, z=z, outcome=replace(found.outcome, z=z))
 

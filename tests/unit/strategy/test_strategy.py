@@ -42,7 +42,6 @@ PLAIN = Treatment(**dict.fromkeys(OFF, False))
 
 @cache
 def known() -> Vehicle:
-    """Return a longitudinal aircraft with three free numbers and a servo without lag."""
     vehicle = with_entries(builtin_vehicle("twin-boom"), {("controls", "elevator", "lag"): 0.0})
     return with_few_free(vehicle.reduced("longitudinal"), FREE)
 
@@ -54,7 +53,6 @@ def flights() -> dict[str, Flight]:
 
 
 def changed(names: str, channel: str, change: Callable[[np.ndarray], np.ndarray]) -> dict[str, Flight]:
-    """Return the flights, one channel of some of them changed."""
     out = dict(flights())
     for name in names:
         column = change(out[name].column(channel).copy())
@@ -132,7 +130,6 @@ def test_a_decision_applies_where_the_data_call_for_it_and_its_switch_turns_it_o
 
 
 def test_textbook_is_output_error_to_the_last_bit(clean: Fitted) -> None:
-    """Of data that call for four decisions, beside the estimator itself; by default the estimates differ."""
     given = changed("a", "q", spiked) | {"b": changed("b", "q", noisy)["b"]}
     options = Options(seed=1, budget=4000.0)
     done = fit(Strategy.textbook(), known(), given, WINDOWS, options=options)
@@ -160,7 +157,6 @@ def test_treatment_is_decided_by_the_strategy_alone() -> None:
 
 
 def switched(words: str) -> Strategy:
-    """Return the strategy of switches on the command line."""
     parser = argparse.ArgumentParser()
     add_options(parser, verbs()["identify"].options)
     given = ["a.ulg", "--vehicle", "twin-boom", "--maneuver", "0:5", "-o", "out", *words.split()]

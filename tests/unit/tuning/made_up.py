@@ -24,14 +24,12 @@ def rolling(damping: ArrayLike, effect: ArrayLike = 30, late: float = 0.0, servo
 
 
 def quad(kind: str = "motor", **rotors: float) -> Vehicle:
-    """Return a quadrotor whose motors take commands, pulses or speeds, with numbers of its rotors."""
     vehicle = builtin_vehicle("quad-x")
     channels = {("rotor", n, "channel"): f"{kind}_{i}" for i, n in enumerate(vehicle.file.rotor, 1)}
     return with_entries(vehicle, channels | {("rotors", n): x for n, x in rotors.items()})
 
 
 def wing(**servo: float) -> Vehicle:
-    """Return an airplane whose surfaces move by commands about the axes."""
     mixes = {("controls", c, "mix"): {f"control_{a}": g} for c, (a, g) in SURFACES.items()}
     more = {("controls", c, n): x for c in SURFACES for n, x in servo.items()}
     return with_entries(scenes.aircraft(), mixes | more)

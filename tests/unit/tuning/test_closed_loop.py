@@ -112,7 +112,6 @@ def test_loops_of_other_autopilots_begin_to_swing_at_theirs(
     ("parameters", "held"), [(BETAFLIGHT, 2), (CRAZYFLIE, 3)], ids=["betaflight", "crazyflie"]
 )
 def test_angles_are_held_by_laws_of_each(parameters: Parameters, held: int) -> None:
-    """A bank, and a heading that the Crazyflie alone holds; back at the trim at the end."""
     maneuver = course(4.0, ("phi", 0.5, 1.5, 0.2), ("psi", 0.5, 1.5, 0.05))
     found = flown(quad(delay=0.005, lag=0.025), maneuver, parameters)
     during = int(np.argmin(np.abs(found.time - 1.9)))
@@ -155,7 +154,6 @@ def test_a_turn_is_coordinated() -> None:
 
 
 def test_a_vehicle_recovers_from_motors_at_their_ends() -> None:
-    """A tilt of 40 deg at once asks for more than the motors give."""
     found = flown(quad(delay=0.013), course(6.0, ("phi", 1.0, 1.5, 0.7), ("psi", 1.0, 1.5, 1.0)), PX4)
     assert found.saturated.any()
     assert found.clipped is not None
@@ -225,7 +223,6 @@ def test_what_no_law_flies_is_refused() -> None:
 
 
 def test_jsbsim_flies_the_same_under_the_law(tmp_path: Path) -> None:
-    """Steps of bank and pitch with servos that lag; readings within 0.1 % of their ranges."""
     vehicle, firmware, pitch = wing(lag=0.04), firmware_of(WING, rotors=False), ("theta", 2.0, 2.0, 0.08)
     maneuver = course(8.0, ("phi", 1.0, 5.0, 0.4), pitch, ("theta", 4.0, 2.0, -0.08), rate=400.0)
     ours = fly_under_law(vehicle, maneuver, firmware, WING)

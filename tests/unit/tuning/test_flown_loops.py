@@ -39,7 +39,6 @@ def plants(effect: float = 1.0, spread: float = 0.01) -> Plants:
 
 @cache
 def fly(seed: int, attitude: float = 0.0, pilot: float = 0.5, gust: float = 0.0) -> Signals:
-    """Return setpoints, rates and commands of 120 s."""
     asked, one = asked_at_random(round(120.0 * RATE), 1, RATE, seed, pilot), rolling([4.0])
     outer = attitude * np.array([[0.0, 0.0, 1.0]])
     return flown(one.A[0], one.B[0], [0], [{"P": 0.15, "I": 0.3, "FF": 0.1}], RATE, 3, asked, outer, gust)
@@ -71,7 +70,6 @@ def test_the_response_is_that_of_the_loop_step_by_step() -> None:
 
 @pytest.mark.parametrize("gust", [0.0, 3.0])
 def test_an_effectiveness_30_percent_off_is_named_and_the_right_one_is_not(gust: float) -> None:
-    """Under an attitude loop, in calm air and in gusts that move the setpoints too."""
     for seed in range(3):
         signals = fly(seed, attitude=ATTITUDE, gust=gust)
         assert compared(signals, plants(), ATTITUDE)[2] == []
@@ -93,7 +91,6 @@ def test_gusts_that_make_all_setpoints_show_nothing() -> None:
 
 
 def px4_log(path: Path, signals: Signals, parameters: Mapping[str, float] = PARAMETERS) -> Path:
-    """Write a ULog of setpoints, rates and commands (n, k), setpoints at half the rate of the loop."""
     setpoint, rate, command = (np.pad(one, ((0, 0), (0, 3 - one.shape[1]))) for one in signals)
     time, few = 10.0 + np.arange(len(setpoint)) / RATE, slice(None, None, 2)
     asked = {a: setpoint[few, i] for i, a in enumerate(("roll", "pitch", "yaw"))}
@@ -107,7 +104,6 @@ def px4_log(path: Path, signals: Signals, parameters: Mapping[str, float] = PARA
 
 
 def ardupilot_log(path: Path, signals: Signals) -> Path:
-    """Write a DataFlash log of a plane: degrees, commands of 45."""
     target, actual = (np.degrees(one[:, 0]) for one in signals[:2])
     stamp, zero = 1_000_000 + 10_000 * np.arange(len(target)), np.zeros(len(target))
     pid = {"TimeUS": stamp, "Tar": target, "Act": actual, "P": 45.0 * signals[2][:, 0]}

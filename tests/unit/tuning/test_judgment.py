@@ -72,7 +72,6 @@ def test_thrust_of_betaflight_is_linearized_about_the_hover_of_the_altitude() ->
 
 
 def test_a_draw_with_unstable_loops_has_no_margin() -> None:
-    """The second lane turns the other way."""
     loops = {"roll": AxisLoop(px4.fixed_wing(WING, "roll"), 2.5)}
     found = judge(Condition(20.0, 1.0, rolling([4.0, 4.0], servo=[1.0, -1.0])), loops, {})[0]
     assert found.stable == 0.0
@@ -101,7 +100,6 @@ def test_a_law_acts_on_what_gyros_read() -> None:
 
 
 def test_each_model_is_scaled_by_what_its_own_pitot_reads() -> None:
-    """Ratios of airspeeds for each model at once, over more models than are judged together, are as those one by one."""
     rng, count = np.random.default_rng(0), 150
     damping, ratios = 4.0 * (1.0 + 0.1 * rng.standard_normal(count)), 1.0 + 0.1 * rng.standard_normal(count)
     law = px4.fixed_wing(WING | {"FW_RR_FF": 0.3}, "roll")
@@ -123,11 +121,8 @@ HEADINGS = np.linspace(0.0, 1.5 * np.pi, 4001)  #: three quarters of a circle
 
 def gliding(**columns: np.ndarray) -> Flight:
     """Return a flight at 20 m/s through a wind of 5 m/s from the west, turning, with columns over it."""
-    still = np.zeros_like(HEADINGS)
-    motion = {
-        "psi": HEADINGS, "phi": still, "theta": still,
-        "vn": 20.0 * np.cos(HEADINGS), "ve": 20.0 * np.sin(HEADINGS) + 5.0, "vd": still,
-    }  # fmt: skip
+    motion = dict.fromkeys(("phi", "theta", "vd"), 0.0 * HEADINGS) | {"psi": HEADINGS}
+    motion |= {"vn": 20.0 * np.cos(HEADINGS), "ve": 20.0 * np.sin(HEADINGS) + 5.0}
     return from_columns("glide", 0.02 * np.arange(len(HEADINGS)), motion | columns, source="dataset")
 
 
@@ -141,14 +136,10 @@ def test_the_reading_of_a_pitot_is_that_over_the_airspeed_of_the_model() -> None
     assert found[2] == pytest.approx(1.08, abs=2e-3)
     speeds = 20.0 + np.array([0.1, 0.5, 0.0]) * np.mean(np.cos(HEADINGS))
     np.testing.assert_allclose(1.08 * 20.0 / found, speeds, rtol=2e-3)
-
-
-def test_an_airspeed_that_a_pitot_measured_has_its_scale() -> None:
-    vehicle = with_entries(scenes.aircraft(), {("sensors", "V", "scale"): 0.95})
+    measured = with_entries(scenes.aircraft(), {("sensors", "V", "scale"): 0.95})
     drawn = Draws(("sensors.V.scale",), np.array([[0.93], [0.97]]), "covariance")
-    read = gliding(V=19.0 + 0.0 * HEADINGS)
-    np.testing.assert_allclose(pitot_readings([read], vehicle, drawn), [0.95, 0.93, 0.97])
-    np.testing.assert_allclose(pitot_readings([gliding()], vehicle, drawn), [1.0])
+    for read, scales in ((gliding(V=19.0 + 0.0 * HEADINGS), [0.95, 0.93, 0.97]), (gliding(), [1.0])):
+        np.testing.assert_allclose(pitot_readings([read], measured, drawn), scales)
 
 
 def test_the_worst_airspeed_counts_with_the_5th_or_95th_of_its_draws() -> None:

@@ -38,7 +38,6 @@ PX4_WING = dict.fromkeys(("FW_PSP_OFF", "FW_THR_ASPD_MIN", "FW_THR_ASPD_MAX", "T
 
 
 def quadrotor(seed: int, channel: str = "motor", asymmetry: float = 1.3) -> Vehicle:
-    """Return a quadrotor whose mass, thrust and drag a seed draws; it is wider than long."""
     rng = np.random.default_rng(seed)
     quad = builtin_vehicle("quad-x")
     side = rng.uniform(0.01, 0.03)
@@ -177,7 +176,6 @@ def test_intervals_hold_the_truth_as_often_as_they_say() -> None:
 
 @cache
 def aeroplane() -> Vehicle:
-    """Return the twin-boom aircraft behind a propeller, its surfaces moved by commands."""
     text = builtin_vehicle("twin-boom").text
     head, _, rest = text.partition("[propulsion]")
     text = head + '[propulsion]\nkind = "propeller"\nchannel = "control_throttle"\n'
