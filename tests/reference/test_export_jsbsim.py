@@ -114,8 +114,6 @@ def test_a_surface_that_begins_away_from_its_command(tmp_path: Path) -> None:
     assert apart(tmp_path, record) < 1e-4
 
 
-# --- rotors
-
 EXAMPLES = Path(__file__).parents[2] / "examples"
 SCATTER = {"u": 4.0, "v": 4.0, "w": 4.0, "p": 1.0, "q": 1.0, "r": 1.0, "phi": 0.4, "theta": 0.4, "psi": 1.0}
 #: rotors by their speed, with inertia, a momentum disc, in-plane drag by inflow, and the ground

@@ -93,20 +93,17 @@ def effective_gravity(data: Record) -> float:
     return float(data["localGravity_ft_s2"][0] * FOOT - EARTH_RATE**2 * (EQUATOR + TOP))
 
 
-def test_02_tumbling_without_damping(shared_data: Path) -> None:
-    """Within 1e-8 deg/s over 30 s (measured: 4e-10)."""
-    data = record(shared_data, "02", "04")
-    found = tumble(data, {"Clp": 0.0, "Cmq": 0.0, "Cnr": 0.0}, 100)
-    assert np.abs(found - rates(data)).max() < 1e-8
-    assert np.ptp(rates(data), axis=0).min() > 5.0, "it does tumble"
-
-
-def test_03_tumbling_with_damping(shared_data: Path) -> None:
-    """Within 7e-4 of 30 deg/s: gravity is taken as constant, and damping grows with airspeed."""
-    data = record(shared_data, "03", "04")
-    changes = {"environment.gravity": effective_gravity(data)}
-    assert np.abs(tumble(data, changes, 20) - rates(data)).max() < 7e-4
-    assert np.abs(rates(data)[-1]).max() < 1e-4, "it has come to rest"
+def test_02_and_03_tumbling(shared_data: Path) -> None:
+    """Without damping within 1e-8 deg/s over 30 s (measured: 4e-10); with it within 7e-4 of 30 deg/s: gravity is taken as
+    constant, and damping grows with airspeed.
+    """
+    free, damped = (record(shared_data, case, "04") for case in ("02", "03"))
+    found = tumble(free, {"Clp": 0.0, "Cmq": 0.0, "Cnr": 0.0}, 100)
+    assert np.abs(found - rates(free)).max() < 1e-8
+    assert np.ptp(rates(free), axis=0).min() > 5.0, "it does tumble"
+    found = tumble(damped, {"environment.gravity": effective_gravity(damped)}, 20)
+    assert np.abs(found - rates(damped)).max() < 7e-4
+    assert np.abs(rates(damped)[-1]).max() < 1e-4, "it has come to rest"
 
 
 def test_03_moments_at_the_recorded_states(shared_data: Path) -> None:

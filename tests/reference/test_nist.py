@@ -30,10 +30,12 @@ def test_certified_digits(shared_data: Path, name: str) -> None:
         assert min(found[f"digits_{part}"] for part in ("parameters", "deviations", "rss")) >= 9.0, start
 
 
-def test_every_file_is_run(shared_data: Path) -> None:
+def test_every_file_is_run_and_digits_turn_round(shared_data: Path) -> None:
     folder = shared_data / "nist-strd"
     assert {p.stem for p in folder.glob("*.dat")} == {*NAMES, "MGH10"}
     assert len(problem_files(folder)) == len(problem_files(shared_data)) == len(NAMES) + 1
+    assert digits(np.array([1.0, 2.002]), np.array([1.0, 2.0])) == pytest.approx(3.0)
+    assert [digits(x, 1.0) for x in (1.0, np.nan, -5.0)] == [11.0, 0.0, 0.0]
 
 
 def test_without_data_it_says_where_to_get_them(tmp_path: Path) -> None:
@@ -47,9 +49,3 @@ def test_without_data_it_says_where_to_get_them(tmp_path: Path) -> None:
         path.write_bytes(content)
         with pytest.raises(StoopError, match=r"Misra1a\.dat: .*fetch it again"):
             read_certified(path)
-
-
-def test_digits_turn_round() -> None:
-    assert digits(np.array([1.0, 2.002]), np.array([1.0, 2.0])) == pytest.approx(3.0)
-    assert digits(1.0, 1.0) == 11.0
-    assert digits(np.nan, 1.0) == digits(-5.0, 1.0) == 0.0

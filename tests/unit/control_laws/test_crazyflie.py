@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import itertools
 import math
+from functools import partial
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
+from unit.control_laws.test_betaflight import flown, second_order
 
 from stoop.control_laws.crazyflie import attitude, cascade
 from stoop.control_laws.rate_law import AXES, RATE, SETPOINT, RateLaw
 from stoop.errors import StoopError
 
-Floats = NDArray[np.float64]
 VALUES = {"pid_rate.roll_kp": 250.0, "pid_rate.pitch_kp": 240.0, "pid_rate.pitch_kff": 30.0, "pid_rate.yaw_kp": 120.0,
           "pid_rate.yaw_kd": 1.5}  # fmt: skip
 SMOOTH = VALUES | {"pid_rate.rateFiltEn": 1.0, "pid_rate.omxFiltCut": 40.0, "pid_rate.omzFiltCut": 25.0}
@@ -28,24 +28,7 @@ ANGLES = {
 OUTER = {f"pid_attitude.pitch_k{n}": x for n, x in zip(("p", "i", "d", "ff"), ANGLES["pitch"], strict=False)}
 CUTOFFS = {"roll": 40.0, "pitch": 30.0, "yaw": 25.0}
 DT = 0.002
-
-
-class TwoPole:
-    """Low-pass of two poles, direct form 2."""
-
-    def __init__(self, cutoff: float, dt: float) -> None:
-        tangent = math.tan(math.pi * cutoff * dt)
-        scale = 1.0 + math.sqrt(2.0) * tangent + tangent**2
-        self.b = tangent**2 / scale
-        self.a1 = 2.0 * (tangent**2 - 1.0) / scale
-        self.a2 = (1.0 - math.sqrt(2.0) * tangent + tangent**2) / scale
-        self.d1 = self.d2 = 0.0
-
-    def step(self, x: float) -> float:
-        d0 = x - self.a1 * self.d1 - self.a2 * self.d2
-        y = self.b * (d0 + 2.0 * self.d1 + self.d2)
-        self.d1, self.d2 = d0, self.d1
-        return y
+two_pole = partial(second_order, q=1.0 / math.sqrt(2.0), is_notch=False)
 
 
 class Twin:
@@ -53,22 +36,15 @@ class Twin:
 
     def __init__(self, axis: str, smooth: bool, outer: bool = False) -> None:
         self.kp, self.ki, self.kd, self.kff, self.limit = (ANGLES if outer else KNOWN)[axis]
-        self.smooth = TwoPole(15.0 if outer else CUTOFFS[axis], DT) if smooth else None
+        self.smooth = two_pole(15.0 if outer else CUTOFFS[axis], DT) if smooth else (lambda x: x)
         self.sum = self.before = 0.0
 
     def step(self, desired: float, measured: float) -> dict[str, float]:
         error = desired - measured
-        slope = -(measured - self.before) / DT
-        if self.smooth is not None:
-            slope = self.smooth.step(slope)
+        slope = self.smooth(-(measured - self.before) / DT)
         self.sum = min(max(self.sum + error * DT, -self.limit), self.limit)
         self.before = measured
         return {"P": self.kp * error, "I": self.ki * self.sum, "D": self.kd * slope, "FF": self.kff * desired}
-
-
-def flown(twin: Twin, desired: Floats, measured: Floats) -> dict[str, Floats]:
-    rows = [twin.step(*pair) for pair in zip(desired.tolist(), measured.tolist(), strict=True)]
-    return {name: np.array([row[name] for row in rows]) for name in rows[0]}
 
 
 def law_of(axis: str, smooth: bool, outer: bool) -> RateLaw:
@@ -115,8 +91,7 @@ def test_response_is_that_of_a_recorded_step(outer: bool) -> None:
 
 def test_the_gyro_is_smoothed_at_its_own_rate() -> None:
     n, w = 4096, 2.0 * np.pi * 31.0
-    gyro = TwoPole(80.0, 0.001)
-    answer = np.array([gyro.step(x) for x in [1.0] + [0.0] * (n - 1)])
+    answer = np.array([*map(two_pole(80.0, 0.001), [1.0] + [0.0] * (n - 1))])
     known = answer @ np.exp(-1j * w * 0.001 * np.arange(n))
     law = cascade(VALUES, "roll")
     found = -law.feedback(np.array([w])) / law.response(RATE, np.array([w]))

@@ -213,8 +213,6 @@ def test_planes_before_4_1_and_thin_air() -> None:
     np.testing.assert_array_equal(new["P"], dense["P"])
 
 
-# --- sample by sample, and integrals that stop at the ends of actuators
-
 SHORT = 600
 BETAFLIGHT = {
     "looptime": 500.0, "pid_process_denom": 2.0, "yawPID[0]": 45.0, "yawPID[1]": 20.0, "yawPID[2]": 10.0,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from functools import cache
 from pathlib import Path
 
@@ -23,9 +22,8 @@ from stoop.simulation.fly import simulate_flight
 from stoop.vehicle.builtin import resolve_vehicle
 
 SINGLE = 2.0**-22  #: of the largest value: numbers of 32 bits, twice rounded
-PULSE = 0.5  #: us; ArduPilot logs pulses as whole numbers
-CHILDREN = {".mat", ".parquet"}
-STEPS = {".bin": PULSE / 500.0, ".usd": 0.5 / 65535.0}  #: of a command, half
+AUTOPILOTS, CHILDREN = {".ulg", ".bin", ".usd", ".csv"}, {".mat", ".parquet"}
+STEPS = {".bin": 0.5 / 500.0, ".usd": 0.5 / 65535.0}  #: of a command, half; ArduPilot logs whole us
 
 
 @cache
@@ -41,10 +39,13 @@ def there_and_back(flight: Flight, target: Path) -> Flight:
     return load(target)
 
 
-def check_every_channel(name: str, endings: Iterable[str], folder: Path) -> None:
+@pytest.mark.parametrize(
+    ("name", "endings"), [*((name, AUTOPILOTS) for name in ("twin-boom", "quad-x", "quadplane")), ("quad-x", CHILDREN)]
+)  # fmt: skip
+def test_every_channel_comes_back(name: str, endings: set[str], tmp_path: Path) -> None:
     flight = flown(name)
     for ending in endings:
-        back = there_and_back(flight, folder / f"flight{ending}")
+        back = there_and_back(flight, tmp_path / f"flight{ending}")
         np.testing.assert_allclose(back.time, flight.time, atol=1e-9, err_msg=ending)
         for variable in map(str, flight.data.data_vars):
             if variable in QUATERNION:
@@ -54,16 +55,6 @@ def check_every_channel(name: str, endings: Iterable[str], folder: Path) -> None
             if variable == "psi":  # of a heading up to 360 deg, or turned by a quarter
                 most = SINGLE * 2.0 * np.pi
             assert float(np.abs(y - x).max()) <= most * 1.001, (variable, ending)
-
-
-@pytest.mark.parametrize("name", ["twin-boom", "quad-x", "quadplane"])
-def test_every_channel_comes_back(name: str, tmp_path: Path) -> None:
-    check_every_channel(name, (".ulg", ".bin", ".usd", ".csv"), tmp_path)
-
-
-def test_every_channel_comes_back_of_tables_that_a_child_reads(tmp_path: Path) -> None:
-    check_every_channel("quad-x", CHILDREN, tmp_path)
-    check_every_command(CHILDREN, tmp_path)
 
 
 def tolerance(variable: str, ending: str) -> float:
@@ -118,7 +109,9 @@ def test_pymavlink_reads_it(tmp_path: Path) -> None:
     log.close()
 
 
-def check_every_command(endings: Iterable[str], folder: Path) -> None:
+@pytest.mark.parametrize("child", [False, True])
+def test_an_aircraft_with_every_command(child: bool, tmp_path: Path) -> None:
+    """What no autopilot has a place for is kept all the same: a measured thrust, more motors than outputs."""
     time = np.arange(200) * 0.01
     rng = np.random.default_rng(0)
     names = [
@@ -131,15 +124,10 @@ def check_every_command(endings: Iterable[str], folder: Path) -> None:
     base |= {"voltage": 16.0, "rotor_1": 500.0}  # of which a blackbox log keeps whole steps
     columns = {n: base.get(n, 0.3) * (1.0 + 0.1 * rng.random(time.size)) for n in names}
     flight = from_columns("all", time, columns)
-    for ending in endings:
-        back = there_and_back(flight, folder / f"all{ending}")
+    for ending in CHILDREN if child else WRITERS.keys() - CHILDREN:
+        back = there_and_back(flight, tmp_path / f"all{ending}")
         for n in names:
             assert back.column(n) == pytest.approx(flight.column(n), rel=2e-3, abs=1.01e-3), (ending, n)
-
-
-def test_an_aircraft_with_every_command(tmp_path: Path) -> None:
-    """What no autopilot has a place for is kept all the same: a measured thrust, more motors than outputs."""
-    check_every_command(WRITERS.keys() - CHILDREN, tmp_path)
 
 
 def test_a_name_of_no_format_is_refused(tmp_path: Path) -> None:

@@ -92,9 +92,6 @@ def test_corners_keep_within_the_tolerance() -> None:
     assert np.abs(np.interp(t, *kept.T) - x).max() <= 0.01
 
 
-# --- ArduPilot Plane: the script, run by Lua, beside a simulated autopilot
-
-
 class Plane:
     """What a script of ArduPilot sees; servo 1 is an elevator, 2 reversed ailerons, 5 a second aileron, 4 the rudder."""
 
@@ -201,9 +198,6 @@ def test_the_script_of_a_plane_ends_beyond_limits() -> None:
     assert still.said[-1] == "maneuver: done", "surfaces move on the ground"
 
 
-# --- ArduPilot Copter: the mode System ID
-
-
 def waveform(p: dict[str, float], time: float) -> float:
     w_min, w_max = 2 * math.pi * p["SID_F_START_HZ"], 2 * math.pi * p["SID_F_STOP_HZ"]
     record, fade_in, fade_out = p["SID_T_REC"], p["SID_T_FADE_IN"], p["SID_T_FADE_OUT"]
@@ -237,9 +231,6 @@ def test_parameters_of_sweeps_give_the_designed_signal() -> None:
     # the motors' share of the throttle: what accelerates upwards, over what holds the weight
     square = one.trim.inputs[0] * 1.0 / 9.81 / 2.0  # thrust grows with about the square of the command
     assert p["SID_MAGNITUDE"] == pytest.approx(square, rel=0.5)
-
-
-# --- PX4: set-points over a link that is not there
 
 
 class Link:
@@ -326,9 +317,6 @@ def test_the_script_of_px4_ends_for_pilots_limits_and_lost_links(tmp_path: Path)
     assert {mask for _, mask, *_ in link.sent} == {7}, "attitude alone was sent"
 
 
-# --- Crazyflie
-
-
 def test_the_script_of_the_crazyflie_sends_the_expected_attitude(tmp_path: Path) -> None:
     one, sent, stopped, values = injection("quad-x", DOUBLETS), [], [], []
     script = module(tmp_path, CRAZYFLIE.write(one), "fly_crazyflie.py")
@@ -363,9 +351,6 @@ def test_the_script_of_the_crazyflie_sends_the_expected_attitude(tmp_path: Path)
     assert not script.fly(cf, rows, lambda: ((0.0, 0.0), min(clock.now, began + 3.0)))
     assert clock.now < began + 3.5, "without telemetry it sends no more"
     assert stopped[-1] == clock.now
-
-
-# --- the pilot's card
 
 
 def test_the_card_counts_the_steps() -> None:

@@ -80,8 +80,6 @@ def test_turbulence_is_left_out(twin_boom: Vehicle) -> None:
     assert aircraft(vehicle) == aircraft(twin_boom)
 
 
-# --- functions, by a few lines of our own
-
 VALUES = {"alpha": 0.31, "beta": -0.12, "q": 0.05, "elevator": -0.2}
 OPERATIONS: dict[str, Callable[..., float]] = {
     "sum": lambda *a: math.fsum(a), "product": lambda *a: math.prod(a), "quotient": lambda a, b: a / b,
@@ -111,9 +109,6 @@ def test_terms() -> None:
         convert(sp.sin(sp.Symbol("a")), {sp.Symbol("a"): "a"})
     for x in (0.1 + 0.2, -1.0 / 3.0, 5e-324, 1.7976931348623157e308, 2.0**53 + 2.0, -0.0):
         assert float(number(x)) == x, "all digits"
-
-
-# --- the autopilot
 
 
 def maneuver(duration: float, *inputs: dict[str, object]) -> Maneuver:

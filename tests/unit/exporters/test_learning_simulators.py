@@ -11,13 +11,14 @@ import numpy as np
 import pytest
 import yaml
 
+import stoop
 from stoop.errors import SimulationError, StoopError
 from stoop.exporters.bullet_and_isaac import GymPyBulletDrones, Isaac
 from stoop.exporters.crazyflow import Crazyflow
-from stoop.exporters.exporter import ModelData
+from stoop.exporters.exporter import Exporter, ModelData
 from stoop.exporters.mujoco_flight import MuJoCo
 from stoop.exporters.pyflyt import PyFlyt
-from stoop.exporters.targets import export
+from stoop.exporters.targets import TARGETS, export
 from stoop.simulation import trim
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import builtin_vehicle
@@ -159,3 +160,11 @@ def test_drone_models_has_the_static_thrust() -> None:
     thrust = [0.0, 2.5 * density / rpm, 6.0 * density / rpm**2]
     assert found["rpm2thrust"] == pytest.approx(thrust, rel=1e-6, abs=1e-9)
     assert found["mixing_matrix"][2] == [-1.0, -1.0, 1.0, 1.0]
+
+
+def test_every_row_of_the_targets_names_an_exporter() -> None:
+    found = {target.load() for target in TARGETS.values()}
+    assert all(issubclass(one, Exporter) and one is not Exporter for one in found)
+    assert len(found) == len(TARGETS)
+    with pytest.raises(StoopError, match=r"no target 'gazeboo' of an export; did you mean gazebo\?"):
+        stoop.export("twin-boom", "gazeboo")

@@ -150,8 +150,6 @@ def test_scripts_name_files_that_are_written(twin_boom: Vehicle, steady: Trim) -
         assert np.array_equal(np.ravel(read[name]), np.ravel(values)), name
 
 
-# --- linear models as files
-
 SIGMA = 0.1
 
 

@@ -36,9 +36,6 @@ def flight_of(vehicle: Vehicle) -> ReferenceFlight:
     return flight
 
 
-# --- an axis that another tool loses shows
-
-
 def test_a_lost_side_force_is_visible_in_gazebo() -> None:
     """The hexacopter without the drag of its rotors: velocities hardly tell, the table and its sentence do."""
     vehicle = load_vehicle(ROOT / "examples/hexacopter.toml")
@@ -64,9 +61,6 @@ def test_a_longitudinal_fit_is_exported_whole_to_gazebo() -> None:
     assert any("CQV" in note and "% of Fy" in note for note in found.notes)
     assert b"<Clp>" not in found.files[found.main]
     assert b"<Cellp>-0.4" in found.files[found.main]
-
-
-# --- RotorPy
 
 
 def rotorpy_script(vehicle: Vehicle, folder: Path, **lost: float) -> Any:
@@ -145,9 +139,6 @@ def test_omitted_damping_is_measured_in_shares_of_each_axis() -> None:
     assert ", 0 % of My, 0 % of Mz (rms" in omission("A tool", "this", shares), "rounding prints as 0"
 
 
-# --- MuJoCo
-
-
 def test_a_draw_flies_in_mujoco_with_its_numbers_beside_callbacks_of_the_user(tmp_path: Path) -> None:
     mujoco = pytest.importorskip("mujoco")
     entries = {("rotors", "T1"): 0.0, ("rotors", "T2"): 8.5, ("environment", "density"): 1.225}
@@ -181,9 +172,6 @@ def test_a_draw_flies_in_mujoco_with_its_numbers_beside_callbacks_of_the_user(tm
     finally:
         mujoco.set_mjcb_control(None)
     assert pushed == pytest.approx([force / quad.value("mass.mass"), 0.0, 0.0, 0.0, 0.0, 0.0], abs=1e-9)
-
-
-# --- FMPy
 
 
 @pytest.mark.parametrize("version", fmu.VERSIONS)

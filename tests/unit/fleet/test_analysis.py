@@ -44,8 +44,6 @@ def test_a_bad_part_is_named_and_does_not_widen_the_others() -> None:
     assert found.figures["thrust"].model.deviations["rotor_1"] < 2.0 * made_up.PART
 
 
-# --- updates that change a figure of all vehicles
-
 BEFORE, AFTER = 12, 8  #: flights
 
 
@@ -89,11 +87,8 @@ def test_an_update_is_taken_between_the_one_before_and_the_one_after() -> None:
     update, back = common_steps({str(v): sequence(v, values, software) for v in range(3)})
     assert (update.size, back.size) == (pytest.approx(5.0), pytest.approx(-4.0))
     assert (back.before, back.after) == ("1.1", "1.0")
-
-
-def test_two_vehicles_tell_of_no_update() -> None:
     (one,) = common_steps(drawn(np.random.default_rng(3), 2, 50.0))
-    assert one.chance == 1.0
+    assert one.chance == 1.0, "of two vehicles"
     assert significant({"drag": [one]}) == {"drag": []}
 
 

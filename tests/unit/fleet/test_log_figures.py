@@ -29,7 +29,7 @@ from stoop.vehicle.builtin import builtin_vehicle
 from stoop.vehicle.extensions import with_free_number
 
 RATE, SECONDS, RESISTANCE = 20.0, 240.0, 0.05
-GROUPS = groups(NO_VIBRATION)
+GROUPS, PLANE = groups(NO_VIBRATION), builtin_vehicle("twin-boom")
 MANEUVER = Path(__file__).parents[3] / "examples" / "maneuver_3211.toml"
 
 
@@ -74,7 +74,7 @@ def test_what_a_flight_cannot_tell_is_absent_with_the_reason() -> None:
     assert "of more than 30 s are needed" in figures_of(short)[1]["battery"]
     assert figures_of(flight)[1]["rotors"] == "no vehicle with rotors was given"
     held = glide(np.random.default_rng(0), rudder=np.full(round(300.0 * RATE), 0.02))
-    found, absent = figures_of(held, builtin_vehicle("twin-boom"))
+    found, absent = figures_of(held, PLANE)
     assert {one.name for one in found} >= {"trim.elevator", "trim_slope.elevator", "trim.alpha"}
     assert absent["rest of trims"] == "not determined: trim.rudder", "it never moved"
     assert absent["hover"].startswith("no commands of motors")
@@ -172,11 +172,11 @@ def glide(rng: Any, noise: float = 0.02, swing: float = 4.0, mass: float = MASS,
 
 
 def test_trims_are_those_at_the_airspeed_of_reference_with_errors_that_hold() -> None:
-    rng, vehicle, ratios = np.random.default_rng(0), builtin_vehicle("twin-boom"), []
+    rng, ratios = np.random.default_rng(0), []
     truth = {"trim.elevator": 0.01, "trim.alpha": -0.08 + LEVEL / 4.8}
     slopes = {"trim_slope.elevator": -0.3 * LEVEL, "trim_slope.alpha": LEVEL / 4.8}
     for _ in range(60):
-        found = told("trims", glide(rng), vehicle)
+        found = told("trims", glide(rng), PLANE)
         assert [found[name].parts for name in truth] == ["elevator pitot", "vanes pitot"]
         ratios += [(found[name].value - true) / found[name].std_error for name, true in truth.items()]
         assert all(abs(found[n].value - true) < 3.0 * found[n].std_error for n, true in slopes.items())
@@ -184,20 +184,20 @@ def test_trims_are_those_at_the_airspeed_of_reference_with_errors_that_hold() ->
 
 
 def test_the_drag_coefficient_is_that_of_level_flight_at_the_airspeed_of_reference() -> None:
-    rng, vehicle = np.random.default_rng(0), builtin_vehicle("twin-boom")
-    (one,) = told("drag", glide(rng), vehicle).values()
+    rng = np.random.default_rng(0)
+    (one,) = told("drag", glide(rng), PLANE).values()
     assert one.value == pytest.approx(0.05 + 0.06 * LEVEL**2, rel=0.01)
     assert one.std_error < 0.05 * one.value
     assert one.parts == "pitot vanes"
-    assert figures_of(glide(rng), vehicle)[1]["rest of drag"].startswith("flown at lift coefficients from 0.")
-    points = told("drag", glide(rng, noise=0.005, swing=13.0), vehicle)
+    assert figures_of(glide(rng), PLANE)[1]["rest of drag"].startswith("flown at lift coefficients from 0.")
+    points = told("drag", glide(rng, noise=0.005, swing=13.0), PLANE)
     for name, over in (("drag.CD_slow", 0.8), ("drag.CD", 1.0), ("drag.CD_fast", 1.3)):
         assert points[name].value == pytest.approx(0.05 + 0.06 * (LEVEL / over**2) ** 2, rel=0.02)
 
 
 def test_a_flight_of_another_mass_has_the_same_drag_and_trims_at_the_same_lift_coefficient() -> None:
     flight = glide(np.random.default_rng(0), 0.002, mass=1.1 * MASS)
-    vehicle = builtin_vehicle("twin-boom").with_numbers({"mass.mass": {"value": 1.1 * MASS}})
+    vehicle = PLANE.with_numbers({"mass.mass": {"value": 1.1 * MASS}})
     figures = told("drag", flight, vehicle) | told("trims", flight, vehicle)
     assert figures["drag.CD"].value == pytest.approx(0.05 + 0.06 * LEVEL**2, rel=0.01)
     for name, expected in (("trim.alpha", -0.08 + LEVEL / 4.8), ("trim.elevator", 0.01)):
@@ -220,8 +220,8 @@ def test_a_rougher_ride_is_a_larger_vibration() -> None:
 def test_conditions_that_were_not_logged_follow_from_others() -> None:
     columns = {"pressure": np.full(100, 95e3), "temperature": np.full(100, 300.0)}
     flight = from_columns("f", np.arange(0.0, 10.0, 0.1), columns)
-    measured = from_columns("f", flight.time, {"wind_n": np.full(100, 3.0), "wind_e": np.full(100, 4.0)})
-    assert conditions(measured) == {"wind": 5.0}
+    wind = {"wind_n": np.full(100, 3.0), "wind_e": np.full(100, 4.0)}
+    assert conditions(from_columns("f", flight.time, wind)) == {"wind": 5.0}
     air = AirData("pitot", wind_n=3.0, wind_e=4.0, wind_n_std=0.5, wind_e_std=0.5)
     weather = {"density": 95e3 / (287.05287 * 300.0), "temperature": 300.0}
     assert conditions(flight) == pytest.approx(weather)
@@ -230,22 +230,21 @@ def test_conditions_that_were_not_logged_follow_from_others() -> None:
 
 
 def test_the_numbers_of_the_vehicle_are_those_that_flew() -> None:
-    vehicle = builtin_vehicle("twin-boom")
-    found = told("parameters", simulate_flight(vehicle, load_maneuver(MANEUVER), seed=1), vehicle)
+    found = told("parameters", simulate_flight(PLANE, load_maneuver(MANEUVER), seed=1), PLANE)
     found.pop("delay.commands", None)
-    ratios = [(one.value - vehicle.value(name)) / one.std_error for name, one in found.items()]
+    ratios = [(one.value - PLANE.value(name)) / one.std_error for name, one in found.items()]
     assert {"CLalpha", "Cmalpha", "Cmq"} <= found.keys()
     assert np.mean(np.abs(ratios) < 3.0) > 0.8
 
 
 def test_the_delay_of_commands_is_that_which_flew() -> None:
-    vehicle = flown = builtin_vehicle("twin-boom")
-    for control in vehicle.controls:
+    flown = PLANE
+    for control in PLANE.controls:
         found = with_free_number(flown, f"controls.{control}.delay")
         assert found is not None
         flown = found[0].with_numbers({f"controls.{control}.delay": {"value": 0.05}})
     flight = simulate_flight(flown, load_maneuver(MANEUVER), seed=1)
-    one = command_delay(vehicle, {flight.name: flight}, [f"{flight.name}@0.5:25"])
+    one = command_delay(PLANE, {flight.name: flight}, [f"{flight.name}@0.5:25"])
     assert one.value == pytest.approx(0.05, abs=4.0 * one.std_error)
     assert one.std_error < 0.003
     assert one.parts == "elevator aileron rudder software"

@@ -70,9 +70,6 @@ def test_a_flight_whose_inputs_stand_still_has_no_windows_for_a_vehicle_either()
         find_windows({"still": flight}, vehicle)
 
 
-# --- pulses that a vehicle file calls motors: its flight is found to be one, though the log alone does not tell
-
-
 @pytest.fixture(scope="module")
 def pulsed() -> tuple[Vehicle, Flight]:
     text = builtin_vehicle("quad-x").text.replace('"motor_', '"pwm_')

@@ -130,9 +130,6 @@ def test_a_reading_that_one_maneuver_lacks_for_a_while(lost: float) -> None:
     assert best([first, blind]) == pytest.approx(0.3, abs=0.5 / first.rate)
 
 
-# --- sensors
-
-
 def rolled(late: tuple[str, ...]) -> list[Flight]:
     maneuver = scenes.maneuvers()["roll"]
     flight = scenes.simulate_flight(scenes.aircraft(), maneuver, noise=True, seed=3, name="roll")
@@ -204,17 +201,13 @@ def asks_for_a_delay(monkeypatch: pytest.MonkeyPatch) -> list[tuple[float, float
     return compared
 
 
-def longer(setup: Setup) -> bool:
-    return setup.vehicle is not known()
-
-
 @pytest.mark.parametrize("gain", [3.0, -3.0])
 def test_likelihoods_of_two_methods_are_not_compared(asks_for_a_delay: list, gain: float) -> None:
     """A filter falls back to the method of calm air: the fit by that method without the delay is the one to beat."""
     filtered = calm().setup.by("filter-error")
 
     def fit(setup: Setup) -> Fitted:
-        free = longer(setup)
+        free = setup.vehicle is not known()
         by_filter = setup.options.method == "filter-error" and not free
         cost = 1000.0 if by_filter else 20.0 - gain * free
         done = setup if by_filter else setup.by("output-error")
@@ -266,7 +259,7 @@ def test_a_fit_with_a_delay_that_does_not_end_leaves_the_other(asks_for_a_delay:
     asked = list[bool]()
 
     def fit(setup: Setup) -> Fitted:
-        asked.append(longer(setup))
+        asked.append(setup.vehicle is not known())
         if ends == "refused" and asked[-1]:
             raise IdentificationError("delays of sensors must be known")
         return stopped(calm(), "interrupted" if asked[-1] or ends == "at once" else "converged")

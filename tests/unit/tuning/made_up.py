@@ -11,6 +11,7 @@ from stoop.vehicle.builtin import builtin_vehicle
 from stoop.vehicle.document import with_entries
 from stoop_studies.verify import scenes
 
+TAIL = {"CA_SV_CS_COUNT": 4.0} | {f"CA_SV_CS{i}_TYPE": float(kind) for i, kind in enumerate((1, 2, 7, 8))}
 SURFACES = {"elevator": ("pitch", -0.4), "aileron": ("roll", 0.3), "rudder": ("yaw", -0.4)}
 
 
@@ -33,3 +34,10 @@ def wing(**servo: float) -> Vehicle:
     mixes = {("controls", c, "mix"): {f"control_{a}": g} for c, (a, g) in SURFACES.items()}
     more = {("controls", c, n): x for c in SURFACES for n, x in servo.items()}
     return with_entries(scenes.aircraft(), mixes | more)
+
+
+def v_tail(vehicle: Vehicle, pitch: float, roll: float, yaw: float) -> Vehicle:
+    """Return the airplane with servos of two ailerons and of a V-tail that move it so far."""
+    elevator, rudder = {"servo_3": pitch / 2, "servo_4": pitch / 2}, {"servo_3": yaw / 2, "servo_4": -yaw / 2}
+    mixes = {"elevator": elevator, "aileron": {"servo_1": -roll / 2, "servo_2": roll / 2}, "rudder": rudder}
+    return with_entries(vehicle, {("controls", c, "mix"): mix for c, mix in mixes.items()})

@@ -219,9 +219,6 @@ def test_what_no_law_flies_is_refused() -> None:
         simulate(wing(), still, autopilot=WING, airspeed=30.0)
 
 
-# --- JSBSim as the independent truth: the exported airplane, its law in the loop
-
-
 def test_jsbsim_flies_the_same_under_the_law(tmp_path: Path) -> None:
     vehicle, firmware, pitch = wing(lag=0.04), firmware_of(WING, rotors=False), ("theta", 2.0, 2.0, 0.08)
     maneuver = course(8.0, ("phi", 1.0, 5.0, 0.4), pitch, ("theta", 4.0, 2.0, -0.08), rate=400.0)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from unit.tuning.made_up import SURFACES, quad, rolling, wing
+from unit.tuning.made_up import SURFACES, TAIL, quad, rolling, v_tail, wing
 
 from stoop.assessment.draws import Draws
 from stoop.control_laws import px4
@@ -20,16 +20,11 @@ from stoop.workflow.tuning import conditions_of, pitot_readings
 from stoop_studies.verify import scenes
 
 WING = {"FW_RR_P": 0.4, "FW_RR_I": 0.6, "FW_RR_FF": 0.0}
-TAIL = {"CA_SV_CS_COUNT": 4.0} | {f"CA_SV_CS{i}_TYPE": float(kind) for i, kind in enumerate((1, 2, 7, 8))}
-SERVOS = {
-    "elevator": {"servo_3": -0.2, "servo_4": -0.2}, "aileron": {"servo_1": -0.15, "servo_2": 0.15},
-    "rudder": {"servo_3": -0.2, "servo_4": 0.2},
-}  # fmt: skip
 
 
 def test_outputs_of_a_v_tail_are_those_of_commands() -> None:
     """PX4 moves both tail surfaces fully up for a full pitch command, against each other for yaw; half a roll share a wing."""
-    vehicle = with_entries(scenes.aircraft(), {("controls", c, "mix"): mix for c, mix in SERVOS.items()})
+    vehicle = v_tail(scenes.aircraft(), -0.4, 0.3, -0.4)
     by_outputs = commands_of(vehicle, firmwares(WING)[0], WING | TAIL)
     assert by_outputs.axes == ("roll", "pitch", "yaw")
     for row, control in zip(by_outputs.mixing, vehicle.controls, strict=False):

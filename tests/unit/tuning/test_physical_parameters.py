@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from functools import cache
 from typing import Any
 
 import numpy as np
 import pytest
 from scipy.optimize import fsolve
+from unit.tuning.made_up import TAIL, v_tail
 
 from stoop.assessment.draws import Draws
 from stoop.propagation.wing_figures import Domain
@@ -37,13 +39,13 @@ PX4_WING = dict.fromkeys(("FW_PSP_OFF", "FW_THR_ASPD_MIN", "FW_THR_ASPD_MAX", "T
 }  # fmt: skip
 
 
-def quadrotor(seed: int, channel: str = "motor", asymmetry: float = 1.3) -> Vehicle:
+def quadrotor(seed: int, channel: str = "motor") -> Vehicle:
     rng = np.random.default_rng(seed)
     quad = builtin_vehicle("quad-x")
     side = rng.uniform(0.01, 0.03)
     entries = {
         ("mass", "mass"): rng.uniform(1.2, 1.8), ("rotors", "T1"): rng.uniform(1.0, 3.0), ("rotors", "T2"): rng.uniform(5.0, 8.0),
-        ("rotors", "drag"): rng.uniform(0.02, 0.1), ("body_drag", "quadratic"): [side, asymmetry * side, 0.03],
+        ("rotors", "drag"): rng.uniform(0.02, 0.1), ("body_drag", "quadratic"): [side, 1.3 * side, 0.03],
     }  # fmt: skip
     if channel == "pwm":
         entries |= {("rotors", "gain"): 1.0 / 1000.0, ("rotors", "idle"): 1000.0}
@@ -232,7 +234,7 @@ def test_trims_climb_and_sink_of_px4_are_those_by_hand() -> None:
     assert found["FW_THR_ASPD_MIN"] > 0.0
 
 
-def test_arduplane_has_percent_and_hundredths_of_a_degree() -> None:
+def test_arduplane_has_percent_and_hundredths_of_a_degree_and_pitots_a_scale() -> None:
     names = ("PTCH_TRIM_DEG", "TRIM_THROTTLE", "TECS_CLMB_MAX", "TECS_SINK_MIN", "ARSPD_RATIO")
     parameters = dict.fromkeys(names, 2.0) | {"AIRSPEED_CRUISE": 35.0, "THR_MAX": 90.0}
     vehicle = aeroplane()
@@ -246,12 +248,9 @@ def test_arduplane_has_percent_and_hundredths_of_a_degree() -> None:
     assert all(one.value == round(one.value) for one in new.found if one.name == "TRIM_THROTTLE")
     older = of_wings(vehicle, {"TRIM_PITCH_CD": 0.0, "TRIM_ARSPD_CM": 3500.0}, "ArduPlane")
     assert estimates(older)["TRIM_PITCH_CD"] == pytest.approx(100.0 * found["PTCH_TRIM_DEG"])
-
-
-def test_the_scale_of_the_pitot_counts_from_what_the_log_holds() -> None:
-    for stream, flown in (("airspeed", 1.0), ("airspeed_validated", 1.1)):
-        found = of_wings(aeroplane(), PX4_WING, more=("sensors.V.scale",), stream=stream)
-        assert estimates(found)["ASPD_SCALE_1"] == pytest.approx(flown / 0.95), stream
+    for stream, flown in (("airspeed", 1.0), ("airspeed_validated", 1.1)):  # what the log holds
+        scaled = of_wings(vehicle, PX4_WING, more=("sensors.V.scale",), stream=stream)
+        assert estimates(scaled)["ASPD_SCALE_1"] == pytest.approx(flown / 0.95), stream
 
 
 def test_what_the_model_does_not_determine_is_left_out_with_the_reason() -> None:
@@ -259,15 +258,13 @@ def test_what_the_model_does_not_determine_is_left_out_with_the_reason() -> None
     assert "FW_AIRSPD_MAX is a true airspeed of 45.88 m/s, flown was 30 to 42 m/s" in found.absent
     assert found.absent["no number that was estimated moves it"] == ("ASPD_SCALE_1",)
     jet = with_entries(builtin_vehicle("twin-boom"), {("environment", "density"): "standard"})
-    names = ("CD0", "CL0")
     domain = Domain((30.0, 42.0), 35.0, HEIGHT, RHO)
-    found = physical_parameters(jet, "PX4 fixed wing", PX4_WING, domain, known(jet, names))
+    found = physical_parameters(jet, "PX4 fixed wing", PX4_WING, domain, known(jet, ("CD0", "CL0")))
     assert "FW_T_SINK_MIN" in estimates(found)
     assert found.absent["the thrust is not modeled over a throttle from 0 to 1"][0] == "FW_THR_TRIM"
     assert found.absent["the model is not moved by control_pitch"] == ("TRIM_PITCH",)
     quad, domain = quadrotor(0), Domain((0.0, 8.0), 0.0, HEIGHT, RHO)
-    drawn = known(quad, ROTOR_NUMBERS).values
-    guessed = Draws(ROTOR_NUMBERS, drawn, "covariance", ("body_drag.quadratic.x",))
+    guessed = replace(known(quad, ROTOR_NUMBERS), undetermined=("body_drag.quadratic.x",))
     found = physical_parameters(quad, "PX4 multicopter", PX4_COPTER, domain, guessed)
     assert [names for why, names in found.absent.items() if "priors" in why] == [("EKF2_BCOEF_X",)]
     wide = physical_parameters(quad, "PX4 multicopter", PX4_COPTER, domain, known(quad, ROTOR_NUMBERS, 0.5))
@@ -278,14 +275,9 @@ def test_what_the_model_does_not_determine_is_left_out_with_the_reason() -> None
 
 def test_trims_by_outputs_are_those_by_commands() -> None:
     """A V-tail and two ailerons, servo by servo as PX4 allocates them; the trim of a servo itself is no command."""
-    tail = {"CA_SV_CS_COUNT": 4.0} | {f"CA_SV_CS{i}_TYPE": x for i, x in enumerate((1.0, 2.0, 7.0, 8.0))}
-    shares = {
-        "elevator": {"servo_3": -0.175, "servo_4": -0.175}, "aileron": {"servo_1": -0.175, "servo_2": 0.175},
-        "rudder": {"servo_3": -0.175, "servo_4": 0.175},
-    }  # fmt: skip
-    outputs = with_entries(aeroplane(), {("controls", c, "mix"): mix for c, mix in shares.items()})
-    commands = estimates(of_wings(aeroplane(), PX4_WING | tail))
+    outputs = v_tail(aeroplane(), -0.35, 0.35, -0.35)
+    commands = estimates(of_wings(aeroplane(), PX4_WING | TAIL))
     for held, pitch in (({}, 0.0), ({"CA_SV_CS2_TRIM": 0.1, "CA_SV_CS3_TRIM": 0.1}, 0.1)):
-        found = estimates(of_wings(outputs, PX4_WING | tail | held))
+        found = estimates(of_wings(outputs, PX4_WING | TAIL | held))
         for axis, less in (("ROLL", 0.0), ("PITCH", pitch), ("YAW", 0.0)):
             assert found[f"TRIM_{axis}"] == pytest.approx(commands[f"TRIM_{axis}"] - less, rel=1e-4)
