@@ -305,7 +305,7 @@ def test_the_script_of_px4_ends_for_pilots_limits_and_lost_links(tmp_path: Path)
     for count, name, value, modes, most in (
         (150, "mode", 1 << 16, [offboard], 155), (400, "mode", 1 << 16, [offboard], 405), (900, "mode", 1 << 16, [offboard], 905),
         (500, "roll", 0.7, [offboard, back], 501), (500, "roll", -0.25, [offboard, back], 501),
-        (500, "pitch", 0.35, [offboard, back], 501),         (400, "silent", True, [offboard, back], 430),  # half a second
+        (500, "pitch", 0.35, [offboard, back], 501), (400, "silent", True, [offboard, back], 430),  # half a second
     ):  # fmt: skip
         script, link, rows = px4(tmp_path)
         link.upset = (count, name, value)

@@ -1,4 +1,4 @@
-"""Default bounds are no knowledge: an estimate that reaches one goes on; bounds of the file, and physics, stay."""
+"""Default bounds are no knowledge, those of the file and physics are; a search is confirmed where it explains more in the end."""
 
 from __future__ import annotations
 
@@ -12,20 +12,25 @@ import numpy as np
 import pytest
 from unit.flown import maneuver, with_few_free
 
+from stoop.base.arrays import FloatArray
+from stoop.estimate import methods
 from stoop.estimate.estimate import Estimate
 from stoop.estimate.fit import Options
 from stoop.flight import Flight
+from stoop.problem.prepare import prepare
 from stoop.problem.weights import Weights
 from stoop.problem.windows import Window
 from stoop.simulation.fly import simulate_flight
+from stoop.simulation.maneuver import parse_maneuver
 from stoop.strategy import Strategy
 from stoop.strategy.bounds import widen
 from stoop.strategy.decision import Fitted, Setup, estimate
-from stoop.strategy.likelihood import log_likelihood_rise
+from stoop.strategy.likelihood import against_start, log_likelihood_rise, rise_from_start
 from stoop.strategy.run import FIT_ALONE, fit, setup_of
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import builtin_vehicle
 from stoop.vehicle.defaults import wider_bounds
+from stoop.workflow.demo import MANEUVER
 
 INERTIA = "mass.inertia.yy"
 WINDOWS = [Window("flight", 0.0, 5.0)]
@@ -111,3 +116,58 @@ def test_each_maneuver_of_unlike_noise_has_variances_of_its_own() -> None:
     assert log_likelihood_rise(fit(before, ()), fit(after, ()))[0] < 0.0, "one variance for both"
     rise, count = log_likelihood_rise(fit(before, (1.0,)), fit(after, (1.0,)))
     assert (rise, count) == (pytest.approx(500.0 * math.log(2.0 / 1.02)), 1000.0)
+
+
+WHOLE = [Window("sim", 0.0, 20.0)]
+
+
+@pytest.fixture(scope="module")
+def searched(wrong: Vehicle, flight: Flight) -> Estimate:
+    return methods.find("output-error").fitter()(wrong, {"sim": flight}, WHOLE, Options())
+
+
+def ended(searched: Estimate, x: FloatArray) -> Estimate:
+    z = np.concatenate([x, searched.z[len(x) :]])
+    return replace(searched, z=z, outcome=replace(searched.outcome, z=z))
+
+
+def test_an_end_better_than_its_start_or_at_it_is_confirmed(searched: Estimate) -> None:
+    assert rise_from_start(searched) > 50.0
+    assert against_start(searched) is searched
+    still = ended(searched, searched.problem.layout.start)
+    assert rise_from_start(still) == pytest.approx(0.0, abs=1e-4)
+    assert against_start(still) is still
+
+
+def test_an_end_worse_than_its_start_is_not_confirmed(searched: Estimate) -> None:
+    """As far again on the wrong side of the start as the optimum is on the right one."""
+    start = searched.problem.layout.start
+    worse = ended(searched, np.clip(2.0 * start - searched.z[: len(start)], 0.0, 1.0))
+    fall = -rise_from_start(worse)
+    assert fall > 20.0
+    judged = against_start(worse)
+    assert judged.outcome.status == "stalled"
+    assert f"{fall:.0f} lower" in judged.outcome.advice
+    interrupted = replace(worse, outcome=replace(worse.outcome, status="interrupted"))
+    assert against_start(interrupted) is interrupted
+
+
+def test_windows_held_back_speak_too(searched: Estimate, wrong: Vehicle, flight: Flight) -> None:
+    """A window that the start flew is predicted by the start; the fit explains its own windows only."""
+    ahead = prepare(wrong, {"sim": flight}, [Window("sim", 20.0, 28.0)])
+    assert rise_from_start(searched, ahead) > 10.0
+    assert against_start(searched, ahead) is searched
+    other = simulate_flight(wrong, parse_maneuver(MANEUVER, "test"), seed=4, name="other")
+    ahead = prepare(wrong, {"other": other}, [Window("other", 0.0, 20.0)])
+    assert rise_from_start(searched, ahead) < -20.0
+    judged = against_start(searched, ahead)
+    assert judged.outcome.status == "stalled"
+    assert "the windows held back" in judged.outcome.advice
+
+
+def test_a_regression_is_judged_by_its_simulation(aircraft: Vehicle, flight: Flight) -> None:
+    """Noise of regressors biases it: the vehicle that flew, from which it began, explains the record better."""
+    options = Options(method="equation-error")
+    done = fit(Strategy.textbook(), aircraft, {"sim": flight}, WHOLE, options=options)
+    assert rise_from_start(done.estimate) < -20.0
+    assert done.estimate.outcome.status == "stalled"
