@@ -26,7 +26,6 @@ from stoop.vehicle.builtin import builtin_text, builtin_vehicle
 from stoop.vehicle.document import with_entries
 from stoop.vehicle.load import load_vehicle, parse_vehicle
 
-ROOT = Path(__file__).parents[3]
 SECONDS = 3  #: of the flight that the tests repeat; the page shows 30
 
 
@@ -38,7 +37,7 @@ def flight_of(vehicle: Vehicle) -> ReferenceFlight:
 
 def test_a_lost_side_force_is_visible_in_gazebo() -> None:
     """The hexacopter without the drag of its rotors: velocities hardly tell, the table and its sentence do."""
-    vehicle = load_vehicle(ROOT / "examples/hexacopter.toml")
+    vehicle = load_vehicle(Path(__file__).parents[3] / "examples/hexacopter.toml")
     flight, model = flight_of(vehicle), gazebo_model(vehicle, trim(vehicle))
     ours = loads_along(flight)
     whole = Compared("Gazebo", flight.title, tuple(AXES), ours, gazebo_loads(model, flight))

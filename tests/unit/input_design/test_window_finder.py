@@ -103,10 +103,7 @@ def test_motors_are_told_by_gain_and_idle_and_a_pusher_does_not_lift(pulsed: tup
     assert names == {"motor_1", "motor_2", "motor_3"}
 
 
-SPAN = 8.0
-
-
-def at(start: float, seconds: float = SPAN, axis: str = "") -> Candidate:
+def at(start: float, seconds: float = 8.0, axis: str = "") -> Candidate:
     found = Maneuver(axis, "u", start, start + seconds, 1.0, 2, 9.0, 1.0) if axis else None  # type: ignore[arg-type]
     return Candidate("f", start, start + seconds, found)
 

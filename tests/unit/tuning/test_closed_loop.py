@@ -28,7 +28,6 @@ from stoop.vehicle.document import with_entries
 from stoop.workflow.tuning import conditions_of
 
 Parameters = Mapping[str, float]
-KNOWN = Draws(("mass.mass",), np.empty((0, 1)), "covariance")
 WING = {
     "FW_RR_P": 0.4, "FW_RR_I": 0.3, "FW_RR_FF": 0.3, "FW_PR_P": 0.8, "FW_PR_I": 0.6, "FW_PR_FF": 1.0, "FW_YR_P": 0.3,
     "FW_AIRSPD_TRIM": 33.0, "FW_AIRSPD_MAX": 60.0, "FW_AIRSPD_STALL": 15.0,
@@ -71,8 +70,11 @@ def flown(vehicle: Vehicle, maneuver: Maneuver, parameters: Parameters) -> Flown
 
 def check_gain_margin(vehicle: Vehicle, parameters: Parameters, gains: list[str], airspeed: float) -> None:
     """Margins come from frequency responses; the flight knows none of them."""
-    firmware = firmware_of(parameters, bool(vehicle.rotors))
-    conditions = conditions_of(vehicle, firmware, parameters, [airspeed], 200.0, KNOWN)
+    firmware, none = (
+        firmware_of(parameters, bool(vehicle.rotors)),
+        Draws(("mass.mass",), np.empty((0, 1)), "covariance"),
+    )
+    conditions = conditions_of(vehicle, firmware, parameters, [airspeed], 200.0, none)
     axes = commands_of(vehicle, firmware, parameters).axes
     roll = Design(firmware, parameters, axes, conditions, Specification(), {}).judged(parameters)[0][0]
     more = {"airspeed": airspeed} if airspeed else {}
