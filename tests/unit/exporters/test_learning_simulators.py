@@ -15,7 +15,7 @@ import stoop
 from stoop.errors import SimulationError, StoopError
 from stoop.exporters.bullet_and_isaac import GymPyBulletDrones, Isaac
 from stoop.exporters.crazyflow import Crazyflow
-from stoop.exporters.exporter import Exporter, ModelData
+from stoop.exporters.exporter import Exported, Exporter, ModelData
 from stoop.exporters.mujoco_flight import MuJoCo
 from stoop.exporters.pyflyt import PyFlyt
 from stoop.exporters.targets import TARGETS, export
@@ -168,3 +168,22 @@ def test_every_row_of_the_targets_names_an_exporter() -> None:
     assert len(found) == len(TARGETS)
     with pytest.raises(StoopError, match=r"no target 'gazeboo' of an export; did you mean gazebo\?"):
         stoop.export("twin-boom", "gazeboo")
+
+
+class Card(Exporter):
+    def files(self) -> Exported:
+        return Exported({"card.txt": b"1.5 kg"}, "card.txt", ("a card",))
+
+    def lacks(self) -> list[str]:
+        return ["no aerodynamics"]
+
+    def fly(self, made: Exported) -> Exported:
+        return made.with_notes(["cards fly badly"])
+
+
+def test_notes_are_those_on_files_on_what_a_target_lacks_and_on_its_flight() -> None:
+    assert Card(ModelData(builtin_vehicle("quad-x"))).export().notes == (
+        "a card",
+        "no aerodynamics",
+        "cards fly badly",
+    )
