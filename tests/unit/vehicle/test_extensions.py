@@ -5,29 +5,32 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from stoop.vehicle import Vehicle
 from stoop.vehicle.arrays import Evaluation, array_equations
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop.vehicle.document import with_entries
 from stoop.vehicle.extensions import extended
 from stoop.vehicle.load import parse_vehicle
 
-VEHICLES = ("twin-boom", "quad-x", "quadplane")
+
+def disturbed(base: Vehicle, seed: int, speed: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return states and inputs (n, 15) at random beside level flight at a speed."""
+    rng = np.random.default_rng(seed)
+    x = 0.05 * rng.standard_normal((len(base.states), 15))
+    x[base.states.index("u")] += speed
+    x[base.states.index("e0")] += 1.0
+    return x, 0.4 + 0.05 * rng.standard_normal((len(base.inputs), 15))
 
 
-@pytest.mark.parametrize("name", VEHICLES)
+@pytest.mark.parametrize("name", ["twin-boom", "quad-x", "quadplane"])
 def test_extended_vehicle_has_the_same_equations_at_the_null_values(name: str) -> None:
     base = resolve_vehicle(name)
     vehicle, catalogue = extended(base)
     assert len({one.name for one in catalogue}) == len(catalogue)
-    rng, n = np.random.default_rng(1), 20
-    x = 0.05 * rng.standard_normal((len(base.states), n))
-    x[base.states.index("u")] += 20.0
-    x[base.states.index("e0")] += 1.0
-    u = 0.4 + 0.05 * rng.standard_normal((len(base.inputs), n))
-    assert vehicle.states == base.states
-    assert vehicle.inputs == base.inputs
+    x, u = disturbed(base, 1, 20.0)
+    assert (vehicle.states, vehicle.inputs) == (base.states, base.inputs)
     found = array_equations(vehicle)(vehicle.values, x, u)
-    wanted = base.kernel().evaluate(np.repeat(base.values[:, None], n, axis=1), x, u)
+    wanted = base.kernel().evaluate(np.repeat(base.values[:, None], 15, axis=1), x, u)
     for a, b in zip(found, wanted, strict=True):
         np.testing.assert_allclose(a, b, rtol=1e-9, atol=1e-9)
 
@@ -66,17 +69,14 @@ def test_a_change_is_that_of_another_evaluation() -> None:
     """What is repeated of an evaluation, against the whole of it."""
     base = resolve_vehicle("twin-boom")
     vehicle, catalogue = extended(base)
-    equations, rng, n = array_equations(vehicle), np.random.default_rng(2), 15
-    x = 0.05 * rng.standard_normal((len(base.states), n))
-    x[base.states.index("u")] += 35.0
-    x[base.states.index("e0")] += 1.0
-    u, rows = 0.1 * rng.standard_normal((len(base.inputs), n)), vehicle.values.tolist()
-    rows[vehicle.rows["sensors.p.bias"]] = rng.standard_normal(n)  # another in every piece
+    (x, u), equations, rows = disturbed(base, 2, 35.0), array_equations(vehicle), vehicle.values.tolist()
+    rows[vehicle.rows["sensors.p.bias"]] = np.random.default_rng(3).standard_normal(
+        15
+    )  # another in every piece
     at, before = Evaluation(equations, rows, x, u), np.vstack(equations(rows, x, u))
     other = u.copy()
     other[1] += 0.1
-    cases = [(one.numbers, u) for one in catalogue if one.numbers] + [((), other)]
-    for names, inputs in cases:
+    for names, inputs in [(one.numbers, u) for one in catalogue if one.numbers] + [((), other)]:
         changed = list(rows)
         for name in names:
             changed[vehicle.rows[name]] += 0.01

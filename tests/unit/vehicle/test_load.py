@@ -3,13 +3,9 @@
 from __future__ import annotations
 
 import re
-import tomllib
 from pathlib import Path
-from typing import Any
 
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from stoop.errors import VehicleError
 from stoop.vehicle import load_vehicle, parse_vehicle
@@ -43,24 +39,21 @@ CHANGES = [
     (MASS, "mass = nan\n", "mass.mass", "finite number"),
     (MASS, "mass = true\n", "mass.mass", "not true or false"),
     (MASS, 'mass = "heavy"\n', "mass.mass", 'write a number, or "=name"'),
-    (MASS, "mass = [1, 2]\n", "mass.mass", "or a table such as"),
     (MASS, f"mass = 1{'0' * 400}\n", "mass.mass", "308 digits"),
     (MASS, "", "mass.mass", "missing; add it"),
     (MASS, f"{MASS}mess = 1\n", "mass.mess", "unknown key; remove it or correct its name (did you mean mass?)"),
-    (MASS, "masss = 8.5\n", "mass.masss", "did you mean mass?"),  # mass is missing, too
     (MASS, 'mass = "=mass.heft"\n', "mass.mass", "tied to 'mass.heft', which is not a number of this file"),
     (MASS, 'mass = "=mass.mass"\n', "mass.mass", "itself tied"),
     (MASS, 'mass = { tie = "reference.area", value = 2.0 }\n', "mass.mass", "remove value"),
     (MASS, "mass = { value = 3.0, bounds = [5.0, 1.0] }\n", "mass.mass", "reversed or empty"),
     (MASS, "mass = { value = 3.0, bounds = [1.0, 2.0] }\n", "mass.mass", "lies outside its bounds"),
     (MASS, "mass = { value = 3.0, bounds = [1.0, 2.0, 5.0] }\n", "mass.mass.bounds", "too many"),
-    (MASS, "mass = { value = 3.0, bounds = [1.0] }\n", "mass.mass.bounds", "too few"),
     (MASS, "mass = { value = 3.0, bounds = [1.0, inf] }\n", "mass.mass.bounds.1", "finite"),
     (MASS, "mass = { value = 3.0, prior = 0.0 }\n", "mass.mass.prior", "greater than 0"),
-    (MASS, 'mass = { value = "3.0" }\n', "mass.mass.value", "valid number"),
     (INERTIA, "inertia = { xx = 1.0, yy = 2.0, zz = 30.0 }", "mass.inertia", "exceeds the sum of the others"),
     (INERTIA, "inertia = { xx = 1.0, yy = 2.0, zz = 2.0, xz = 9.0 }", "mass.inertia", "principal moment"),
     ("area = 2.8667", "area = 0.0", "reference.area", "not positive"),
+    ("alpha = 0.0", "alpha = { value = 0.0, free = true }", "reference.alpha", "free, but its bounds are [0, 0]; add bounds"),
     ("alpha = 0.0", "alpha = 5.88", "reference.alpha", "looks like degrees; write radians (0.1026)"),
     ("density = 1.20165", 'density = "thin"', "environment.density", '"standard" or "log"'),
     (THRUST, "thrust = 3.0", "propulsion", "'kind' is missing"),
@@ -76,11 +69,9 @@ CHANGES = [
     (CL0, '"C\\nL" = { term = "1" }\n', "aerodynamics.CL.C L", "rename it"),
     (CL0, 'Cmalpha = { term = "alpha" }\n', "aerodynamics.Cm.Cmalpha", "the name is used twice"),
     (CL0, 'CLx = { term = "flaps" }\n', "aerodynamics.CL.CLx", "unknown variable 'flaps'"),
-    (CL0, "CLx = { term = 3 }\n", "aerodynamics.CL.CLx.term", "valid string"),
     (CL0, "CLx = { term = \"__import__('os').system('x')\" }\n", "aerodynamics.CL.CLx", "not allowed"),
     (CL0, 'CLx = { term = "alpha^9999999" }\n', "aerodynamics.CL.CLx", "powers from 0 to 6"),
     ("[aerodynamics.CD]", "[aerodynamics.CX]\nx = 1\n[aerodynamics.CD]", "aerodynamics.CX", "unknown key"),
-    ("[aerodynamics.CD]", '[aerodynamics]\ndefault = "no"\n[aerodynamics.CD]', "aerodynamics.default", "boolean"),
     ('format = "stoop-vehicle/1"', 'format = "stoop-vehicle/2"', "format", "'stoop-vehicle/1'"),
     ('name = "Twin', 'nickname = "a"\nname = "Twin', "nickname", "did you mean name?"),
 ]  # fmt: skip
@@ -88,18 +79,14 @@ CHANGES = [
 OTHERS = "[controls.aileron]\n[controls.rudder]\n"
 ADDITIONS = [
     ("[controls.alpha]", "controls.alpha", "taken by a flight variable"),
-    ("[controls]\nelevator = 3", "controls.elevator", "must be a table"),
     (f"{OTHERS}[controls.elevator]\nlag = -0.1", "controls.elevator.lag", "nothing moves before its command"),
     (f"{OTHERS}[controls.elevator]\noffset = 5.0", "controls.elevator.offset", "degrees"),
     ("[controls.elevator]\nmix = { a = 1.0 }\ncenter = { b = 2.0 }", "controls.elevator", "center names b"),
-    ("[controls.elevator]\nlags = 0.1", "controls.elevator.lags", "did you mean lag?"),
     ("[controls.elevator]\nmix = { a = 1.0 }\ndelay = 0.1\n[controls.rudder]\nmix = { a = 1.0 }\n[controls.aileron]",
      "controls.rudder.delay", 'channel a also moves elevator, whose delay is another; tie them'),
     ("[controls.flap]", "aerodynamics", "needs its table [controls.NAME]"),
     ("[sensors]\nalpha = 3", "sensors.alpha", "must be a table"),
-    ("[sensors.gamma]\nbias = 0.0", "sensors.gamma", "unknown key"),
     ("[sensors.q]\nsigma = 0.0", "sensors.q.sigma", "greater than 0"),
-    ("[sensors]\nvane_position = [1.0, 2.0, 3.0, 4.0]", "sensors.vane_position", "too many"),
     ("[model]\nreduce = 'sideways'", "model.reduce", "'full', 'longitudinal' or 'lateral'"),
     ('[loadings.full]\n"mass.heft" = 3.0', "loadings.full.mass.heft", "no number has this name"),
     ('[loadings.full]\n"mass.mass" = 0.0', "loadings.full: mass.mass", "not positive"),
@@ -110,7 +97,6 @@ ADDITIONS = [
     ("[sensors.vn]\nbias = 1.0", "sensors.vn", "only a vehicle with rotors is observed by it; remove it"),
     ("[turbulence]\nw = { intensity = 0.0, length = 10.0 }", "turbulence.w.intensity", "not positive"),
     ("[turbulence]\nw = { intensity = 1.0 }", "turbulence.w.length", "missing"),
-    ("[turbulence]\nq = { intensity = 1.0, length = 10.0 }", "turbulence.q", "unknown key"),
     ("[surprise]\nx = 1", "surprise", "unknown key"),
 ]  # fmt: skip
 
@@ -118,14 +104,11 @@ ADDITIONS = [
 def test_what_is_impossible_is_one_line_that_names_key_and_remedy(twin_boom: str) -> None:
     edits = [(replaced(twin_boom, old, new), key, says) for old, new, key, says in CHANGES]
     edits += [(f"{twin_boom}\n{more}\n", key, says) for more, key, says in ADDITIONS]
-    free = replaced(twin_boom, "alpha = 0.0", "alpha = { value = 0.0, free = true }")
-    edits.append((free, "reference.alpha", "free, but its bounds are [0, 0]; add bounds"))
+    edits += [(text, "", "missing; add it") for text in ("", "\n", "# only a comment", "name = 'x'")]
     for text, key, says in edits:
         said = complaint(text)
         assert said.startswith(f"{WHERE}: {key}"), said
         assert says in said
-    for text in ("", "\n", "# only a comment", "name = 'x'"):
-        assert "missing; add it" in complaint(text)
 
 
 def test_any_table_may_be_of_the_wrong_type_and_any_text_no_toml() -> None:
@@ -146,99 +129,26 @@ def test_files(twin_boom: str, tmp_path: Path) -> None:
     path.write_text(twin_boom)
     vehicle = load_vehicle(path)
     assert (vehicle.value("mass.mass"), vehicle.where) == (189.40, str(path))
-    assert load_vehicle(str(path)).file == vehicle.file
-    for content, says in (
-        (bytes(range(256)), r"v\.toml: .*not UTF-8 text"),
-        (b"#" * 1_000_001, r"larger than 1000000 bytes\); check the path"),
-    ):
-        path.write_bytes(content)
-        with pytest.raises(VehicleError, match=says):
-            load_vehicle(path)
-    with pytest.raises(VehicleError, match=r"none\.toml: cannot read the vehicle file .*; check the path"):
-        load_vehicle(tmp_path / "none.toml")
+    for name, content, says in (
+        ("v.toml", bytes(range(256)), r"v\.toml: .*not UTF-8 text"),
+        ("v.toml", b"#" * 1_000_001, r"larger than 1000000 bytes\); check the path"),
+        ("none.toml", None, r"none\.toml: cannot read the vehicle file .*; check the path"),
+        ("a\x00b", None, ":"), ("x" * 5000, None, ":"), ("a\nb", None, ":"),
+        ("", None, r"is a folder, no vehicle file; name v\.toml in it"),
+    ):  # fmt: skip
+        if content is not None:
+            path.write_bytes(content)
+        with pytest.raises(VehicleError, match=says) as caught:
+            load_vehicle(f"{tmp_path}/{name}")
+        assert str(caught.value).isprintable()
     path.unlink()
     with pytest.raises(VehicleError, match="is a folder, no vehicle file; check the path"):
         load_vehicle(tmp_path)
-    (tmp_path / "vehicle.toml").write_text("")
-    with pytest.raises(VehicleError, match=r"is a folder, no vehicle file; name vehicle\.toml in it"):
-        load_vehicle(tmp_path)
-    for name in ("a\x00b", "x" * 5000, "a\nb"):
-        with pytest.raises(VehicleError) as caught:
-            load_vehicle(f"{tmp_path}/{name}")
-        assert str(caught.value).isprintable()
-
-
-def parses_or_says(text: str) -> None:
-    try:
-        parse_vehicle(text, WHERE)
-    except VehicleError as error:
-        said = str(error)
-    else:
-        return
-    assert said.startswith(f"{WHERE}: ")
-    assert said.isprintable()
-
-
-def toml(value: Any) -> str:
-    """Write a value as TOML (inline tables)."""
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, str):
-        return '"' + "".join(f"\\U{ord(c):08x}" for c in value) + '"'
-    if isinstance(value, dict):
-        return "{" + ", ".join(f"{toml(str(k))} = {toml(v)}" for k, v in value.items()) + "}"
-    if isinstance(value, list):
-        return "[" + ", ".join(map(toml, value)) + "]"
-    return repr(value)
-
-
-word = st.one_of(
-    st.sampled_from(
-        ["value", "bounds", "free", "prior", "tie", "term", "xx", "yy", "zz", "mass", "inertia", "kind", "channel",
-         "propeller", "constant", "CL", "CL0", "Cm", "default", "elevator", "mix", "center", "lag", "bias",
-         "=mass.mass", "alpha^2", "alpha*elevator", "standard", "log", "full", "lateral", "vane_position"]
-    ),
-    st.text(st.characters(codec="utf-8"), max_size=4),
-)  # fmt: skip
-scalar = st.one_of(st.booleans(), st.integers(), st.integers(10**307, 10**320), st.floats(), word)
-value = st.recursive(
-    scalar, lambda v: st.lists(v, max_size=3) | st.dictionaries(word, v, max_size=4), max_leaves=8
-)
-
-
-def paths(node: Any, path: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
-    below = [p for k, v in node.items() for p in paths(v, (*path, k))] if isinstance(node, dict) else []
-    return [path, *below]
-
-
-@given(st.data())
-@settings(max_examples=40)
-def test_any_spoiled_vehicle(twin_boom: str, data: st.DataObject) -> None:
-    raw = tomllib.loads(twin_boom)
-    for _ in range(data.draw(st.integers(1, 3))):
-        path = data.draw(st.sampled_from(paths(raw)[1:]))
-        node = raw
-        for part in path[:-1]:
-            node = node[part]
-        key = data.draw(st.one_of(st.just(path[-1]), word))
-        if data.draw(st.booleans()):
-            node[key] = data.draw(value)
-        else:
-            node.pop(path[-1], None)
-    parses_or_says("\n".join(f"{toml(k)} = {toml(v)}" for k, v in raw.items()))
 
 
 def test_usual_size_of_what_is_missing() -> None:
-    vtail = """
-[mass]
-mass = 8.5
-inertia = { xx = 1.38, yy = 0.84, zz = 2.17 }
-[reference]
-area = 0.66
-chord = 0.285
-span = 2.32
-airspeed = 24.0
-"""
+    vtail = "[mass]\nmass = 8.5\ninertia = { xx = 1.38, yy = 0.84, zz = 2.17 }\n"
+    vtail += "[reference]\narea = 0.66\nchord = 0.285\nspan = 2.32\nairspeed = 24.0\n"
     usual = r"mass \(0\.11\.\.0\.17 span\)\^2 = 0\.55 to 1\.3 kg m2 for this mass and span"
     for key, removed, said in (
         ("mass.inertia.xx", "xx = 1.38, ", usual),

@@ -8,9 +8,9 @@ from importlib.resources import files
 
 import numpy as np
 import pytest
-from naive import march
 from naive.aircraft import Aircraft
 from naive.multirotor import Multirotor
+from unit.vehicle.test_twin import check_points, flown
 
 from stoop.simulation import initial_states, parameter_rows
 from stoop.vehicle import Vehicle, parse_vehicle
@@ -126,21 +126,11 @@ def test_trajectories() -> None:
     """The compiled model in motion: lags, voltage, clipped commands, tilted axes."""
     spec = CASES["commanded"]
     vehicle = parse_vehicle(spec.text, "commanded")
-    u, factors = (
-        recorded(spec, vehicle),
-        np.random.default_rng(5).uniform(0.96, 1.04, len(vehicle.parameters)),
-    )
-    changes = dict(zip([p.name for p in vehicle.parameters], factors * vehicle.values, strict=True))
-    rows, twin = parameter_rows(vehicle, changes), Multirotor(spec.text, changes)
+    u, rng = recorded(spec, vehicle), np.random.default_rng(5)
+    changes = {p.name: p.value * rng.uniform(0.96, 1.04) for p in vehicle.parameters}
+    rows = parameter_rows(vehicle, changes)
     y = vehicle.kernel().trajectories(rows, initial_states(vehicle, START, rows, u[0]), u, DT)[0]
-
-    def name(row: np.ndarray) -> dict[str, float]:
-        return dict(zip(vehicle.inputs, row.tolist(), strict=True))
-
-    begun = twin.start(START, name(u[0]))
-    expected = march.march(
-        lambda x, v: twin.rates(x, name(v)), lambda x, v: twin.readings(x, name(v)), begun, u, DT
-    )
+    expected = flown(Multirotor(spec.text, changes), vehicle.inputs, START, u, DT)
     size, turn = np.abs(expected).max(axis=0), y - expected
     turn[:, 6:9] -= 2 * np.pi * np.round(turn[:, 6:9] / (2 * np.pi))
     assert (np.ptp(expected, axis=0) > 1e-2 * size).all(), "every channel moves"
@@ -149,33 +139,21 @@ def test_trajectories() -> None:
 
 @pytest.mark.parametrize("name", CASES)
 def test_single_points(name: str) -> None:
-    """Rates and readings at random states, without an integrator."""
     spec = CASES[name]
     vehicle = parse_vehicle(spec.text, name)
     rng, count = np.random.default_rng(2), 20
     spread = {
-        "u": 12.0, "v": 12.0, "w": 8.0, "p": 4.0, "q": 4.0,
-        "r": 3.0, "phi": 3.0, "theta": 1.4, "psi": 3.0, "h": 900.0,
+        "u": 12.0, "v": 12.0, "w": 8.0, "p": 4.0, "q": 4.0, "r": 3.0, "phi": 3.0, "theta": 1.4, "psi": 3.0, "h": 900.0,
     }  # fmt: skip
     start = {k: s * spec.spread * rng.uniform(-1, 1, count) for k, s in spread.items()}
-    wide = [means(spec, c) for c in vehicle.inputs]
-    u = np.array([m + 1.2 * s * rng.uniform(-1, 1, count) for m, s in wide])
-    rows = parameter_rows(vehicle, None, count)
-    x = initial_states(vehicle, start, rows, u)
-    lagged = [i for i, s in enumerate(vehicle.states) if s.endswith(".lag")]
-    x[lagged] *= rng.uniform(0.7, 1.3, (len(lagged), count))
+    u = np.array(
+        [m + 1.2 * s * rng.uniform(-1, 1, count) for m, s in (means(spec, c) for c in vehicle.inputs)]
+    )
+    lag = {"pwm": 0.2, "motor": 150.0}.get(vehicle.inputs[0].partition("_")[0], 0.0)
     assert any(channel.endswith(".slope") for channel in vehicle.inputs) == (spec.slope > 0.0)
-    d, y = vehicle.kernel().evaluate(rows, x, u)
-    twin = Multirotor(spec.text, {})
-    for b in range(count):
-        named = dict(zip(vehicle.inputs, u[:, b].tolist(), strict=True))
-        s = twin.start({k: float(v[b]) for k, v in start.items()}, named)
-        s[16:] = x[lagged, b]
-        rates = twin.rates(s, named)
-        found = np.concatenate([d[:6, b], d[10:11, b], d[lagged, b]])
-        wanted = np.concatenate([rates[:6], rates[15:]])
-        np.testing.assert_allclose(found, wanted, rtol=spec.rtol, atol=spec.rtol)
-        np.testing.assert_allclose(y[:, b], twin.readings(s, named), rtol=spec.rtol, atol=spec.rtol)
+    check_points(
+        vehicle, Multirotor(spec.text, {}), start, u, spec.rtol, lambda s: lag * rng.uniform(-1, 1, s)
+    )
 
 
 def test_a_quadplane_is_its_aeroplane_and_its_rotors() -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import json
 import math
 
 import numpy as np
@@ -99,14 +98,6 @@ def test_more_of_one_motor_and_damping_by_the_inflow(template: tuple[Vehicle, Ev
         assert d[rate] < -1e-3
 
 
-def test_x_numbering_is_that_of_px4() -> None:
-    vehicle = builtin_vehicle("quad-x")
-    places = {n: [vehicle.value(f"rotor.{n}.position.{a}") for a in "xy"] for n in vehicle.rotors}
-    corner = {n: tuple(np.sign(place)) for n, place in places.items()}
-    assert corner == {"m1": (1, 1), "m2": (-1, -1), "m3": (1, -1), "m4": (-1, 1)}
-    assert [vehicle.file.rotor[n].spin for n in vehicle.rotors] == ["ccw", "ccw", "cw", "cw"]
-
-
 def test_discs_draw_what_their_thrust_takes() -> None:
     """Momentum theory, held by bisection of T = 2 rho A v sqrt(vh^2 + (va + v)^2) from descents to quick climbs."""
     text = SINGLE.replace("translational = 0.02", "radius = 0.11").replace("T0 = 0.3\n", "")
@@ -124,17 +115,6 @@ def test_discs_draw_what_their_thrust_takes() -> None:
         off.append((-0.5 * y["az"] - exact) / (0.4 * x))
     assert np.max(np.abs(off)) < 0.04
     assert np.sqrt(np.mean(np.square(off))) < 0.01, "m/s of induced velocity"
-
-
-def test_velocity_over_ground() -> None:
-    """Nose north-east and level: forward is north and east alike; the wind is a bias."""
-    vehicle = builtin_vehicle("quad-x")
-    evaluate = vehicle.kernel().evaluate
-    wind = dict(zip(WIND_NUMBERS, (2.0, -1.0, 0.3), strict=True))
-    start = {"u": 3.0, "v": 1.0, "w": -0.5, "psi": math.pi / 4.0}
-    _, y = rates(vehicle, evaluate, motors(vehicle, 0.6), start, **wind)
-    root = math.sqrt(0.5)
-    assert (y["vn"], y["ve"], y["vd"]) == pytest.approx((2.0 * root + 2.0, 4.0 * root - 1.0, -0.2))
 
 
 def test_nothing_is_undefined_at_rest(template: tuple[Vehicle, Evaluate]) -> None:
@@ -224,32 +204,3 @@ def test_bounds_go_with_the_size_of_the_vehicle() -> None:
     for name in ("rotors.T2", "rotors.torque_ratio", "rotors.lag"):  # positive wherever the search looks
         free = builtin_vehicle("quad-x").with_numbers({name: {"free": True}})
         assert free.parameters[free.rows[name]].lower > 0.0
-
-
-def test_units_say_what_x_is() -> None:
-    by_command = builtin_vehicle("quad-x")
-    by_speed = parse_vehicle(SINGLE.replace("[rotors]", '[rotors]\ndrive = "speed"\nlag = 0.1'), "speed")
-    command, speed = ({p.name: p.unit for p in v.parameters} for v in (by_command, by_speed))
-    assert command.items() >= {
-        "rotors.T2": "N", "rotor.m1.position.x": "m", "body_drag.quadratic.z": "N s2/m2", "sensors.vd.bias": "m/s",
-    }.items()  # fmt: skip
-    assert speed.items() >= {
-        "rotors.T2": "N s2/rad2", "rotors.Q1": "N m s/rad", "rotors.drag": "N s2/(m rad)", "rotors.gain": "rad/s per unit",
-    }.items()  # fmt: skip
-
-
-def test_numbers_do_not_decide_the_equations_but_spin_and_axis_do(twin_boom: str) -> None:
-    text, same = SINGLE, parse_vehicle(SINGLE, "a").structure
-    known = text.replace("T2 = 8.0", "T2 = { value = 9.0, free = false }")
-    assert parse_vehicle(known, "b").structure == same
-    for other in (
-        text.replace('"ccw"', '"cw"'),
-        text + "axis = [0.0, 0.0, -1.0]\n",
-        text.replace("Q1 = 0.02\n", ""),
-    ):
-        assert parse_vehicle(other, "c").structure != same
-    vehicle = parse_vehicle(twin_boom, "twin-boom")
-    said = json.loads(vehicle.structure)[0]
-    assert not {"rotors", "rotor", "body_drag", "turbulence"} & set(said)
-    assert vehicle.outputs[:3] == ("V", "alpha", "beta") == vehicle.start_names[:3]
-    assert vehicle.rotors == ()

@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from stoop.simulation import initial_states, parameter_rows
-from stoop.vehicle import Vehicle, parse_vehicle
+from stoop.vehicle import parse_vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 
 TABLE = """
@@ -16,16 +16,23 @@ w = { intensity = "=turbulence.v.intensity", length = "=turbulence.v.length" }
 """
 
 
-def test_states_and_noise_are_added_at_the_end(twin_boom: str) -> None:
+def test_states_and_noise_are_added_at_the_end_and_an_intensity_can_be_estimated_and_tied(
+    twin_boom: str,
+) -> None:
     calm, gusty = parse_vehicle(twin_boom, "calm"), parse_vehicle(twin_boom + TABLE, "gusty")
-    assert gusty.states[: len(calm.states)] == calm.states
-    assert gusty.states[len(calm.states) :] == (
-        "gust.u", "gust.v.fast", "gust.v.slow", "gust.w.fast", "gust.w.slow",
-    )  # fmt: skip
+    added = ("gust.u", "gust.v.fast", "gust.v.slow", "gust.w.fast", "gust.w.slow")
+    assert gusty.states == (*calm.states, *added)
     assert gusty.inputs == (*calm.inputs, "gust.u.noise", "gust.v.noise", "gust.w.noise")
     assert gusty.recorded == calm.recorded == calm.inputs
-    assert gusty.reduced("longitudinal").gusts == ("u", "w")
-    assert gusty.reduced("lateral").gusts == ("v",)
+    assert gusty.rows["turbulence.w.intensity"] == gusty.rows["turbulence.v.intensity"]
+    alone = parse_vehicle(twin_boom + "[turbulence]\n" + TABLE.splitlines()[3], "alone")
+    for vehicle, gusts, free in (
+        (gusty.reduced("longitudinal"), ("u", "w"), True),  # w is tied to v
+        (gusty.reduced("lateral"), ("v",), True),
+        (alone.reduced("longitudinal"), (), False),
+    ):
+        told = [p.name for p in vehicle.parameters if p.free and p.name.startswith("turbulence")]
+        assert (vehicle.gusts, told) == (gusts, ["turbulence.v.intensity"] * free)
 
 
 def test_a_gust_is_felt_as_the_opposite_motion(twin_boom: str) -> None:
@@ -56,7 +63,7 @@ def test_a_gust_does_not_turn_with_what_hovers() -> None:
     moving = initial_states(
         gusty, {"h": 50.0, **turned, **dict(zip("uvw", through_air, strict=True))}, rows, u
     )
-    at = dict(zip(gusty.states, range(len(gusty.states)), strict=True))
+    at = {name: i for i, name in enumerate(gusty.states)}
     for axis, value in zip("uvw", blown, strict=True):
         still[[i for name, i in at.items() if name.startswith(f"gust.{axis}")]] = value
     both = np.concatenate([still, moving], axis=1)
@@ -64,17 +71,3 @@ def test_a_gust_does_not_turn_with_what_hovers() -> None:
     felt = [gusty.outputs.index(c) for c in ("ax", "ay", "az")]
     assert readings[felt, 0] == pytest.approx(readings[felt, 1], abs=1e-12)
     assert rates[[at[r] for r in "pqr"], 0] == pytest.approx(rates[[at[r] for r in "pqr"], 1], abs=1e-12)
-
-
-def test_an_intensity_can_be_estimated_and_tied(twin_boom: str) -> None:
-    """A reduced model frees what its gusts are tied to."""
-
-    def free(vehicle: Vehicle) -> list[str]:
-        return [p.name for p in vehicle.parameters if p.free and p.name.startswith("turbulence")]
-
-    gusty = parse_vehicle(twin_boom + TABLE, "gusty")
-    assert free(gusty) == free(gusty.reduced("longitudinal")) == ["turbulence.v.intensity"]
-    assert gusty.parameters[gusty.rows["turbulence.v.intensity"]].unit == "m/s"
-    assert gusty.rows["turbulence.w.intensity"] == gusty.rows["turbulence.v.intensity"]
-    alone = parse_vehicle(twin_boom + TABLE.splitlines()[1] + "\n" + TABLE.splitlines()[3], "gusty")
-    assert not free(alone.reduced("longitudinal"))

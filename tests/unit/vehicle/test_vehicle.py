@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import os
+import json
 import subprocess
 import sys
 from importlib.resources import files
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from stoop.errors import VehicleError
 from stoop.vehicle import Vehicle, parse_vehicle
-from stoop.vehicle.builtin import BUILT_IN, resolve_vehicle
+from stoop.vehicle.builtin import BUILT_IN, builtin_text, builtin_vehicle, resolve_vehicle
 from stoop.vehicle.defaults import EQUATION_1
 
 CONTROLS = "\n[controls.elevator]\n[controls.aileron]\n[controls.rudder]\n"
@@ -30,15 +29,6 @@ def test_eq_1_has_its_32_parameters_and_they_are_free(vehicle: Vehicle) -> None:
     assert set(free) == {name for terms in EQUATION_1.values() for name in terms}
 
 
-def test_rows_follow_parameters(vehicle: Vehicle) -> None:
-    for i, p in enumerate(vehicle.parameters):
-        assert vehicle.rows[p.name] == i
-        assert vehicle.value(p.name) == p.value == vehicle.values[i]
-        assert not p.free or p.lower < p.upper
-        assert p.lower <= p.value <= p.upper
-    assert len({p.name for p in vehicle.parameters}) == len(vehicle.parameters)
-
-
 SAME = [
     ("CL0 = 0.385", "CL0 = 0.5"),
     ("CL0 = 0.385", "CL0 = { value = 0.385, free = false, bounds = [0.0, 1.0], prior = 0.1 }"),
@@ -51,8 +41,6 @@ EXTRA_SAME = [
     "[sensors]\nestimate_biases = false",
     '[loadings.heavy]\n"mass.mass" = 200.0',
 ]
-
-
 EXTRA_OTHER = [
     "[sensors.q]\nscale = 1.0", "[sensors.q]\ndelay = 0.02", '[sensors.q]\nbias = "=sensors.p.bias"',
     "[model]\nreduce = 'lateral'", "[sensors]\nvane_position = [0.0, 0.0, 0.0]",
@@ -67,20 +55,12 @@ OTHER = [
     ('rate_normalization = "reference"', 'rate_normalization = "actual"'),
     ("xz = 5.0", "xz = 5.0, xy = 0.0"),
 ]
-
-
-def test_equations_decide_the_structure_and_numbers_do_not(twin_boom: str, vehicle: Vehicle) -> None:
-    """Noise, freedom and loadings do not; equal structures have equal rows, inputs, states and outputs."""
-    shapes: dict[str, object] = {}
-    for changes, more, equal in ((SAME, EXTRA_SAME, True), (OTHER, EXTRA_OTHER, False)):
-        assert all(twin_boom.count(old) == 1 for old, _ in changes)
-        texts = [twin_boom.replace(old, new) for old, new in changes] + [f"{twin_boom}\n{x}" for x in more]
-        for text, edit in zip(texts, (*changes, *more), strict=True):
-            v = parse_vehicle(text, "x")
-            assert (v.structure == vehicle.structure) == equal, edit
-            shape = (v.rows, v.inputs, v.states, v.outputs)
-            assert shapes.setdefault(v.structure, shape) == shape
-    assert shapes[vehicle.structure] == (vehicle.rows, vehicle.inputs, vehicle.states, vehicle.outputs)
+ROTORS = [
+    ("T2 = 6.0", "T2 = { value = 9.0, free = false }"),
+    ('spin = "ccw"', 'spin = "cw"'),
+    ('spin = "cw"', 'spin = "cw"\naxis = [0.0, 0.0, -1.0]'),
+    ("T1 = 2.5\n", ""),
+]
 
 
 def test_reduced_models_estimate_their_own_coefficients(vehicle: Vehicle) -> None:
@@ -95,102 +75,91 @@ def test_reduced_models_estimate_their_own_coefficients(vehicle: Vehicle) -> Non
     assert "CQ0" not in free(freed.reduced("longitudinal")), "no equation contains it"
 
 
-def test_ties_share_a_row(twin_boom: str) -> None:
-    text = f'{twin_boom}\n{CONTROLS}lag = 0.05\n[sensors.q]\nbias = "=sensors.p.bias"\n'
-    v = parse_vehicle(
-        text.replace("[controls.aileron]", '[controls.aileron]\nlag = "=controls.rudder.lag"'), "x"
+def test_equations_decide_the_structure_and_numbers_do_not(twin_boom: str, vehicle: Vehicle) -> None:
+    """Noise, freedom and loadings do not; equal structures have equal rows, inputs, states and outputs."""
+    shapes = {vehicle.structure: (vehicle.rows, vehicle.inputs, vehicle.states, vehicle.outputs)}
+    for changes, more, equal in ((SAME, EXTRA_SAME, True), (OTHER, EXTRA_OTHER, False)):
+        assert all(twin_boom.count(old) == 1 for old, _ in changes)
+        texts = [twin_boom.replace(old, new) for old, new in changes] + [f"{twin_boom}\n{x}" for x in more]
+        for text, edit in zip(texts, (*changes, *more), strict=True):
+            v = parse_vehicle(text, "x")
+            assert (v.structure == vehicle.structure) == equal, edit
+            shape = (v.rows, v.inputs, v.states, v.outputs)
+            assert shapes.setdefault(v.structure, shape) == shape
+    assert not {"rotors", "rotor", "body_drag", "turbulence"} & set(json.loads(vehicle.structure)[0])
+    rotors = builtin_text("quad-x")
+    turned = {old: parse_vehicle(rotors.replace(old, new, 1), "x").structure for old, new in ROTORS}
+    assert {old for old, found in turned.items() if found == builtin_vehicle("quad-x").structure} == {
+        "T2 = 6.0"
+    }
+
+
+def test_changed_numbers_and_ties(twin_boom: str, vehicle: Vehicle) -> None:
+    changes = {"CLalpha": {"value": 5.0}, "mass.mass": {"free": True}, "mass.inertia.xz": {"value": 7.0}}
+    changed = vehicle.with_numbers(changes)
+    assert {p.name for p, q in zip(vehicle.parameters, changed.parameters, strict=True) if p != q} == set(
+        changes
     )
-    assert v.rows["controls.aileron.lag"] == v.rows["controls.rudder.lag"]
+    assert changed.kernel() is vehicle.kernel(), "a number compiles nothing"
+    assert vehicle.value("CLalpha") == 4.78
+    tied = CONTROLS.replace("aileron]", 'aileron]\nlag = "=controls.rudder.lag"')
+    v = parse_vehicle(f'{twin_boom}{tied}lag = 0.05\n[sensors.q]\nbias = "=sensors.p.bias"\n', "x")
     assert v.rows["sensors.q.bias"] == v.rows["sensors.p.bias"]
     assert v.value("controls.aileron.lag") == 0.05
-    changed = v.with_numbers({"controls.rudder.lag": {"value": 0.2}})
-    assert changed.value("controls.aileron.lag") == 0.2
+    assert v.with_numbers({"controls.rudder.lag": {"value": 0.2}}).value("controls.aileron.lag") == 0.2
+    for name, says in (
+        ("CLalfa", "no number is called 'CLalfa'; did you mean CLalpha"),
+        ("sensors.q.bias", r"sensors\.q\.bias: tied to 'sensors\.p\.bias'; change that one"),
+    ):
+        with pytest.raises(VehicleError, match=says):
+            v.with_numbers({name: {"value": 5.0}})
 
 
-def test_with_numbers_changes_what_it_names(vehicle: Vehicle) -> None:
-    changed = vehicle.with_numbers(
-        {"CLalpha": {"value": 5.0}, "mass.mass": {"free": True}, "mass.inertia.xz": {"value": 7.0}}
-    )
-    different = {p.name for p, q in zip(vehicle.parameters, changed.parameters, strict=True) if p != q}
-    assert different == {"CLalpha", "mass.mass", "mass.inertia.xz"}
-    assert changed.structure == vehicle.structure
-    assert vehicle.value("CLalpha") == 4.78
+UNITS = {
+    "twin-boom": {"mass.mass": "kg", "mass.inertia.xz": "kg m2", "CLalpha": "1/rad", "CDalpha2": "1/rad2", "CLq": "1",
+                  "sensors.ax.bias": "m/s2", "sensors.phi.bias": "rad", "propulsion.thrust": "N"},
+    "quad-x": {"rotors.T2": "N", "rotor.m1.position.x": "m", "body_drag.quadratic.z": "N s2/m2", "sensors.vd.bias": "m/s"},
+    "speed": {"rotors.T2": "N s2/rad2", "rotors.T1": "N s/rad", "rotors.drag": "N s2/(m rad)", "rotors.gain": "rad/s per unit"},
+}  # fmt: skip
 
 
-def test_names_that_cannot_be_changed(twin_boom: str, vehicle: Vehicle) -> None:
-    with pytest.raises(VehicleError, match="no number is called 'CLalfa'; did you mean CLalpha"):
-        vehicle.with_numbers({"CLalfa": {"value": 5.0}})
-    v = parse_vehicle(f'{twin_boom}\n[sensors.q]\nbias = "=sensors.p.bias"\n', "x")
-    with pytest.raises(VehicleError, match=r"sensors\.q\.bias: tied to 'sensors\.p\.bias'; change that one"):
-        v.with_numbers({"sensors.q.bias": {"free": False}})
-
-
-def test_units(vehicle: Vehicle) -> None:
-    units = {p.name: p.unit for p in vehicle.parameters}
-    expected = {"mass.mass": "kg", "mass.inertia.xz": "kg m2", "CLalpha": "1/rad", "CDalpha2": "1/rad2", "CLq": "1",
-                "sensors.ax.bias": "m/s2", "sensors.phi.bias": "rad", "propulsion.thrust": "N"}  # fmt: skip
-    assert expected.items() <= units.items()
-
-
-def test_inputs_of_a_mixer(twin_boom: str) -> None:
-    mix = "\n".join(
-        f"[controls.{c}]\nmix = {{ pwm_3 = {a}, pwm_4 = {b} }}\ncenter = {{ pwm_3 = 1500.0 }}"
-        for c, a, b in (("elevator", 0.1, 0.1), ("rudder", 0.1, -0.1))
-    )
-    v = parse_vehicle(f"{twin_boom}\n{mix}\n[controls.aileron]\nlag = 0.05\n", "x")
-    assert v.inputs == ("pwm_3", "pwm_4", "aileron")
-    assert v.states[-1] == "aileron.lag"
+def test_units() -> None:
+    speed = builtin_text("quad-x").replace('drive = "command"', 'drive = "speed"')
+    for name, units in UNITS.items():
+        vehicle = parse_vehicle(speed, "speed") if name == "speed" else builtin_vehicle(name)
+        assert units.items() <= {p.name: p.unit for p in vehicle.parameters}.items()
 
 
 WARM = """
 import sys
+import numpy as np
 from stoop.vehicle import load_vehicle
 v = load_vehicle({path!r})
 assert "numba" not in sys.modules and "sympy" not in sys.modules, "loading a file compiles nothing"
 k = v.kernel()
-import numpy as np
-y = k.evaluate(v.values[:, None], np.array({state})[:, None], np.zeros((3, 1)))[1]
+y = k.evaluate(v.values[:, None], np.array([35.0, 0, 3, 0, 0, 0, 1, 0, 0, 0, 200])[:, None], np.zeros((3, 1)))[1]
 print("sympy" in sys.modules, np.isfinite(y).all())
 """
 
 
 def test_a_warm_start_needs_no_sympy(vehicle: Vehicle) -> None:
     vehicle.kernel()
-    path = Path(str(files("stoop") / "data" / "twin_boom.toml"))
-    state = [35.0, 0.0, 3.0, 0, 0, 0, 1.0, 0, 0, 0, 200.0]
-    code = WARM.format(path=str(path), state=state)
+    code = WARM.format(path=str(files("stoop") / "data" / "twin_boom.toml"))
     command = [sys.executable, "-W", "error", "-c", code]
-    run = subprocess.run(command, capture_output=True, text=True, env=dict(os.environ))
-    assert run.stderr == ""
-    assert run.stdout.split() == ["False", "True"]
+    run = subprocess.run(command, capture_output=True, text=True)
+    assert (run.stderr, run.stdout.split()) == ("", ["False", "True"])
 
 
-def test_kernel_has_one_row_per_number(vehicle: Vehicle) -> None:
-    freed = vehicle.with_numbers({"mass.inertia.xx": {"free": True, "value": 90.0}})
-    assert freed.kernel() is vehicle.kernel(), "freeing a number compiles nothing"
-    sizes = (len(vehicle.states), len(vehicle.inputs), len(vehicle.parameters), len(vehicle.outputs))
-    assert vehicle.kernel().sizes == sizes
-    assert np.isfinite(vehicle.values).all()
-
-
-def test_built_in_vehicles_load() -> None:
-    for name in BUILT_IN:
-        vehicle = resolve_vehicle(name)
-        assert vehicle.where == name
-        assert len([p for p in vehicle.parameters if p.free]) >= (16 if vehicle.rotors else 32), name
-
-
-def test_file_is_read(twin_boom: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_names_of_files_and_of_built_in_vehicles(
+    twin_boom: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert all(resolve_vehicle(name).where == name for name in BUILT_IN)
+    (tmp_path / "result").mkdir()
     path = tmp_path / "twin-boom"
     path.write_text(twin_boom.replace('name = "Twin-boom', 'name = "My own'))
-    assert resolve_vehicle(path).name.startswith("My own")
     monkeypatch.chdir(tmp_path)
-    assert resolve_vehicle("twin-boom").name.startswith("Twin-boom")
-    assert resolve_vehicle("./twin-boom").name.startswith("My own")
-
-
-def test_names_that_are_none(tmp_path: Path) -> None:
-    (tmp_path / "result").mkdir()
+    for name, own in ((path, True), ("twin-boom", False), ("./twin-boom", True)):
+        assert resolve_vehicle(name).name.startswith("My own") == own
     for name, says in (
         ("twinboom", "^twinboom: .*did you mean the built-in vehicle twin-boom"),
         ("twin_boom.toml", "did you mean the built-in vehicle twin-boom"),
