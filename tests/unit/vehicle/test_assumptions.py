@@ -12,20 +12,15 @@ from stoop.vehicle.builtin import builtin_vehicle
 DT = 0.02
 PLAIN = """
 name = "commanded"
+reference = { area = 0.66, chord = 0.285, span = 2.32, airspeed = 24.0 }
 [mass]
 mass = 8.5
 inertia = { xx = 1.38, yy = { value = 0.84, prior = "guess" }, zz = { value = 2.17, prior = 0.2, free = false } }
-[reference]
-area = 0.66
-chord = 0.285
-span = 2.32
-airspeed = 24.0
 """
 CONTROLS = """
-[controls.aileron]
-mix = { control_roll = 0.35 }
-[controls.elevator]
-mix = { servo_1 = 0.3, servo_2 = 0.3 }
+[controls]
+aileron = { mix = { control_roll = 0.35 } }
+elevator = { mix = { servo_1 = 0.3, servo_2 = 0.3 } }
 [controls.rudder]
 mix = { control_yaw = -0.35 }
 """
@@ -66,12 +61,10 @@ def test_what_the_file_gives_of_one_servo_stands() -> None:
     for line, lag in (("lag = 0", 0.0), ("lag = 0.04", 0.04), ("delay = 0", 0.05)):
         vehicle, _ = completed(PLAIN + CONTROLS + line)  # of the rudder
         assert free(vehicle) == {"controls.aileron.lag", "controls.aileron.delay", "mass.inertia.yy"}
-        assert vehicle.value("controls.rudder.lag", 0.0) == lag
-        assert vehicle.value("controls.rudder.delay", 0.0) == 0.0
+        assert [vehicle.value(f"controls.rudder.{k}", 0.0) for k in ("lag", "delay")] == [lag, 0.0]
     shared = CONTROLS.replace("control_yaw = -0.35", "servo_1 = 0.3")  # servos of one channel have its delay
     vehicle, _ = completed(PLAIN + shared + "lag = 0.04")
-    assert "controls.elevator.delay" not in vehicle.rows
-    assert "controls.aileron.delay" in vehicle.rows
+    assert [f"controls.{c}.delay" in vehicle.rows for c in ("elevator", "aileron")] == [False, True]
     assert not [s for s in parse_vehicle(PLAIN + CONTROLS + "lag = 0.0", "x").states if s.endswith(".lag")]
 
 
@@ -108,12 +101,10 @@ def test_thrust_is_uncertain_unless_the_file_says_how_well_it_is_known() -> None
 def test_a_prior_frees_its_number_and_a_guess_is_one() -> None:
     vehicle = parse_vehicle(PLAIN + "[sensors.alpha]\nbias = { value = 0.0, prior = 0.01 }\n", "x")
     known = {p.name: p for p in vehicle.parameters}
-    assert known["mass.inertia.yy"].free
+    names = ("mass.inertia.yy", "mass.inertia.zz", "sensors.alpha.bias", "sensors.beta.bias")
+    assert [known[name].free for name in names] == [True, False, True, False]
     assert known["mass.inertia.yy"].prior == pytest.approx(0.3 * 0.84)
     assert 0.0 < known["mass.inertia.yy"].lower < 0.84
-    assert not known["mass.inertia.zz"].free
-    assert known["sensors.alpha.bias"].free
-    assert not known["sensors.beta.bias"].free
-    guess = PLAIN.replace("[reference]", '[reference]\nalpha = { value = 0.0, prior = "guess" }')
+    guess = PLAIN.replace("area =", 'alpha = { value = 0.0, prior = "guess" }, area =')
     with pytest.raises(VehicleError, match="other than zero"):
         parse_vehicle(guess, "x")

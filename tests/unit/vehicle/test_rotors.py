@@ -16,7 +16,6 @@ from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.vehicle.builtin import builtin_text, builtin_vehicle
 from stoop.vehicle.defaults import WIND_NUMBERS
 
-TEMPLATES = ["quad-x", "hexa-x", "octo-x", "quadplane"]
 GRAVITY = 9.80665
 SINGLE = """
 name = "one rotor"
@@ -65,7 +64,7 @@ def hover_command(vehicle: Vehicle, altitude: float) -> float:
     return float((-t1 + math.sqrt(t1 * t1 + 4 * t2 * needed)) / (2 * t2))
 
 
-@pytest.fixture(scope="module", params=TEMPLATES)
+@pytest.fixture(scope="module", params=["quad-x", "hexa-x", "octo-x", "quadplane"])
 def template(request: pytest.FixtureRequest) -> tuple[Vehicle, Evaluate]:
     vehicle = builtin_vehicle(request.param)
     return vehicle, vehicle.kernel().evaluate
@@ -76,8 +75,9 @@ def test_templates_hover(template: tuple[Vehicle, Evaluate]) -> None:
     x = hover_command(vehicle, 300.0)
     assert 0.4 < x < 0.75, "with room above for maneuvers"
     d, y = rates(vehicle, evaluate, motors(vehicle, x), {"u": 0.0, "psi": 1.0, "h": 300.0})
-    moving = [abs(d[s]) for s in vehicle.states if s != "e0"]
-    assert max(moving) < 2e-5  # a propeller of the quadplane sees the smoothed speed
+    assert (
+        max(abs(d[s]) for s in vehicle.states if s != "e0") < 2e-5
+    )  # a propeller of the quadplane sees the smoothed speed
     assert y["az"] == pytest.approx(-GRAVITY, rel=1e-9)
     assert y["psi"] == pytest.approx(1.0)
 
@@ -138,11 +138,10 @@ def test_aeroplane_fades_where_air_is_not_ahead() -> None:
     vehicle = builtin_vehicle("quadplane")
     evaluate = vehicle.kernel().evaluate
     u = motors(vehicle, 0.0)
-    _, falling = rates(vehicle, evaluate, u, {"w": 5.0})
-    _, backward = rates(vehicle, evaluate, u, {"u": -8.0})
-    assert abs(falling["ax"]) < 0.2
-    assert abs(backward["az"]) < 0.2
-    _, ahead = rates(vehicle, evaluate, u, {"u": 18.0})
+    falling, backward, ahead = (
+        rates(vehicle, evaluate, u, start)[1] for start in ({"w": 5.0}, {"u": -8.0}, {"u": 18.0})
+    )
+    assert max(abs(falling["ax"]), abs(backward["az"])) < 0.2
     assert ahead["az"] < -4.0, "lift"
 
 
@@ -180,17 +179,14 @@ def test_gyroscope_and_reaction() -> None:
 
 def test_numbers_that_are_free() -> None:
     vehicle = builtin_vehicle("quad-x")
-    free = {p.name for p in vehicle.parameters if p.free}
-    assert free == {
+    known = {p.name: p for p in vehicle.parameters}
+    assert {name for name, p in known.items() if p.free} == {
         *(f"rotors.{n}" for n in ("T1", "T2", "inflow", "drag", "torque_ratio")),
         *(f"body_drag.quadratic.{a}" for a in "xyz"),
         *(f"sensors.{c}.bias" for c in ("vn", "ve", "vd", "p", "q", "r", "ax", "ay", "az")),
     }
-    for p in vehicle.parameters:
-        assert p.lower <= p.value <= p.upper
-        assert not p.free or p.lower < p.upper
-    priors = {p.name: p.prior for p in vehicle.parameters if p.name in WIND_NUMBERS}
-    assert list(priors.values()) == [3.0, 3.0, 0.5]
+    assert all(p.lower <= p.value <= p.upper and (not p.free or p.lower < p.upper) for p in known.values())
+    assert [known[name].prior for name in WIND_NUMBERS] == [3.0, 3.0, 0.5]
 
 
 def test_bounds_go_with_the_size_of_the_vehicle() -> None:

@@ -22,12 +22,9 @@ def test_agrees_with_the_handbook(template):
 
 def test_rates_are_about_the_center_of_gravity():
     """A wing without tail and sweep: CLq by the pitch rate at three quarters of the chord, 2 CLalpha (x_cg - x_3/4)/c."""
-    wing = {
-        "area": 4.0, "span": 8.0, "taper": 1.0,
-        "sweep": 0.0, "dihedral": 0.0, "position": [3.0, 0.0, 0.0],
-    }  # fmt: skip
+    wing = {"area": 4.0, "span": 8.0, "position": [3.0, 0.0, 0.0]} | dict.fromkeys(("sweep", "dihedral"), 0.0)
     tiny = {"area": 1e-5, "span": 0.01}
-    raw = {"template": "flying-wing", "mass": 10.0, "wing": wing, "fin": tiny}
+    raw = {"template": "flying-wing", "mass": 10.0, "wing": wing | {"taper": 1.0}, "fin": tiny}
     geometry = Geometry.of(raw | {"center_of_gravity": [2.9, 0.0, 0.0]}, "rectangle")
     found = aerosandbox.derivatives(geometry, 20.0)
     assert found["CLq"].value == pytest.approx(2.0 * found["CLalpha"].value * (2.9 - 2.625) / 0.5, rel=0.05)

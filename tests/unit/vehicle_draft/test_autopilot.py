@@ -32,17 +32,15 @@ ELEVONS_ARDUPILOT = {
 
 def test_px4_surfaces() -> None:
     setup = read_setup(VTAIL_PX4)
-    left, right, left_tail, right_tail = setup.surfaces
-    assert setup.autopilot == "PX4"
-    assert setup.tail() == "v-tail"
-    assert left.shares == (-0.5, 0.0, 0.0)  # the yaw that makes up for adverse yaw is no rudder
-    assert right.shares == (0.5, 0.0, 0.0)
-    assert left_tail.shares == (0.0, 0.5, 0.5)  # its trailing edge up: nose up, nose right
-    assert right_tail.shares == (0.0, 0.5, -0.5)
+    assert (setup.autopilot, setup.tail(), setup.rotors) == ("PX4", "v-tail", ())
+    assert [one.shares for one in setup.surfaces] == [
+        (-0.5, 0.0, 0.0), (0.5, 0.0, 0.0),  # the yaw that makes up for adverse yaw is no rudder
+        (0.0, 0.5, 0.5), (0.0, 0.5, -0.5),  # left tail, its trailing edge up: nose up, nose right
+    ]  # fmt: skip
+    _, _, left_tail, right_tail = setup.surfaces
     assert left_tail.channels == {"servo_3": Scale(), "pwm_3": Scale(1500.0, 500.0)}
     assert right_tail.channels["pwm_4"] == Scale(1500.0, -300.0)  # reversed
     (motor,) = setup.pushers
-    assert not setup.rotors
     assert motor.channels == {"motor_1": Scale(), "pwm_1": Scale(1100.0, 800.0)}
     usual = read_setup({"CA_SV_CS_COUNT": 2, "CA_SV_CS0_TYPE": 5, "CA_SV_CS1_TYPE": 6})  # none are set
     assert [s.shares for s in usual.surfaces] == [(-0.5, 0.5, 0.0), (0.5, 0.5, 0.0)]
@@ -55,23 +53,21 @@ def test_px4_surfaces() -> None:
 def test_px4_rotors() -> None:
     quad = {"CA_AIRFRAME": 0, "CA_ROTOR_COUNT": 4}
     places = ((0.15, 0.2, 0.05), (-0.15, -0.2, 0.05), (0.15, -0.2, -0.05), (-0.15, 0.2, -0.05))
-    for i, (x, y, km) in enumerate(places):
-        quad |= {f"CA_ROTOR{i}_PX": x, f"CA_ROTOR{i}_PY": y, f"CA_ROTOR{i}_KM": km}
+    for i, place in enumerate(places):
+        quad |= {f"CA_ROTOR{i}_{key}": x for key, x in zip(("PX", "PY", "KM"), place, strict=True)}
     rotors = read_setup(quad).rotors
-    assert [r.spin for r in rotors] == ["ccw", "ccw", "cw", "cw"]
-    assert rotors[2].position == (0.15, -0.2, 0.0)
-    assert all(r.lifts for r in rotors)
+    assert [(r.position, r.spin, r.lifts) for r in rotors] == [
+        ((x, y, 0.0), "ccw" if km > 0.0 else "cw", True) for x, y, km in places
+    ]
 
 
 def test_ardupilot_elevons() -> None:
     setup = read_setup(ELEVONS_ARDUPILOT)
     left, right = setup.surfaces
-    assert setup.tail() == "flying-wing"
-    assert left.shares == (-0.5, 0.5, 0.0)
-    assert left.channels == {"pwm_1": Scale(1480.0, -500.0)}
+    assert (setup.tail(), setup.others) == ("flying-wing", {"pwm_4": "flap"})
+    assert (left.shares, left.channels) == ((-0.5, 0.5, 0.0), {"pwm_1": Scale(1480.0, -500.0)})
     assert right.channels == {"pwm_2": Scale(1500.0, 400.0)}
     assert setup.pushers[0].channels == {"pwm_3": Scale(1100.0, 800.0)}
-    assert setup.others == {"pwm_4": "flap"}
 
 
 def test_ardupilot_frames() -> None:
@@ -84,20 +80,13 @@ def test_ardupilot_frames() -> None:
         assert (signs[0], signs[2]) == ((1, 1), (1, -1))
         assert rotors[0].channels["pwm_1"] == Scale(1050.0, 900.0)
     for frame, places in FRAMES.items():
-        assert sum(math.cos(math.radians(a)) for a, _ in places) == pytest.approx(0.0, abs=1e-9), frame
-        assert sum(math.sin(math.radians(a)) for a, _ in places) == pytest.approx(0.0, abs=1e-9), frame
+        for part in (math.cos, math.sin):
+            assert sum(part(math.radians(a)) for a, _ in places) == pytest.approx(0.0, abs=1e-9), frame
         assert sum(spin == "ccw" for _, spin in places) == len(places) / 2
 
 
-NAMES = [
-    *VTAIL_PX4,
-    *ELEVONS_ARDUPILOT,
-    "CA_ROTOR0_PX",
-    "CA_ROTOR0_KM",
-    "MOT_PWM_MIN",
-    "MOT_PWM_MAX",
-    "Q_ENABLE",
-]
+MORE = ("CA_ROTOR0_PX", "CA_ROTOR0_KM", "MOT_PWM_MIN", "MOT_PWM_MAX", "Q_ENABLE")
+NAMES = (*VTAIL_PX4, *ELEVONS_ARDUPILOT, *MORE)
 
 
 @settings(max_examples=50)

@@ -1,8 +1,6 @@
 import math
 
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from stoop.errors import VehicleError
 from stoop.vehicle_draft.geometry import WINGED, Geometry
@@ -11,7 +9,6 @@ GIVEN = """
 template = "conventional"
 mass = 8.5
 center_of_gravity = [-0.09, 0.0, 0.0]
-
 [wing]
 area = 0.66
 span = 2.32
@@ -19,7 +16,6 @@ taper = 0.8
 sweep = 0.0
 dihedral = 0.05
 position = [0.0, 0.0, 0.0]
-
 [tail]
 area = 0.12
 span = 0.7
@@ -39,8 +35,7 @@ def test_typical_geometry_is_complete():
 
 def test_what_a_file_has_stands_and_has_no_spread():
     geometry = Geometry.parse(GIVEN, "g.toml")
-    assert geometry.wing.taper == 0.8
-    assert geometry.tail.area == 0.12
+    assert (geometry.wing.taper, geometry.tail.area) == (0.8, 0.12)
     assert not {"wing.taper", "tail.area", "tail.position.x", "center_of_gravity.x"} & set(geometry.spread)
     assert {"fin.area", "tail.taper", "wing.aileron.chord"} <= set(geometry.spread)
     assert math.isfinite(geometry.fin.position[0])
@@ -66,23 +61,3 @@ def test_contradictions_are_one_line():
             Geometry.parse(GIVEN.replace(old, new, 1), "g.toml")
         assert str(caught.value).startswith(f"g.toml: {message}")
         assert "\n" not in str(caught.value)
-
-
-WORDS = ["0.0", "-1.0", "1e9", "nan", "inf", '"x"', "true", "[]", "[1.0]", "[1.0, 2.0, 3.0]", "{}", "1e-9"]
-
-
-@settings(max_examples=150)
-@given(line=st.integers(0, 30), value=st.sampled_from(WORDS))
-def test_a_mutated_file_ends_in_one_line_or_a_geometry(line, value):
-    lines = GIVEN.strip().splitlines()
-    at = line % len(lines)
-    if "=" in lines[at]:
-        lines[at] = f"{lines[at].split('=')[0]}= {value}"
-    else:
-        del lines[at]
-    try:
-        said = Geometry.parse("\n".join(lines), "g.toml").model_dump_json()
-    except VehicleError as error:
-        said = str(error)
-    assert "NaN" not in said if said.startswith("{") else said.startswith("g.toml: ")
-    assert "\n" not in said
