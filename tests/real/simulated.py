@@ -33,17 +33,7 @@ LAW = {
     "control_roll": {"phi": -0.8, "p": -0.15}, "control_pitch": {"theta": -0.6, "q": -0.1}, "control_throttle": {"V": -0.04},
 }  #: of the autopilot, per rad, rad/s and m/s above trim  # fmt: skip
 LAW_ORDER = ("control_roll", "control_pitch", "control_yaw", "control_throttle")
-NOISE = {
-    "phi": 0.002,
-    "theta": 0.002,
-    "psi": 0.002,
-    "p": 0.006,
-    "q": 0.006,
-    "r": 0.006,
-    "ax": 0.12,
-    "ay": 0.12,
-    "az": 0.12,
-}
+NOISE = dict.fromkeys(EULER, 0.002) | dict.fromkeys(RATES, 0.006) | dict.fromkeys(SPECIFIC_FORCE, 0.12)
 START: Final = 100.0  #: s of the clock
 LOST = ((148.9, 149.2), (168.6, 169.0))  #: s of the clock: nothing was recorded
 GUSTS = "\n[turbulence]\nairspeed = 24.0\n" + "".join(

@@ -101,11 +101,7 @@ def test_compatibility_of_a_simulated_log(simulated_flight: Flight, tmp_path: Pa
     result = check_kinematics(simulated_flight, SPANS["simulated"], tmp_path)
     low = 24.0 * (1.0 - simulated.SCALE) - simulated.OFFSET
     assert low_at_24(result) == pytest.approx(low, abs=0.7)
-    for name, truth in (
-        ("wind.n", simulated.WIND[0]),
-        ("wind.e", simulated.WIND[1]),
-        ("attitude.delay", 0.0),
-    ):
+    for name, truth in zip(("wind.n", "wind.e", "attitude.delay"), (*simulated.WIND, 0.0), strict=True):
         found = result.findings[name]
         assert abs(found.estimate - truth) < 4.0 * found.std_error, name
 

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Sequence
 from pathlib import Path
 
-import numpy as np
 import pandas as pd
 import pytest
 
@@ -58,34 +56,3 @@ def test_the_cut_propeller_of_a_real_quadrotor_is_a_change(
     means = [share["share.M3"].filter(like=name).mean() for name in conditions]
     assert means == sorted(means), "the shorter the propeller, the more is asked of it (SOURCE.md)"
     assert means[-1] > 1.15 * means[0]
-
-
-def test_a_log_that_was_read_is_not_read_again_and_a_broken_one_costs_its_row(
-    tmp_path: Path, logs: list[Path], capfd: pytest.CaptureFixture[str]
-) -> None:
-    own = [Path(shutil.copy(log, tmp_path)) for log in logs[:4]]
-    assert main(command(tmp_path, own[:3])) in (0, 3)
-    before = figures(tmp_path)
-    own[3].write_bytes(own[3].read_bytes()[:200])
-    capfd.readouterr()
-    assert main(command(tmp_path, own)) in (0, 3)
-    out, err = capfd.readouterr()
-    assert "of 4 runs, 3 from before" in err
-    assert f"not read: {own[3].stem}: " in out
-    assert figures(tmp_path).equals(before)
-    absent = pd.read_csv(tmp_path / "store" / "absent.csv").set_index(["flight", "group"])
-    assert (own[3].stem, "log") in absent.index
-    assert main(command(tmp_path, own[:1])) in (0, 3)
-    kept = figures(tmp_path)
-    assert np.array_equal(kept.sort_index().value, before.sort_index().value), "flights of other logs stay"
-    shutil.copy(logs[0], tmp_path / f"{NAMES[4]}.usd")
-    unknown, fresh = Path(shutil.copy(logs[1], tmp_path / "unknown.usd")), tmp_path / "fresh"
-    fresh.mkdir()
-    for sources, said in (
-        ([own[0], tmp_path / f"{NAMES[4]}.usd"], "is the same log as"),
-        ([own[0], logs[0]], f"2 logs are called {NAMES[0]}"),
-        ([unknown], "has no row of flight unknown"),
-        ([tmp_path / "none.usd"], "there is no such file"),
-    ):
-        assert main(command(fresh, sources)) == 2
-        assert said in capfd.readouterr().err.splitlines()[-1]

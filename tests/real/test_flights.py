@@ -11,8 +11,7 @@ from real import simulated
 
 from stoop.checks.kinematics import check_rates
 from stoop.checks.mapping import check_mapping
-from stoop.checks.vehicle import inertia_notices
-from stoop.errors import FlightError, VehicleError
+from stoop.errors import FlightError
 from stoop.estimate.fit import Options
 from stoop.flight import OUTPUTS, Flight, load, save, segments, without_faults
 from stoop.flight.faults import Fault
@@ -23,22 +22,14 @@ from stoop.workflow import identify
 
 BUDGET = Options(budget=400.0)
 CONTROLS = ("control_roll", "control_pitch", "control_yaw", "control_throttle")
-ANGLES = {
-    "alpha": "alpha",
-    "beta": "beta",
-    "phi": "phi",
-    "theta": "theta",
-    "psi": "psi",
-    "elevator": "de",
-    "aileron": "da",
-}
+ANGLES = ("alpha", "beta", "phi", "theta", "psi")
 A430_MAPPING = (
     '[time]\ncolumn = "Systime"\nunit = "s"\n[variables]\nV = {column = "vt", unit = "m/s"}\n'
-    + "".join(
-        f'{name} = {{column = "{column}", unit = "{unit}"}}\n'
-        for columns, unit in ((ANGLES, "deg"), ({n: n for n in "pqr"}, "deg/s"))
-        for name, column in columns.items()
-    )
+    'elevator = {column = "de", unit = "deg"}\naileron = {column = "da", unit = "deg"}\n'
+) + "".join(
+    f'{name} = {{column = "{name}", unit = "{unit}"}}\n'
+    for names, unit in ((ANGLES, "deg"), ("pqr", "deg/s"))
+    for name in names
 )
 FILES = {
     "euler": {"phi": ("phi_rad", "rad"), "theta": ("theta_rad", "rad"), "psi": ("psi_rad", "rad")},
@@ -84,21 +75,19 @@ def test_channels_and_windows_of_the_v_tail(vtail_flight: Flight, shared_data: P
     stream = read(shared_data / "altlnt-vtail-8kg-px4" / "flight2").streams["vehicle_angular_velocity"]
     taken = stream.columns["timestamp_sample"] * 1e-6
     window = (taken > 160.0) & (taken < 168.0)
-    grid, recorded = (
-        np.interp(taken[window], flight.time, flight.column("p")),
-        stream.columns["xyz[0]"][window],
-    )
+    recorded = stream.columns["xyz[0]"][window]
+    grid = np.interp(taken[window], flight.time, flight.column("p"))
     assert np.corrcoef(grid, recorded)[0, 1] > 0.98
     assert abs(np.mean(grid - recorded)) < 1e-3
-    spans = {}
-    for start, stop, told in ((140.0, 145.0, 2), (146.0, 152.0, 1), (160.0, 168.3, 0), (187.0, 196.0, 0)):
+    for start, stop, told, spans in (
+        (140.0, 145.0, 2, [(140.14, 142.46), (142.76, 144.99)]), (146.0, 152.0, 1, [(146.08, 152.0)]),
+        (160.0, 168.3, 0, [(160.0, 168.3)]), (187.0, 196.0, 0, [(187.0, 196.0)]),
+    ):  # fmt: skip
         found, notes = segments(flight, start, stop, CONTROLS, OUTPUTS)
-        spans[start] = [(round(float(s.t[0]), 2), round(float(s.t[-1]), 2)) for s in found]
+        assert [(round(float(s.t[0]), 2), round(float(s.t[-1]), 2)) for s in found] == spans
         assert all(np.isfinite(s.u).all() for s in found)
         assert np.mean([np.isfinite(s.z).mean() for s in found]) > 0.95
         assert len(notes) == told
-    assert spans == {140.0: [(140.14, 142.46), (142.76, 144.99)], 146.0: [(146.08, 152.0)],
-                     160.0: [(160.0, 168.3)], 187.0: [(187.0, 196.0)]}  # fmt: skip
     save(flight, tmp_path / "flight2.nc")
     back = load(tmp_path / "flight2.nc")
     assert back.data.identical(flight.data)
@@ -150,17 +139,6 @@ def test_a_clipped_rate_counts_as_not_measured_and_is_said(shared_data: Path, tm
     assert np.isnan(used).any()
 
 
-def test_inertia_that_no_body_has(tmp_path: Path) -> None:
-    """Ten times too large for its size; and a moment about y that breaks the triangle of the three."""
-    found = inertia_notices(parse_vehicle(A430, "a430"))
-    assert [one.subject for one in found] == [f"mass.inertia.{axis}" for axis in ("xx", "yy", "zz")]
-    assert {one.code for one in found} == {"inertia-large"}
-    tenth = A430.replace("0.00400", "0.0004").replace("0.00732", "0.000732").replace("0.01093", "0.001093")
-    assert not inertia_notices(parse_vehicle(tenth.replace("0.00014", "0.0"), "a430"))
-    with pytest.raises(VehicleError, match="which no body can have"):
-        parse_vehicle(SKYWALKER.replace("yy = 0.2", "yy = 0.5"), "skywalker")
-
-
 def test_ten_hertz_without_air_data_is_said_and_not_invented(shared_data: Path, tmp_path: Path) -> None:
     log = shared_data / "stanford-skywalker-10hz"
     flight = mapped(log, tmp_path, STANFORD_MAPPING)
@@ -194,25 +172,16 @@ def test_a_window_without_excitation_is_said(vtail_flight: Flight) -> None:
         assert name not in told or told[name].ci95_lower < published < told[name].ci95_upper
 
 
-def check_signs_and_faults(flight: Flight, span: tuple[float, float]) -> None:
-    """Check that a sign or an axis of the rates is found, and that a stuck sensor counts as not measured."""
-    data = {str(name): flight.column(str(name)) for name in flight.data.data_vars}
-    assert check_mapping({}, data, flight.rate, {}).notices == ()
-    assert check_rates(data, flight.rate, {}) == []
-    (turned,) = check_mapping({}, {**data, "q": -data["q"]}, flight.rate, {}).notices
-    assert (turned.code, turned.subject) == ("mapping-sign", "q")
-    (swapped,) = check_mapping({}, {**data, "p": data["q"], "q": data["p"]}, flight.rate, {}).notices
-    assert (swapped.code, swapped.values["lines"]) == ("mapping-exchange", ("p", "q"))
-    fault = Fault("stuck", "r", 0.0, *span, "r stands still")
-    blanked = without_faults(dataclasses.replace(flight, faults=(*flight.faults, fault)))
-    inside = (flight.time >= span[0]) & (flight.time <= span[1])
-    assert np.isnan(blanked.column("r")[inside]).all()
-    assert np.array_equal(blanked.column("r")[~inside], flight.column("r")[~inside], equal_nan=True)
-
-
-def test_signs_and_faults_of_a_simulated_log(simulated_flight: Flight) -> None:
-    check_signs_and_faults(simulated_flight, (150.0, 152.0))
-
-
 def test_signs_and_faults_of_the_v_tail(vtail_flight: Flight) -> None:
-    check_signs_and_faults(vtail_flight, (150.0, 152.0))
+    """A sign or an axis of the rates is found, and a stuck sensor counts as not measured."""
+    data = {str(name): vtail_flight.column(str(name)) for name in vtail_flight.data.data_vars}
+    turned, swapped = {**data, "q": -data["q"]}, {**data, "p": data["q"], "q": data["p"]}
+    assert check_rates(data, vtail_flight.rate, {}) == []
+    for columns, codes in ((data, []), (turned, ["mapping-sign"]), (swapped, ["mapping-exchange"])):
+        found = check_mapping({}, columns, vtail_flight.rate, {}).notices
+        assert [one.code for one in found] == codes
+    fault = Fault("stuck", "r", 0.0, 150.0, 152.0, "r stands still")
+    blanked = without_faults(dataclasses.replace(vtail_flight, faults=(*vtail_flight.faults, fault)))
+    inside = (vtail_flight.time >= 150.0) & (vtail_flight.time <= 152.0)
+    assert np.isnan(blanked.column("r")[inside]).all()
+    assert np.array_equal(blanked.column("r")[~inside], data["r"][~inside], equal_nan=True)

@@ -75,29 +75,6 @@ def test_its_motors_are_not_accused(flight: Flight) -> None:
     assert check_motors(VEHICLE, flight, whole(flights)) == []
 
 
-def test_velocity_and_accelerometers_agree_then(shared_data: Path, flight: Flight) -> None:
-    """The time derivative of the velocity is gravity and specific force, turned by the attitude; nothing is fitted."""
-    assert disagreement(flight) < 0.5 * disagreement(load(shared_data / FOLDER)), "m/s2, horizontal"
-
-
-def disagreement(flight: Flight) -> float:
-    from scipy.signal import butter, sosfiltfilt
-
-    q = np.column_stack([flight.column(f"q{i}") for i in range(4)])
-    felt = np.column_stack([flight.column(c) for c in ("ax", "ay", "az")])
-    velocity = np.column_stack([flight.column(c) for c in ("vn", "ve", "vd")])
-    inside = (flight.time > 225.0) & (flight.time < 240.0)
-    w, x, y, z = q[inside].T
-    north = np.column_stack([1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)])
-    east = np.column_stack([2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)])
-    felt, velocity = felt[inside], velocity[inside]
-    turned = np.column_stack([(north * felt).sum(axis=1), (east * felt).sum(axis=1)])
-    sos = butter(2, 2.0, fs=flight.rate, output="sos")
-    gained = np.gradient(velocity[:, :2], 1.0 / flight.rate, axis=0)
-    off = sosfiltfilt(sos, turned - gained, axis=0)
-    return float(np.std(off[50:-50]))
-
-
 COMMITTED = Path(__file__).parents[2] / "docs" / "reproduce"
 
 

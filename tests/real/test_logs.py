@@ -107,12 +107,8 @@ def test_a_dataflash_log_holds_what_pymavlink_finds(shared_data: Path) -> None:
 def test_a_bag_holds_the_tables_that_others_made_of_it(shared_data: Path, tmp_path: Path) -> None:
     folder, bag = shared_data / "stanford-skywalker-10hz", tmp_path / "a.bag"
     bag.write_bytes(gzip.decompress((folder / "skywalker_manual_06_30_21.bag.gz").read_bytes()))
-    point = ("point.x", "point.y", "point.z")
-    for name, columns in (
-        ("bodyrate", point),
-        ("euler", point),
-        ("actuators", [f"controls[{i}]" for i in range(4)]),
-    ):
+    point, controls = ("point.x", "point.y", "point.z"), [f"controls[{i}]" for i in range(4)]
+    for name, columns in (("bodyrate", point), ("euler", point), ("actuators", controls)):
         topic = f"/plane/{name}"
         stream = read(bag, topics=frozenset({topic})).streams[topic]
         theirs = np.loadtxt(folder / f"plane_{name}.csv", delimiter=",", skiprows=1)
@@ -137,16 +133,3 @@ def test_all_flights_of_crazyflies_are_read_whole(shared_data: Path) -> None:
         hover = float(np.mean(stream.columns["motor.m3"][stream.columns["stateEstimate.z"] > 0.5]))
         low, high = next((HOVER[c] for c in HOVER if path.name.startswith(c)), (0.0, 65535.0))
         assert low < hover < high, path.name
-
-
-def test_a_folder_of_topics_and_a_table_without_a_mapping(shared_data: Path) -> None:
-    recording = read(shared_data / "altlnt-vtail-8kg-px4" / "flight2")
-    assert recording.defects == ()
-    assert len(recording.streams) == 18
-    gyro = recording.streams["vehicle_angular_velocity"]
-    assert gyro.time.size == 63002
-    assert gyro.time[0] == pytest.approx(68.282822, abs=1e-9)
-    assert 1.0 / gyro.period == pytest.approx(400.0, rel=1e-3)
-    with pytest.raises(LogError, match="needs a mapping") as caught:
-        read(shared_data / "a430-micro-fixedwing-mocap" / "short_loop_6_20230227_120302.csv")
-    assert 'column = "Systime"' in str(caught.value)

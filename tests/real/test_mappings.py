@@ -10,9 +10,7 @@ import numpy as np
 import pytest
 
 from stoop.flight import load
-from stoop.flight.alignment import Signal, find_lag, quantities
-from stoop.flight.gridding import Channels
-from stoop.flight.mapping_draft import draft, draft_of
+from stoop.flight.mapping_draft import draft_of
 from stoop.logs import read
 
 
@@ -44,38 +42,6 @@ def test_ardupilot(shared_data: Path) -> None:
     assert flight.unmapped["MAG"] == ()
 
 
-def test_an_attitude_that_comes_late_is_told_and_mended(shared_data: Path, tmp_path: Path) -> None:
-    log = shared_data / "altlnt-hexacopter-px4"
-    told = load(log)
-    (found,) = (found for found in told.notices if found.code == "attitude-late")
-    assert found.values["delay"] == pytest.approx(0.165, abs=0.005)
-    assert [(fault.kind, fault.notice) for fault in told.faults] == [("inconsistent", found)]  # not the rates
-    mapping = tmp_path / "m.toml"
-    mapping.write_text('extends = "px4"\n[align.estimator_status]\nwith = "sensor_combined"\n')
-    assert load(log, mapping).faults == ()
-
-
-@pytest.fixture(scope="module")
-def turning(shared_data: Path) -> tuple[dict[str, Signal], dict[str, Signal]]:
-    streams = read(shared_data / "altlnt-vtail-8kg-px4" / "flight2").streams
-    gyro, attitude = streams["vehicle_angular_velocity"], streams["vehicle_attitude"]
-    rates = {name: gyro.columns[f"xyz[{i}]"] for i, name in enumerate("pqr")}
-    parts = {f"q{i}": attitude.columns[f"q[{i}]"] for i in range(4)}
-    return quantities([Channels("a", attitude.time, parts)]), quantities([Channels("g", gyro.time, rates)])
-
-
-def test_a_known_shift_comes_back(turning: tuple[dict[str, Signal], dict[str, Signal]]) -> None:
-    attitude, rates = turning
-    as_logged = find_lag(attitude, rates)
-    assert as_logged is not None
-    for shift in (0.32175, -12.004):
-        moved = find_lag({name: (t - shift, x) for name, (t, x) in attitude.items()}, rates)
-        assert moved is not None
-        assert moved.shift - as_logged.shift == pytest.approx(shift, abs=1e-4)
-        assert moved.trusted
-        assert moved.correlation > 0.999
-
-
 def test_drafts_find_what_the_ready_mapping_takes(shared_data: Path) -> None:
     """The same log without its name: every line without a doubt must be right."""
     log = read(shared_data / "altlnt-vtail-8kg-px4" / "flight2")
@@ -88,16 +54,3 @@ def test_drafts_find_what_the_ready_mapping_takes(shared_data: Path) -> None:
     }  # fmt: skip
     assert {name: (lines[name]["column"], lines[name]["unit"]) for name in right} == right
     assert not any("scale" in lines[name] for name in right)
-
-
-def test_a_draft_of_a_table_tells_degrees(shared_data: Path, tmp_path: Path) -> None:
-    log = shared_data / "a430-micro-fixedwing-mocap" / "short_loop_6_20230227_120302.csv"
-    made = draft(log)
-    lines = tomllib.loads(made.text)["variables"]
-    angles = ("alpha", "beta", "phi", "theta", "psi", "elevator", "aileron")
-    assert {lines[name]["unit"] for name in angles} == {"deg"}
-    assert {lines[name]["unit"] for name in ("p", "q", "r")} == {"deg/s"}
-    assert "V" in lines
-    (tmp_path / "m.toml").write_text(made.text)
-    said = np.median(np.genfromtxt(log, delimiter=",", names=True)["vt"])
-    assert np.nanmedian(load(log, tmp_path / "m.toml").column("V")) == pytest.approx(said, rel=0.01)

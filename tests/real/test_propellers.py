@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from stoop.errors import StoopError
-from stoop.logs import read
 from stoop_studies.findings import Setting
-from stoop_studies.verify.propellers import EXPERIMENT, FOLDER, read_flights
+from stoop_studies.verify.propellers import EXPERIMENT, read_flights
 
 COMMITTED = Path(__file__).parents[2] / "docs" / "verify"
 
@@ -29,13 +27,3 @@ def test_the_committed_tables_are_made_again(shared_data: Path, tmp_path: Path) 
     assert verdicts["Of every weight near M3 it is said: propeller or mass near M3"] == "holds"
     with pytest.raises(StoopError, match="holds none of its flights"):
         read_flights(tmp_path)
-
-
-def test_the_firmware_corrects_for_the_battery_as_the_example_says(shared_data: Path) -> None:
-    for path in sorted((shared_data / FOLDER).glob("*.usd"))[::6]:
-        columns = read(path).streams["fixedFrequency"].columns
-        flying = columns["stateEstimate.z"] > 0.5
-        grams = columns["motor.m3"][flying] / 65536.0 * 60.0
-        asked = 0.088 * grams - 0.0006239 * grams**2
-        given = columns["pwm.m3_pwm"][flying] / 65535.0 * columns["pm.vbatMV"][flying] * 1e-3
-        assert np.median(np.abs(given / asked - 1.0)) < 0.01

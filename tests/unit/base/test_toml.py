@@ -28,12 +28,6 @@ def test_a_key_of_many_parts_is_refused_and_dots_in_texts_are_none() -> None:
             assert parse_source(ends, "a", StoopError)["a"] == [f"x{quote[:2]}", dots]
 
 
-def test_a_folder_names_the_files_of_its_kind(tmp_path: Path) -> None:
-    for name in ("result.json", "vehicle.toml"):
-        (tmp_path / name).touch()
-    for ending, name in ((".json", "result.json"), (".toml", "vehicle.toml")):
-        with pytest.raises(StoopError, match=f"is a folder, no such file; name {name} in it"):
-            read_source(tmp_path, "such", StoopError, ending=ending)
 
 
 def test_integers_beyond_floats_are_refused() -> None:

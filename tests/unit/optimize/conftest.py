@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 import pytest
@@ -23,8 +23,23 @@ def response(Z: np.ndarray, time: np.ndarray) -> np.ndarray:
     return readings + 0.1 * Z[:, 4:5] if Z.shape[1] > 4 else readings
 
 
+class Residuals:
+    """A problem by its residuals alone, of one rung and without nuisances unless it says else."""
+
+    dimension, extra, prices = 1, 0, (1.0,)
+    jacobian = optimize.forward_jacobian
+
+    def costs(self, X: np.ndarray, rung: int) -> np.ndarray:
+        Z = np.concatenate([X, np.zeros((len(X), self.extra))], axis=1)
+        with np.errstate(all="ignore"):
+            return (self.residuals(Z, rung) ** 2).sum(axis=1)
+
+    def reference(self, rung: int) -> float:
+        return 100.0
+
+
 @dataclass
-class Oscillation:
+class Oscillation(Residuals):
     """Readings in sigmas of 0.01; rungs of 15 %, 40 % and the whole record.
 
     `spent` counts what was really asked, candidate by candidate, for comparison with the ledger.
@@ -42,11 +57,6 @@ class Oscillation:
     def prices(self) -> tuple[float, ...]:
         return tuple(self._samples(k) / len(TIME) for k in range(len(self.shares)))
 
-    def costs(self, X: np.ndarray, rung: int) -> np.ndarray:
-        Z = np.concatenate([X, np.zeros((len(X), self.extra))], axis=1)
-        with np.errstate(invalid="ignore"):
-            return (self.residuals(Z, rung) ** 2).sum(axis=1)
-
     def residuals(self, Z: np.ndarray, rung: int) -> np.ndarray:
         n = self._samples(rung)
         self.spent += len(Z) * n / len(TIME)
@@ -55,9 +65,6 @@ class Oscillation:
         if self.broken is not None:
             R[self.broken(Z)] = np.nan
         return np.concatenate([R, Z[:, 4:]], axis=1)
-
-    def jacobian(self, z: np.ndarray, rung: int, r: np.ndarray) -> tuple[np.ndarray, float]:
-        return optimize.forward_jacobian(self, z, rung, r)
 
     def reference(self, rung: int) -> float:
         n = self._samples(rung)
@@ -79,10 +86,9 @@ def measure(seed: int = 0, noise: float = 0.01, bias: float = 0.05, disturbance:
 def oscillation() -> Callable[..., Oscillation]:
     """Return a maker of problems: options of `measure`, then fields of `Oscillation`."""
 
-    def make(
-        seed: int = 0, noise: float = 0.01, bias: float = 0.05, disturbance: float = 0.0, **fields: object
-    ) -> Oscillation:
-        return replace(Oscillation(measure(seed, noise, bias, disturbance)), **fields)
+    def make(**options: object) -> Oscillation:
+        of = {name: options.pop(name) for name in ("seed", "noise", "bias", "disturbance") if name in options}
+        return Oscillation(measure(**of), **options)
 
     return make
 

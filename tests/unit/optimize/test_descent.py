@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
+from unit.optimize.conftest import Residuals
 
 from stoop import optimize
 
 
-class Curve:
+class Curve(Residuals):
     """Residuals exp(a t) + c - y with the box of the first D variables."""
-
-    prices = (1.0,)
 
     def __init__(self, dimension: int, noise: float = 0.1) -> None:
         self.dimension, self.extra = dimension, 3 - dimension

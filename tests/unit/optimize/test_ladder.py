@@ -10,8 +10,6 @@ from stoop.optimize.ladder import GATE, Optima, explains, passes
 from stoop.optimize.ledger import Evaluations
 from stoop.optimize.local_refinement import Refinement
 
-NONE = np.full(3, np.inf)
-
 
 def pen(problem: Any) -> Ledger:
     return Ledger(problem, Evaluations.none(problem))

@@ -73,14 +73,6 @@ def test_the_target_is_booked_at_the_candidate_that_reaches_it() -> None:
     assert (pen.evaluations.trajectories, pen.evaluations.cost) == (2.0, 0.9)
 
 
-def test_improvements_are_booked_at_their_own_place_and_the_batch_is_paid_for() -> None:
-    pen = ledger()
-    pen.costs(column(5.0, 6.0, 4.0, 4.0, np.inf), 1)
-    pen.costs(column(9.0, 3.0, 8.0), 1)
-    assert pen.evaluations.history.tolist() == [[1.0, 5.0], [3.0, 4.0], [7.0, 3.0]]
-    assert (pen.spent, pen.cost, pen.evaluations.best.tolist()) == (8.0, 3.0, [3.0, 0.0])
-
-
 def test_the_budget_is_used_up_and_never_exceeded() -> None:
     pen = ledger(budget=3.6)
     with pytest.raises(Halt) as halt:

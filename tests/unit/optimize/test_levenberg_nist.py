@@ -5,12 +5,12 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.optimize import least_squares
+from unit.optimize.conftest import Residuals
 
 from stoop import optimize
 
@@ -43,7 +43,7 @@ MODELS: dict[str, Model] = {
 
 
 @dataclass
-class Regression:
+class Regression(Residuals):
     """A NIST data set as a problem: the box spans starts and certified values with a margin."""
 
     x: np.ndarray
@@ -52,9 +52,6 @@ class Regression:
     starts: np.ndarray  # (2, D)
     certified: np.ndarray  # (D,)
     least: float
-
-    extra = 0
-    prices = (1.0,)
 
     def __post_init__(self) -> None:
         known = np.vstack([self.starts, self.certified])
@@ -70,29 +67,21 @@ class Regression:
         with np.errstate(all="ignore"):
             return np.array([self.model(self.x, *(self.low + z * self.span)) - self.y for z in Z])
 
-    def costs(self, X: np.ndarray, rung: int) -> np.ndarray:
-        with np.errstate(all="ignore"):
-            return (self.residuals(X, rung) ** 2).sum(axis=1)
-
-    def jacobian(self, z: np.ndarray, rung: int, r: np.ndarray) -> tuple[np.ndarray, float]:
-        return optimize.forward_jacobian(self, z, rung, r)
-
     def reference(self, rung: int) -> float:
         return float(((self.y - self.y[0]) ** 2).sum())
 
 
 @pytest.fixture(scope="module")
 def regression(shared_data: Path) -> Callable[[str], Regression]:
-    return partial(_read, shared_data / "nist-strd")
+    def read(name: str) -> Regression:
+        text = (shared_data / "nist-strd" / f"{name}.dat").read_text()
+        rows = re.findall(r"^\s*b\d+ =\s+(\S+)\s+(\S+)\s+(\S+)\s+\S+\s*$", text, re.MULTILINE)
+        b = np.array(rows, dtype=float)
+        least = float(re.search(r"Residual Sum of Squares:\s+(\S+)", text)[1])
+        table = np.loadtxt(text[text.rindex("Data:") :].splitlines()[1:])
+        return Regression(table[:, 1], table[:, 0], MODELS[name], b[:, :2].T, b[:, 2], least)
 
-
-def _read(folder: Path, name: str) -> Regression:
-    text = (folder / f"{name}.dat").read_text()
-    rows = re.findall(r"^\s*b\d+ =\s+(\S+)\s+(\S+)\s+(\S+)\s+\S+\s*$", text, re.MULTILINE)
-    b = np.array(rows, dtype=float)
-    least = float(re.search(r"Residual Sum of Squares:\s+(\S+)", text)[1])
-    table = np.loadtxt(text[text.rindex("Data:") :].splitlines()[1:])
-    return Regression(table[:, 1], table[:, 0], MODELS[name], b[:, :2].T, b[:, 2], least)
+    return read
 
 
 PATIENT = optimize.Settings(iterations=1000, gain=1e-14, predicted=0.0, stall=1000, stall_damping=0.0)

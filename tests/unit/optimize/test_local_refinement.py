@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from unit.optimize.conftest import Residuals
 
-from stoop import optimize
 from stoop.optimize import Ledger, Settings, refine
 from stoop.optimize.ledger import Evaluations
 from stoop.optimize.local_refinement import FULL
 
 
-class Quadratic:
+class Quadratic(Residuals):
     """Residuals linear in z: A z - b; with one nuisance the least-squares answer is known in closed form."""
 
     dimension, extra, prices = 3, 1, (1.0,)
@@ -23,12 +23,6 @@ class Quadratic:
 
     def residuals(self, Z: np.ndarray, rung: int) -> np.ndarray:
         return Z @ self.A.T - self.b
-
-    def costs(self, X: np.ndarray, rung: int) -> np.ndarray:
-        return (self.residuals(np.concatenate([X, np.zeros((len(X), 1))], axis=1), rung) ** 2).sum(axis=1)
-
-    def jacobian(self, z: np.ndarray, rung: int, r: np.ndarray) -> tuple[np.ndarray, float]:
-        return optimize.forward_jacobian(self, z, rung, r)
 
     def reference(self, rung: int) -> float:
         return float((self.b**2).sum())
@@ -118,20 +112,8 @@ def test_a_dive_never_rises_and_survives_any_garbage(seed: int) -> None:
         assert ((end.z[:3] >= 0.0) & (end.z[:3] <= 1.0)).all()
 
 
-class Whole:
-    """A problem of one rung without nuisances, by its residuals alone."""
-
-    extra, prices = 0, (1.0,)
-    jacobian = optimize.forward_jacobian
-
-    def reference(self, rung: int) -> float:
-        return 100.0
-
-
-class Unexplained(Whole):
+class Unexplained(Residuals):
     """Two residuals of which much remains at the minimum x = 0: a Gauss-Newton step leaves 95 % of the way (Fletcher)."""
-
-    dimension = 1
 
     def residuals(self, Z: np.ndarray, rung: int) -> np.ndarray:
         x = Z[:, 0] - 0.5

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from unit.optimize.conftest import Residuals
 from unit.optimize.test_libraries import EXTRA, SCIPY
 
 from stoop import optimize
@@ -32,7 +33,7 @@ def _same(a: Any, b: Any) -> bool:
     return type(a) is type(b) and a == b
 
 
-class Rugged:
+class Rugged(Residuals):
     """Thousands of local optima: nothing is confirmed early, so that scouts, refinements and the population all take part."""
 
     dimension, extra, prices = 4, 1, (0.1, 0.3, 1.0)
@@ -44,12 +45,6 @@ class Rugged:
         self.spent += len(Z) * self.prices[rung]
         self.largest = max(self.largest, float(np.abs(Z[:, :4] - 0.5).max(initial=0.0) - 0.5))
         return np.concatenate([3.0 * (Z - 0.37), np.sin((30.0 + rung) * Z[:, :4]), Z[:, 4:] - 0.5], axis=1)
-
-    def costs(self, X: np.ndarray, rung: int) -> np.ndarray:
-        return (self.residuals(np.concatenate([X, np.zeros((len(X), 1))], axis=1), rung) ** 2).sum(axis=1)
-
-    def jacobian(self, z: np.ndarray, rung: int, r: np.ndarray) -> tuple[np.ndarray, float]:
-        return optimize.forward_jacobian(self, z, rung, r)
 
     def reference(self, rung: int) -> float:
         return 12.0
@@ -237,13 +232,6 @@ def test_a_good_start_is_cheap_even_after_a_bad_one_and_brings_its_nuisances(osc
     spent = [run(start, generations=1).trajectories for start in (outcome.z, outcome.z[:4])]
     assert np.abs(outcome.z[4:]).max() > 0.01
     assert spent[0] < spent[1]
-
-
-def test_one_rung_is_enough(oscillation: Callable[..., Any], least: Callable[[Any], float]) -> None:
-    problem = oscillation(shares=(1.0,))
-    outcome = optimize.minimize(optimize.create(), problem, seed=0, stop=Stop(budget=20_000))
-    assert outcome.cost == pytest.approx((problem.residuals(outcome.z[None, :], 0) ** 2).sum())
-    assert outcome.status == "converged"
 
 
 # ------------------------------------------------------------------------------------------ what is refused

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from naive.landscapes import Only
+from unit.optimize.conftest import Residuals
 
 from stoop import optimize
 from stoop.errors import IdentificationError, OutputError
@@ -94,16 +94,13 @@ def hills(X: np.ndarray) -> np.ndarray:
     return 10 * 3 + (Y**2 - 10 * np.cos(2 * np.pi * Y)).sum(axis=1)
 
 
-class Rastrigin(Only):
+class Rastrigin(Residuals):
     """Thousands of local optima: the file beside this one holds a run on it, saved by release 0.1."""
 
-    extra, prices = 0, (1.0,)
+    dimension = 3
 
     def residuals(self, Z: np.ndarray, rung: int) -> np.ndarray:
-        return np.sqrt(self.costs(Z, rung))[:, None]
-
-    def jacobian(self, z: np.ndarray, rung: int, r: np.ndarray) -> tuple[np.ndarray, float]:
-        return optimize.forward_jacobian(self, z, rung, r)
+        return np.sqrt(hills(Z))[:, None]
 
     def reference(self, rung: int) -> float:
         return 1e3
@@ -111,7 +108,7 @@ class Rastrigin(Only):
 
 def test_the_state_of_release_0_1_loads_and_continues() -> None:
     old, stop = optimize.load_state(RELEASE_0_1), optimize.Stop(generations=80)
-    outcome = optimize.minimize(optimize.create(), Rastrigin(hills, 3), seed=0, stop=stop, state=old)
+    outcome = optimize.minimize(optimize.create(), Rastrigin(), seed=0, stop=stop, state=old)
     assert (old.generation, outcome.generation) == (60, 80)
     assert outcome.trajectories > old.evaluations.trajectories == 4359.0
     assert outcome.cost == pytest.approx(0.117749, rel=1e-4)
