@@ -6,15 +6,16 @@ from typing import Any
 
 import numpy as np
 import pytest
+from unit.optimize.conftest import Residuals
 
 from stoop.optimize import forward_jacobian
 from stoop.optimize.ledger import Evaluations, Halt, Ledger, sum_of_squares
 
 
-class Line:
+class Line(Residuals):
     """Cost x, residual sqrt(x)."""
 
-    dimension, extra, prices = 1, 1, (0.25, 1.0)
+    extra, prices = 1, (0.25, 1.0)
 
     def costs(self, X: np.ndarray, rung: int) -> np.ndarray:
         return X[:, 0].copy()
@@ -77,20 +78,16 @@ def test_the_budget_is_used_up_and_never_exceeded() -> None:
     pen = ledger(budget=3.6)
     with pytest.raises(Halt) as halt:
         pen.costs(column(5.0, 4.0, 3.0, 0.1), 1)
-    assert halt.value.status == "budget"
-    assert (pen.evaluations.trajectories, pen.evaluations.cost) == (3.0, 3.0)
+    assert (halt.value.status, pen.evaluations.trajectories, pen.evaluations.cost) == ("budget", 3.0, 3.0)
     pen.costs(column(1.0, 1.0), 0)
     for ask in (lambda: pen.costs(column(0.1), 0), lambda: pen.jacobian(np.ones(2), 0, np.ones(1))):
         with pytest.raises(Halt):
             ask()
     assert pen.evaluations.trajectories == 3.5
-
-
-def test_prices_that_sum_to_the_budget_are_all_spent() -> None:
-    problem = Line()
-    problem.prices = (0.1, 1.0)
-    pen = Ledger(problem, Evaluations.none(problem), budget=1.0)
-    for _ in range(10):
+    cheap = Line()
+    cheap.prices = (0.1, 1.0)
+    pen = Ledger(cheap, Evaluations.none(cheap), budget=1.0)
+    for _ in range(10):  # prices that sum to the budget are all spent
         pen.costs(column(1.0), 0)
     assert pen.evaluations.trajectories == pytest.approx(1.0)
 
@@ -102,14 +99,9 @@ def test_evaluations_are_a_page_to_go_back_to() -> None:
     X[0] = 9.0
     pen.costs(column(1.0), 1)
     assert (page.best.tolist(), len(page.history)) == ([3.0, 0.0], 1)
-    again = Ledger.at(pen, page)
-    assert again is pen
-    assert (again.spent, again.cost, len(again.evaluations.history)) == (1.0, 3.0, 1)
-    fresh = Ledger.at(Line(), page)
-    assert (fresh.spent, fresh.cost) == (1.0, 3.0)
-
-
-PLACES = np.array([[0.3, 0.6], [1.0, 0.0], [0.0, 1.0], [1.0 - 1e-9, 0.5]])
+    assert Ledger.at(pen, page) is pen
+    for one in (pen, Ledger.at(Line(), page)):
+        assert (one.spent, one.cost, len(one.evaluations.history)) == (1.0, 3.0, 1)
 
 
 def _problem(residuals: Callable[[np.ndarray], np.ndarray], extra: int = 0) -> Any:
@@ -127,7 +119,7 @@ def _smooth(Z: np.ndarray) -> np.ndarray:
 
 
 def test_forward_jacobian_agrees_with_the_derivative_and_stays_in_the_box() -> None:
-    for z in PLACES:
+    for z in np.array([[0.3, 0.6], [1.0, 0.0], [0.0, 1.0], [1.0 - 1e-9, 0.5]]):
         problem = _problem(_smooth)
         jacobian, spent = forward_jacobian(problem, z, 0, _smooth(z[None, :])[0])
         a, b = z

@@ -1,7 +1,4 @@
-"""Other libraries: calls are counted, an end of the run passes through the library, and the process stays as it was.
-
-SciPy's two optimizers here; `test_adapters` makes the same checks with those of optional packages.
-"""
+"""Other libraries: calls are counted, an end of the run passes through, and the process stays as it was."""
 
 from __future__ import annotations
 
@@ -62,11 +59,9 @@ def check_target_and_interrupt(name: str) -> None:
     assert outcome.state is not None
 
 
-def check_repetition(
-    name: str, make: Callable[[], Any], folder: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def check_repetition(name: str, make: Callable[[], Any], folder: Path, patch: pytest.MonkeyPatch) -> None:
     """The second run of a library begins from the first one's stream, through a file and by a fresh optimizer."""
-    monkeypatch.setattr(libraries, "RESTARTS", 0)
+    patch.setattr(libraries, "RESTARTS", 0)
     whole, first = (search(name, make(), 40_000.0, generations=n) for n in (2, 1))
     optimize.save_state(folder / "state.npz", first.state)
     state, stop = optimize.load_state(folder / "state.npz"), optimize.Stop(generations=2, budget=40_000.0)
@@ -108,9 +103,7 @@ def test_scipys_evolution() -> None:
     assert outcome.cost == pytest.approx(50.0, abs=1e-9), "polished"
 
 
-def test_scipys_least_squares_gives_a_start_up_after_twenty_steps_or_where_it_diverges(
-    oscillation, monkeypatch
-):
+def test_scipys_least_squares_gives_up_after_twenty_steps_or_where_it_diverges(oscillation, monkeypatch):
     outcome = search("scipy-least-squares", oscillation(broken=lambda Z: Z[:, 2] > 0.2), 300.0)
     assert (outcome.status, np.isfinite(outcome.cost)) == ("budget", True)
     assert outcome.generation > 10
@@ -124,10 +117,10 @@ def test_scipys_least_squares_gives_a_start_up_after_twenty_steps_or_where_it_di
 def test_a_missing_package_is_named(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     package, real = name.split("-")[0], importlib.import_module
 
-    def missing(module: str, *arguments: Any, **options: Any) -> Any:
+    def missing(module: str, *arguments: Any) -> Any:
         if module.split(".")[0] == package:
             raise ImportError(module)
-        return real(module, *arguments, **options)
+        return real(module, *arguments)
 
     monkeypatch.setattr("importlib.import_module", missing)
     assert name in optimize.names()
@@ -137,10 +130,8 @@ def test_a_missing_package_is_named(name: str, monkeypatch: pytest.MonkeyPatch) 
 
 
 def test_optimizers_that_need_residuals_are_refused_without() -> None:
-    assert {n for n in optimize.names() if optimize.needs_residuals(n)} == {
-        "ps-gde-lm",
-        "scipy-least-squares",
-    }
+    needy = {n for n in optimize.names() if optimize.needs_residuals(n)}
+    assert needy == {"ps-gde-lm", "scipy-least-squares"}
     with pytest.raises(IdentificationError, match="no residuals"):
         search("scipy-least-squares", Only(sphere, 3))
 
@@ -156,9 +147,8 @@ def test_an_exception_is_carried_past_a_library() -> None:
     assert problem.asked == 3
     with pytest.raises(optimize.ledger.Halt):
         escape.check()
-    finite_costs(
-        optimize.Ledger(problem, optimize.Evaluations.none(problem)), np.array([[1.0 + 1e-16, -1e-18]])
-    )
+    fresh = optimize.Ledger(problem, optimize.Evaluations.none(problem))
+    finite_costs(fresh, np.array([[1.0 + 1e-16, -1e-18]]))
     assert problem.outside <= 0.0, "points beside the box are evaluated on its bound"
 
 

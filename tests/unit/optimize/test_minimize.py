@@ -1,7 +1,4 @@
-"""Every optimizer: determinism, resuming, stopping, bounds, bad numbers; and what the default concludes.
-
-Adapters of optional packages have `test_adapters`.
-"""
+"""Every optimizer: determinism, resuming, stopping, bounds, bad numbers; and what the default concludes."""
 
 from __future__ import annotations
 
@@ -10,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -50,7 +48,6 @@ class Rugged(Residuals):
         return 12.0
 
 
-# ---------------------------------------------------------------------------------- determinism, resuming
 @pytest.mark.parametrize("name", OWN)
 def test_a_run_is_counted_repeatable_and_resumable(name: str, tmp_path: Path) -> None:
     """Ended by generations or inside a step, saved, loaded, continued by fresh objects: the same to the last bit."""
@@ -116,15 +113,12 @@ def test_long_refinements_and_populations_take_no_more_than_scouting() -> None:
     assert min(largest.values()) > 0.0
     assert populations == {False, True}
     assert before.round > 10
-    assert len(rounds) == -(-before.round // 5), (
-        "five rounds share a Latin hypercube, and the next five have another"
-    )
+    assert len(rounds) == -(-before.round // 5), "five rounds share a Latin hypercube"
 
 
 @pytest.mark.parametrize("shares", [(0.4, 1.0), (0.05, 0.1, 0.2, 0.4, 1.0)])
 def test_a_state_of_another_ladder_continues(oscillation, shares):
     saved = optimize.minimize(optimize.create(), oscillation(), seed=1, stop=Stop(generations=2)).state
-    assert saved is not None
     assert not saved.converged
     rest = optimize.minimize(optimize.create(), oscillation(shares=shares), seed=1, state=saved)
     assert rest.status == "converged"
@@ -132,7 +126,6 @@ def test_a_state_of_another_ladder_continues(oscillation, shares):
     assert len(rest.state.least) == len(shares)
 
 
-# ----------------------------------------------------------------------------------------------- stopping
 @pytest.mark.parametrize("name", SOME)
 def test_the_target_and_ctrl_c_end_a_run_and_keep_the_best(name, oscillation):
     problem = oscillation()
@@ -194,7 +187,6 @@ def test_divergence_is_survived(name: str) -> None:
     assert "no candidate gave a finite cost" in outcome.advice
 
 
-# --------------------------------------------------------------------------------------------- what is said
 def test_the_default_finds_and_confirms_the_least_cost(oscillation, least):
     for seed in range(12):
         problem = oscillation(seed=seed)
@@ -218,9 +210,8 @@ def test_a_good_start_is_cheap_even_after_a_bad_one_and_brings_its_nuisances(osc
     problem, bad = oscillation(seed=1), np.array([0.9, 0.9, 0.02, 0.1])
 
     def run(*starts: np.ndarray, **stop: Any) -> optimize.Outcome:
-        return optimize.minimize(
-            optimize.create(), problem, seed=1, starts=np.array(starts), stop=Stop(**stop)
-        )
+        keys = {"starts": np.array(starts), "stop": Stop(**stop)}
+        return optimize.minimize(optimize.create(), problem, seed=1, **keys)
 
     best = least(problem)
     for starts, cheap in (([near(0.98)[:4]], 20.0), ([bad, near(0.98)[:4]], 25.0), ([bad], np.inf)):
@@ -234,19 +225,12 @@ def test_a_good_start_is_cheap_even_after_a_bad_one_and_brings_its_nuisances(osc
     assert spent[0] < spent[1]
 
 
-# ------------------------------------------------------------------------------------------ what is refused
 def test_bad_questions_get_one_line(oscillation: Callable[..., Any]) -> None:
-    class Forgetful:
-        name = "forgetful"
-
-        def init(self, *given: Any) -> Any:
-            return optimize.create().init(*given)
-
-        def step(self, state: Any, problem: Any) -> Any:
-            return None
-
-    problem = oscillation()
-    state = optimize.minimize(optimize.create("ps-gde"), problem, seed=0, stop=Stop(generations=2)).state
+    forgetful = Mock(init=optimize.create().init, step=Mock(return_value=None))
+    forgetful.name = "forgetful"
+    state = optimize.minimize(
+        optimize.create("ps-gde"), oscillation(), seed=0, stop=Stop(generations=2)
+    ).state
     with pytest.raises(IdentificationError, match=r"^optimizer nonsense: .*use one of ps-gde-lm"):
         optimize.create("nonsense")
     for optimizer, changes, keys, says in (
@@ -254,7 +238,7 @@ def test_bad_questions_get_one_line(oscillation: Callable[..., Any]) -> None:
         (optimize.create(), {}, {"state": state}, r"is of ps-gde, not ps-gde-lm"),
         (optimize.create("ps-gde"), {"extra": 0}, {"state": state}, r"has 5 variables, the problem 4"),
         (optimize.create(), {"dimension": 0}, {}, "no variable is free"),
-        (Forgetful(), {}, {}, r"^optimizer forgetful: its step returned NoneType, not"),
+        (forgetful, {}, {}, r"^optimizer forgetful: its step returned NoneType, not"),
     ):
         with pytest.raises(IdentificationError, match=says):
             optimize.minimize(optimizer, oscillation(**changes), seed=0, **keys)

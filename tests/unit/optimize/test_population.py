@@ -9,18 +9,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from naive.landscapes import rosenbrock
 
-from stoop.optimize.population import (
-    DEFAULT,
-    OrderedToPBest,
-    ParameterMemory,
-    Population,
-    Trials,
-    binomial,
-    greedy,
-    latin_hypercube,
-    midpoint,
-)
+from stoop.optimize import population as of
+from stoop.optimize.population import DEFAULT, ParameterMemory, Population
 from stoop_studies.optimizers.evolution import chaos, chaotic_start, clip, placed
+
+SEEDS = st.integers(0, 2**32 - 1)
 
 
 def sphere(X: np.ndarray) -> np.ndarray:
@@ -32,7 +25,7 @@ def young(n: int = 20, d: int = 3, seed: int = 0) -> Population:
     return Population.first(X, sphere(X))
 
 
-@given(st.integers(0, 2**32 - 1))
+@given(SEEDS)
 def test_trials_lie_in_the_box_and_the_population_never_worsens(seed: int) -> None:
     generator, population = np.random.default_rng(seed), young(seed=seed)
     for _ in range(6):
@@ -47,7 +40,7 @@ def test_trials_lie_in_the_box_and_the_population_never_worsens(seed: int) -> No
 
 
 def parents(population: Population, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    mutation = OrderedToPBest(population.archive, DEFAULT.elite)
+    mutation = of.OrderedToPBest(population.archive, DEFAULT.elite)
     return mutation.parents(population.X, population.F, np.random.default_rng(seed))
 
 
@@ -64,42 +57,36 @@ def test_differences_point_from_worse_to_better() -> None:
 
 
 def test_winners_fill_the_archive_with_their_parents_and_can_be_prey_again() -> None:
-    population = replace(young(), refined=np.ones(20, dtype=bool))
+    population, costs = replace(young(), refined=np.ones(20, dtype=bool)), np.full(20, np.inf)
     X = population.X.copy()
-    X[4] = 0.3
-    trials = Trials(X, np.full(20, 0.5), np.full(20, 0.9))
-    costs = np.full(20, np.inf)
-    costs[4] = 0.0
+    X[4], costs[4] = 0.3, 0.0
+    trials = of.Trials(X, np.full(20, 0.5), np.full(20, 0.9))
     after = population.tell(trials, costs, np.random.default_rng(0))
     assert after.archive.tolist() == [population.X[4].tolist()]
     assert np.flatnonzero(~after.refined).tolist() == [4]
 
 
 def test_prey_is_the_best_not_refined_at_and_not_beside_an_earlier_end() -> None:
-    population = young()
-    order = np.argsort(population.F)
-    first, population = population.next_start(np.empty((0, 3)))
-    assert first == order[0]
-    second, population = population.next_start(np.empty((0, 3)))
-    assert second == order[1]
-    third, population = population.next_start(population.X[order[2]][None, :] + 0.01)
-    assert third is None
+    population, order = young(), np.argsort(young().F)
+    nowhere = np.empty((0, 3))
+    for ends, member in (
+        (nowhere, order[0]),
+        (nowhere, order[1]),
+        (young().X[order[2]][None, :] + 0.01, None),
+    ):
+        found, population = population.next_start(ends)
+        assert found == member
     assert population.refined[order[:3]].all()
     assert population.due == population.age + population.period
-    member, _ = replace(young(), F=np.full(20, np.inf)).next_start(np.empty((0, 3)))
-    assert member is None
+    assert replace(young(), F=np.full(20, np.inf)).next_start(nowhere)[0] is None
 
 
 def test_a_population_is_given_up_when_it_collapsed_or_rests() -> None:
-    for change, given_up in (
-        ({}, False),
-        ({"X": np.full((20, 3), 0.5)}, True),
-        ({"F": np.full(20, 7.0)}, True),
-        ({"F": np.full(20, np.inf)}, False),
-        ({"idle": 160}, False),
-        ({"idle": 161}, True),
-    ):
-        assert replace(young(), **change).exhausted is given_up, change
+    flat, worst = {"F": np.full(20, 7.0)}, {"F": np.full(20, np.inf)}
+    for change in ({"X": np.full((20, 3), 0.5)}, flat, {"idle": 161}):
+        assert replace(young(), **change).exhausted is True, change
+    for change in ({}, worst, {"idle": 160}):
+        assert replace(young(), **change).exhausted is False, change
 
 
 def test_it_solves_a_valley_by_evolution_alone() -> None:
@@ -113,17 +100,9 @@ def test_it_solves_a_valley_by_evolution_alone() -> None:
     assert population.X[population.F.argmin()] == pytest.approx(0.75, abs=1e-4)
 
 
-SEEDS = st.integers(0, 2**32 - 1)
-
-
-def _population(seed: int, n: int = 12, d: int = 5) -> tuple[np.ndarray, np.ndarray]:
-    generator = np.random.default_rng(seed)
-    return generator.random((n, d)), generator.random(n)
-
-
 @given(SEEDS)
 def test_latin_hypercube_has_one_point_in_each_slice(seed: int) -> None:
-    X = latin_hypercube(17, 3, np.random.default_rng(seed))
+    X = of.latin_hypercube(17, 3, np.random.default_rng(seed))
     assert (np.sort((X * 17).astype(int), axis=0) == np.arange(17)[:, None]).all()
 
 
@@ -140,22 +119,22 @@ def test_chaos_is_the_logistic_map_of_each_variable() -> None:
 
 @given(SEEDS)
 def test_mended_mutants_are_inside_and_others_untouched(seed: int) -> None:
-    X, _ = _population(seed)
+    X = np.random.default_rng(seed).random((12, 5))
     V = X + np.random.default_rng(seed).normal(0.0, 1.0, X.shape)
     inside = (V >= 0) & (V <= 1)
-    for mend in (clip, midpoint):
+    for mend in (clip, of.midpoint):
         W = mend(V, X)
         assert ((W >= 0) & (W <= 1)).all()
         assert (W[inside] == V[inside]).all()
     assert (clip(V, X)[V < 0] == 0.0).all()
-    assert (midpoint(V, X)[V < 0] == X[V < 0] / 2).all()
-    assert (midpoint(V, X)[V > 1] == (X[V > 1] + 1) / 2).all()
+    assert (of.midpoint(V, X)[V < 0] == X[V < 0] / 2).all()
+    assert (of.midpoint(V, X)[V > 1] == (X[V > 1] + 1) / 2).all()
 
 
 def test_crossover_equals_its_naive_twin() -> None:
-    X, _ = _population(2)
+    X = np.random.default_rng(2).random((12, 5))
     for rate in (0.0, 0.3, 0.9, 1.0):
-        T, generator = binomial(X, X + 10.0, rate, np.random.default_rng(4)), np.random.default_rng(4)
+        T, generator = of.binomial(X, X + 10.0, rate, np.random.default_rng(4)), np.random.default_rng(4)
         draws, always = generator.random(X.shape), generator.random(len(X))
         for i, row in enumerate(X):
             j_always = int(always[i] * len(row))
@@ -166,7 +145,9 @@ def test_crossover_equals_its_naive_twin() -> None:
 
 def test_selection_keeps_the_parent_on_a_tie_and_never_takes_nan() -> None:
     parents, trials = np.zeros((4, 1)), np.ones((4, 1))
-    X, F, won = greedy(parents, np.array([1.0, 1.0, np.inf, 1.0]), trials, np.array([1.0, 0.5, 2.0, np.nan]))
+    X, F, won = of.greedy(
+        parents, np.array([1.0, 1.0, np.inf, 1.0]), trials, np.array([1.0, 0.5, 2.0, np.nan])
+    )
     assert won.tolist() == [False, True, True, False]
     assert X[:, 0].tolist() == [0.0, 1.0, 1.0, 0.0]
     assert F.tolist() == [1.0, 0.5, 2.0, 1.0]
