@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from importlib.resources import files
-
 import pytest
 from naive.texts import V_TAIL_LATERAL, V_TAIL_MIXERS
 
-from stoop.vehicle import Vehicle, load_vehicle, parse_vehicle
+from stoop.vehicle import Vehicle, parse_vehicle
+from stoop.vehicle.builtin import builtin_vehicle
 
 V_TAIL = (
     """
@@ -87,7 +86,7 @@ def even(quad: Vehicle) -> Vehicle:
 
 @pytest.fixture(scope="session")
 def twin_boom() -> Vehicle:
-    return load_vehicle(str(files("stoop") / "data" / "twin_boom.toml"))
+    return builtin_vehicle("twin-boom")
 
 
 @pytest.fixture(scope="session")

@@ -12,20 +12,14 @@ from stoop.simulation import parameter_rows, trim
 from stoop.simulation.delays import actuator_rows, delayed, late_inputs, play, rate_limited
 from stoop.simulation.fly import simulate, simulate_flight
 from stoop.simulation.linearize import left_out
-from stoop.simulation.maneuver import parse_maneuver
+from stoop.simulation.maneuver import Maneuver
 from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 
 BASE = """
 name = "servos"
-[mass]
-mass = 8.5
-inertia = { xx = 1.38, yy = 0.84, zz = 2.0 }
-[reference]
-area = 0.66
-chord = 0.285
-span = 2.32
-airspeed = 24.0
+mass = { mass = 8.5, inertia = { xx = 1.38, yy = 0.84, zz = 2.0 } }
+reference = { area = 0.66, chord = 0.285, span = 2.32, airspeed = 24.0 }
 """
 SERVOS = f"""{BASE}
 [controls.elevator]
@@ -39,16 +33,7 @@ dead_zone = 0.02
 dead_zone = 0.04
 delay = 0.02
 """
-MANEUVER = """
-duration = 6.0
-rate = 50.0
-[[input]]
-control = "elevator"
-shape = "doublet"
-start = 1.0
-step = 1.0
-amplitude = 0.05
-"""
+STEP = {"control": "elevator", "shape": "doublet", "start": 1.0, "step": 1.0, "amplitude": 0.05}
 signals = arrays(np.float64, st.integers(2, 60), elements=st.floats(-1.0, 1.0))
 DT = 0.01
 
@@ -128,20 +113,15 @@ def test_lanes_are_what_single_servos_are(servos: Vehicle) -> None:
 
 
 def test_numbers_of_servos(servos: Vehicle) -> None:
-    names = {servos.parameters[row].name for row in actuator_rows(servos)}
-    assert {"controls.aileron.delay", "controls.aileron.dead_zone", "controls.rudder.mix.pwm_4"} <= names
     assert not actuator_rows(parse_vehicle(BASE, "plain"))
-    known = {p.name: p for p in servos.parameters}
-    limit, zone = known["controls.elevator.rate_limit"], known["controls.rudder.dead_zone"]
-    assert (limit.free, limit.unit, limit.lower, limit.upper) == (False, "rad/s", 0.4, 10.0)
-    assert (zone.free, zone.unit, zone.lower, zone.upper) == (False, "rad", 0.0, 0.1)
+    known = {p.name: (p.free, p.unit, p.lower, p.upper) for p in servos.parameters}
+    assert known["controls.elevator.rate_limit"] == (False, "rad/s", 0.4, 10.0)
+    assert known["controls.rudder.dead_zone"] == (False, "rad", 0.0, 0.1)
 
 
 def test_steady_flight_is_that_without_servos() -> None:
-    plain, slow = (
-        resolve_vehicle("twin-boom"),
-        twin_boom("[controls.elevator]\nrate_limit = 0.5\ndead_zone = 0.02\n"),
-    )
+    plain = resolve_vehicle("twin-boom")
+    slow = twin_boom("[controls.elevator]\nrate_limit = 0.5\ndead_zone = 0.02\n")
     a, b = trim(plain), trim(slow)
     assert (a.start, a.deflections) == (b.start, b.deflections)
     assert not left_out(plain)
@@ -154,14 +134,12 @@ def test_steady_flight_is_that_without_servos() -> None:
 def test_a_simulated_flight_follows_what_the_servo_makes_of_the_record() -> None:
     limit, zone = 0.2, 0.01
     slow = twin_boom(f"[controls.elevator]\nrate_limit = {limit}\ndead_zone = {zone}\n")
-    maneuver = parse_maneuver(MANEUVER, "m")
+    maneuver = Maneuver.model_validate({"duration": 6.0, "rate": 50.0, "input": [STEP]})
     flight = simulate_flight(slow, maneuver, noise=False)
     command = flight.column("elevator")
     assert np.abs(np.diff(command)).max() > 0.04, "recorded as commanded"
     moved = rate_limited(play(command, zone), limit / maneuver.rate)
-    plain = resolve_vehicle("twin-boom")
-    point = trim(slow)
-    same = plain.with_numbers({n: {"value": v} for n, v in point.changes.items()})
-    twin = simulate(same, {"elevator": moved}, maneuver.time)
+    changes = {n: {"value": v} for n, v in trim(slow).changes.items()}
+    twin = simulate(resolve_vehicle("twin-boom").with_numbers(changes), {"elevator": moved}, maneuver.time)
     for channel in ("q", "alpha", "az"):
         assert flight.column(channel) == pytest.approx(twin.column(channel), abs=1e-12)

@@ -13,24 +13,13 @@ from stoop.vehicle import Vehicle, parse_vehicle
 
 LATE = """
 name = "late"
-[mass]
-mass = 8.5
-inertia = { xx = 1.38, yy = 0.84, zz = 2.0 }
-[reference]
-area = 0.66
-chord = 0.285
-span = 2.32
-airspeed = 24.0
-[controls.elevator]
-delay = 0.02
-[controls.aileron]
-[controls.rudder]
-mix = { pwm_3 = 0.001 }
-delay = 0.035
-[sensors.q]
-delay = 0.03
-[sensors.psi]
-delay = 0.015
+mass = { mass = 8.5, inertia = { xx = 1.38, yy = 0.84, zz = 2.0 } }
+reference = { area = 0.66, chord = 0.285, span = 2.32, airspeed = 24.0 }
+sensors = { q = { delay = 0.03 }, psi = { delay = 0.015 } }
+[controls]
+elevator = { delay = 0.02 }
+aileron = {}
+rudder = { mix = { pwm_3 = 0.001 }, delay = 0.035 }
 """
 
 

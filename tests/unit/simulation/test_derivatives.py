@@ -19,14 +19,9 @@ SIGMAS = {"CLalpha": 0.1, "Cmq": 1.0, "Clp": 0.02}
 
 
 @pytest.fixture(scope="module")
-def boom() -> Vehicle:
-    return builtin_vehicle("twin-boom")
-
-
-@pytest.fixture(scope="module")
-def found(boom: Vehicle) -> Derivatives:
+def found(twin_boom: Vehicle) -> Derivatives:
     known = ParameterCovariance((*SIGMAS, "Cnr"), np.diag([*(s**2 for s in SIGMAS.values()), np.inf]))
-    return derivatives(boom, trim(boom), known)
+    return derivatives(twin_boom, trim(twin_boom), known)
 
 
 def named(of: Derivatives, form: str) -> dict[str, float]:
@@ -34,10 +29,10 @@ def named(of: Derivatives, form: str) -> dict[str, float]:
     return dict(zip(table.names, table.values.tolist(), strict=True))
 
 
-def test_coefficients_are_those_of_the_file(boom: Vehicle, found: Derivatives) -> None:
+def test_coefficients_are_those_of_the_file(twin_boom: Vehicle, found: Derivatives) -> None:
     """In stability axes C_Zalpha = -(C_Lalpha + C_D), C_Xalpha = C_L - C_Dalpha (Etkin and Reid, section 5.1)."""
-    table, n = named(found.along("stability"), "nondimensional"), boom.value
-    alpha, elevator = found.alpha, trim(boom).deflections["elevator"]
+    table, n = named(found.along("stability"), "nondimensional"), twin_boom.value
+    alpha, elevator = found.alpha, trim(twin_boom).deflections["elevator"]
     CL = n("CL0") + n("CLalpha") * alpha + n("CLelevator") * elevator
     CD = n("CD0") + n("CDalpha") * alpha
     assert table["CZ_alpha"] == pytest.approx(-(n("CLalpha") + CD), rel=1e-9)
@@ -48,13 +43,13 @@ def test_coefficients_are_those_of_the_file(boom: Vehicle, found: Derivatives) -
         assert table[name] == pytest.approx(n(name.replace("_", "")), rel=1e-9)
     # Constant thrust along the body: C_X falls with the speed as the dynamic pressure that divides it grows.
     force = 0.5 * n("environment.density") * 35.0**2 * n("reference.area")
-    thrust = trim(boom).changes["propulsion.thrust"]
+    thrust = trim(twin_boom).changes["propulsion.thrust"]
     assert table["CX_u"] == pytest.approx(-2.0 * thrust * math.cos(alpha) / force, abs=1e-3)
 
 
-def test_lateral_ones_turn_with_the_axes(boom: Vehicle, found: Derivatives) -> None:
+def test_lateral_ones_turn_with_the_axes(twin_boom: Vehicle, found: Derivatives) -> None:
     """L' = c L + s N of rates p = c p' - s r': by hand for Cl_p and Cn_r."""
-    table, n = named(found.along("stability"), "nondimensional"), boom.value
+    table, n = named(found.along("stability"), "nondimensional"), twin_boom.value
     c, s = math.cos(found.alpha), math.sin(found.alpha)
     expected = c * c * n("Clp") + c * s * (n("Clr") + n("Cnp")) + s * s * n("Cnr")
     assert table["Cl_p"] == pytest.approx(expected, rel=1e-9)
@@ -65,15 +60,15 @@ def test_lateral_ones_turn_with_the_axes(boom: Vehicle, found: Derivatives) -> N
     assert body["Cn_rudder"] == pytest.approx(n("Cnrudder"), rel=1e-9)
 
 
-def test_dimensional_ones_by_hand(boom: Vehicle, found: Derivatives) -> None:
+def test_dimensional_ones_by_hand(twin_boom: Vehicle, found: Derivatives) -> None:
     """M_q = rho V S c^2 Cmq / 4 and L_p = rho V S b^2 Clp / 4 (Etkin and Reid, table 4.4); over Iyy, 1/s."""
-    table, specific, n = named(found, "dimensional"), named(found, "specific"), boom.value
+    table, specific, n = named(found, "dimensional"), named(found, "specific"), twin_boom.value
     common = n("environment.density") * 35.0 * n("reference.area") / 4.0
     assert table["M_q"] == pytest.approx(common * n("reference.chord") ** 2 * n("Cmq"), rel=1e-9)
     assert table["L_p"] == pytest.approx(common * n("reference.span") ** 2 * n("Clp"), rel=1e-9)
     assert specific["M_q"] == pytest.approx(table["M_q"] / n("mass.inertia.yy"), rel=1e-12)
     assert specific["Z_w"] == pytest.approx(table["Z_w"] / n("mass.mass"), rel=1e-12)
-    model = linearize(boom, trim(boom))
+    model = linearize(twin_boom, trim(twin_boom))
     q = model.states.index("q")
     assert specific["M_q"] == pytest.approx(model.A[q, q], rel=1e-9)
 
@@ -86,18 +81,15 @@ def test_forces_and_moments_by_differences(name: str) -> None:
     found = derivatives(vehicle, point)
     rows = parameter_rows(vehicle, point.changes)
     n = vehicle.value
-    tensor = np.diag([n(f"mass.inertia.{a}{a}") for a in "xyz"])
-    for (i, j), axes in {(0, 1): "xy", (0, 2): "xz", (1, 2): "yz"}.items():
-        tensor[i, j] = tensor[j, i] = -n(f"mass.inertia.{axes}", 0.0)
+    xx, yy, zz, xy, xz, yz = (n(f"mass.inertia.{a}", 0.0) for a in ("xx", "yy", "zz", "xy", "xz", "yz"))
+    tensor = np.array([[xx, -xy, -xz], [-xy, yy, -yz], [-xz, -yz, zz]])
 
     def loads(states: np.ndarray, inputs: np.ndarray) -> np.ndarray:
-        x = dict(zip(vehicle.states, states, strict=True))
         rates, _ = vehicle.kernel().evaluate(rows, states[:, None], inputs[:, None])
-        dot = dict(zip(vehicle.states, rates[:, 0], strict=True))
-        V, w = np.array([x[a] for a in "uvw"]), np.array([x[a] for a in "pqr"])
-        acceleration = np.array([dot[a] for a in "uvw"]) + np.cross(w, V)
-        moment = tensor @ np.array([dot[a] for a in "pqr"]) + np.cross(w, tensor @ w)
-        return np.concatenate([n("mass.mass") * acceleration, moment])
+        speeds, turning = ([vehicle.states.index(a) for a in axes] for axes in ("uvw", "pqr"))
+        V, w = states[speeds], states[turning]
+        moment = tensor @ rates[turning, 0] + np.cross(w, tensor @ w)
+        return np.concatenate([n("mass.mass") * (rates[speeds, 0] + np.cross(w, V)), moment])
 
     steady = initial_states(vehicle, point.start, rows, point.inputs)[:, 0]
     for j, motion in enumerate(MOTIONS):
@@ -109,9 +101,7 @@ def test_forces_and_moments_by_differences(name: str) -> None:
         x = point.inputs[0]
         column = 6 + list(found.controls).index("motor_1")
         ratio = air_density(vehicle, point) / 1.225
-        assert ratio == pytest.approx(1.20165 / 1.225, rel=1e-5), (
-            "the standard atmosphere, 200 m over sea level"
-        )
+        assert ratio == pytest.approx(1.20165 / 1.225, rel=1e-5), "standard atmosphere, 200 m over sea level"
         thrust = ratio * (n("rotors.T1") + 2 * n("rotors.T2") * x)
         assert found.matrix[2, column] == pytest.approx(-thrust, rel=1e-4)
 
@@ -127,7 +117,7 @@ def test_there_and_back(found: Derivatives) -> None:
         assert second == pytest.approx(first, rel=1e-9, abs=1e-12 * first.max())
 
 
-def test_the_covariance_is_that_of_sampled_parameters(boom: Vehicle, found: Derivatives) -> None:
+def test_the_covariance_is_that_of_sampled_parameters(twin_boom: Vehicle, found: Derivatives) -> None:
     table = found.along("stability").table("nondimensional")
     errors = dict(zip(table.names, table.std_errors.tolist(), strict=True))
     assert errors["CZ_alpha"] == pytest.approx(SIGMAS["CLalpha"], rel=1e-6)
@@ -149,22 +139,23 @@ def test_what_an_unidentified_parameter_touches_is_marked(found: Derivatives) ->
         assert np.isinf([table.std_errors[table.names.index(n)] for n in lost]).all()
 
 
-def test_an_estimated_inertia_cancels_from_what_is_divided_by_it(boom: Vehicle) -> None:
+def test_an_estimated_inertia_cancels_from_what_is_divided_by_it(twin_boom: Vehicle) -> None:
     """M is Iyy q': with a coefficient that holds for a fixed inertia, M_q does not move with Iyy, but M_q/Iyy does."""
-    found = derivatives(boom, trim(boom), ParameterCovariance(("mass.inertia.yy",), np.array([[1.0]])))
+    found = derivatives(
+        twin_boom, trim(twin_boom), ParameterCovariance(("mass.inertia.yy",), np.array([[1.0]]))
+    )
     total, specific = found.table("dimensional"), found.table("specific")
     i = total.names.index("M_q")
     assert total.std_errors[i] == pytest.approx(0.0, abs=1e-6 * abs(total.values[i]))
-    assert specific.std_errors[i] == pytest.approx(
-        abs(specific.values[i]) / boom.value("mass.inertia.yy"), rel=1e-5
-    )
+    expected = abs(specific.values[i]) / twin_boom.value("mass.inertia.yy")
+    assert specific.std_errors[i] == pytest.approx(expected, rel=1e-5)
 
 
-def test_refusals(boom: Vehicle) -> None:
+def test_refusals(twin_boom: Vehicle) -> None:
     quad = builtin_vehicle("quad-x")
     with pytest.raises(SimulationError, match="need wings and an airspeed"):
         derivatives(quad, trim(quad)).table("nondimensional")
     with pytest.raises(SimulationError, match="full equations"):
-        derivatives(boom.reduced("longitudinal"), trim(boom.reduced("longitudinal")))
-    assert np.isnan(derivatives(boom, trim(boom)).table().std_errors).all()
+        derivatives(twin_boom.reduced("longitudinal"), trim(twin_boom.reduced("longitudinal")))
+    assert np.isnan(derivatives(twin_boom, trim(twin_boom)).table().std_errors).all()
     assert len(derivatives(quad, trim(quad)).table("specific").names) == 6 * (6 + 4) == 10 * len(LOADS)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from naive.aircraft import rotation
+from scipy.optimize import brentq
 
 from stoop.errors import SimulationError
 from stoop.simulation import linearize, parameter_rows, trim
@@ -75,40 +76,33 @@ def test_heading_turns_the_tilt_with_it(even: Vehicle) -> None:
 
 
 def test_a_weak_rotor_works_harder_and_a_heavy_side_too(quad: Vehicle, even: Vehicle) -> None:
-    whole = trim(even).thrust
-    weak = trim(even.with_numbers({"rotor.m1.factor": {"value": 0.8}})).thrust
-    assert weak["motor_1"] > whole["motor_1"] + 0.05
-    # thrusts, not commands, balance: 0.8 T(m1) = T(m2), as before
-    thrust = {n: 2.5 * x + 6.0 * x * x for n, x in weak.items()}
-    assert 0.8 * thrust["motor_1"] == pytest.approx(thrust["motor_2"], rel=1e-9)
-    ahead = trim(even.with_numbers({"mass.center_of_gravity.x": {"value": 0.02}})).thrust
-    lift = {n: 2.5 * x + 6.0 * x * x for n, x in ahead.items()}
-    front, rear = lift["motor_1"] + lift["motor_3"], lift["motor_2"] + lift["motor_4"]
-    assert front * (0.177 - 0.02) == pytest.approx(rear * (0.177 + 0.02), rel=1e-9)
+    def lift(number: str, value: float) -> tuple[float, ...]:
+        commands = trim(even.with_numbers({number: {"value": value}})).thrust
+        return tuple(2.5 * x + 6.0 * x * x for x in (commands[f"motor_{i}"] for i in (1, 2, 3, 4)))
+
+    one, two, *_ = lift("rotor.m1.factor", 0.8)
+    assert 0.8 * one == pytest.approx(two, rel=1e-9), "thrusts, not commands, balance"
+    one, two, three, four = lift("mass.center_of_gravity.x", 0.02)
+    assert (one + three) * (0.177 - 0.02) == pytest.approx((two + four) * (0.177 + 0.02), rel=1e-9)
     assert trim(quad).residual < 1e-7
 
 
 def test_of_many_ways_the_one_next_to_equal_commands() -> None:
     """Six rotors, one weak: the change from equal commands has no part that gives no acceleration."""
-    hexa = builtin_vehicle("hexa-x")
-    text = hexa.text.replace("[rotor.m1]", "[rotor.m1]\nfactor = 0.8", 1)
+    text = builtin_vehicle("hexa-x").text.replace("[rotor.m1]", "[rotor.m1]\nfactor = 0.8", 1)
     weak = parse_vehicle(text, "weak.toml")
-    point = trim(weak)
-    area = channel_range(weak)
-    commands = point.inputs[area.columns]
+    point, columns = trim(weak), channel_range(weak).columns
     level = point.inputs.copy()
-    # equal commands that lift the weight alone
-    from scipy.optimize import brentq
 
     def sinks(c: float) -> float:
-        level[area.columns] = c
+        level[columns] = c
         return float(accelerations(weak, {"h": 200.0}, level[:, None].copy())[2, 0])
 
-    level[area.columns] = brentq(sinks, 0.1, 1.0, xtol=1e-13)
+    level[columns] = brentq(sinks, 0.1, 1.0, xtol=1e-13)  # equal commands that lift the weight alone
     effect = effects(weak, {"h": 200.0}, level, {})
     idle = np.linalg.svd(effect)[2][4:]
-    assert np.abs(idle @ (commands - level[area.columns])).max() < 1e-6
-    assert np.ptp(commands) > 0.02
+    assert np.abs(idle @ (point.inputs - level)[columns]).max() < 1e-6
+    assert np.ptp(point.inputs[columns]) > 0.02
 
 
 def test_one_newton_step_finds_the_trim_of_a_neighbor(quad: Vehicle) -> None:
@@ -116,7 +110,6 @@ def test_one_newton_step_finds_the_trim_of_a_neighbor(quad: Vehicle) -> None:
     near = neighbors(point)({"mass.mass": np.array([1.5 * (1.0 + 1e-5)])})
     exact = trim(quad.with_numbers({"mass.mass": {"value": 1.5 * (1.0 + 1e-5)}}), velocity=(2.0, 1.0, 0.0))
     assert near.inputs[:, 0] - point.inputs == pytest.approx(exact.inputs - point.inputs, rel=1e-3, abs=1e-12)
-    assert point.solution is not None
     known, x = point.solution
     assert np.abs(known.residuals(x[:, None])).max() < 1e-7
 

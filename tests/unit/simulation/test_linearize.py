@@ -16,8 +16,6 @@ from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import builtin_vehicle
 from stoop.vehicle.load import parse_vehicle
 
-ANGLES = ("phi", "theta", "psi")
-
 
 def states_of(rates: np.ndarray, x: np.ndarray, vehicle: Vehicle, names: tuple[str, ...]) -> np.ndarray:
     """Turn the rates of the kernel's states into those of airspeed and angles, by their plain formulas."""
@@ -44,7 +42,7 @@ def states_of(rates: np.ndarray, x: np.ndarray, vehicle: Vehicle, names: tuple[s
 
 def responses(
     vehicle: Vehicle, point: Trim, model: LinearModel, dx: np.ndarray, du: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+) -> np.ndarray:
     """Return the rates of the linear model's states, and readings, of the nonlinear equations nearby."""
     moved = dict(zip(model.states, dx, strict=True))
     start = {k: v + moved.get(k, 0.0) for k, v in {**dict.fromkeys(model.states, 0.0), **point.start}.items()}
@@ -56,7 +54,7 @@ def responses(
     rows = parameter_rows(vehicle, point.changes)
     x = initial_states(vehicle, start, rows, point.inputs)
     d, y = vehicle.kernel().evaluate(rows, x, inputs[:, None])
-    return states_of(d[:, 0], x[:, 0], vehicle, model.states), y[:, 0]
+    return np.concatenate([states_of(d[:, 0], x[:, 0], vehicle, model.states), y[:, 0]])
 
 
 @pytest.mark.parametrize(
@@ -67,24 +65,16 @@ def test_derivatives_equal_central_differences(name, reduce, request):
     vehicle: Vehicle = request.getfixturevalue(name).reduced(reduce)
     point = trim(vehicle)
     model = linearize(vehicle, point)
-    n, m = len(model.states), len(model.inputs)
-    assert model.A.shape == (n, n)
-    assert model.B.shape == (n, m)
-    assert model.C.shape == (len(vehicle.outputs), n)
-    assert model.D.shape == (len(vehicle.outputs), m)
+    n, h = len(model.states), 1e-5
     exact = np.block([[model.A, model.B], [model.C, model.D]])
-    h = 1e-5
-    for j in range(n + m):
-        step = np.zeros(n + m)
-        step[j] = h
-        ahead, behind = (
-            np.concatenate(responses(vehicle, point, model, s[:n], s[n:])) for s in (step, -step)
-        )
+    assert exact.shape == (n + len(vehicle.outputs), n + len(model.inputs))
+    for label, column, step in zip(
+        (*model.states, *model.inputs), exact.T, h * np.eye(len(exact.T)), strict=True
+    ):
+        ahead, behind = (responses(vehicle, point, model, s[:n], s[n:]) for s in (step, -step))
         slope = (ahead - behind) / (2 * h)
-        label = (*model.states, *model.inputs)[j]
-        np.testing.assert_allclose(
-            exact[:, j], slope, rtol=1e-6, atol=2e-6 * max(1.0, np.abs(slope).max()), err_msg=label
-        )
+        near = 2e-6 * max(1.0, np.abs(slope).max())
+        np.testing.assert_allclose(column, slope, rtol=1e-6, atol=near, err_msg=label)
 
 
 def test_longitudinal_derivatives_by_hand(twin_boom: Vehicle) -> None:
@@ -142,9 +132,8 @@ def test_modes_of_the_papers_aircraft(twin_boom: Vehicle) -> None:
 
 
 def test_modes_are_named_and_complete(twin_boom: Vehicle) -> None:
-    names = [m.name for m in linearize(twin_boom, trim(twin_boom)).modes]
-    assert sorted(names) == ["Dutch roll", "phugoid", "roll", "short period", "spiral"]
     full = {m.name: m for m in linearize(twin_boom, trim(twin_boom)).modes}
+    assert sorted(full) == ["Dutch roll", "phugoid", "roll", "short period", "spiral"]
     for reduce in ("longitudinal", "lateral"):
         part = twin_boom.reduced(reduce)
         for mode in linearize(part, trim(part)).modes:
@@ -184,15 +173,14 @@ def test_delays_in_series_with_the_matrices_give_the_simulated_response() -> Non
         q.append(float(model.C[i] @ x))
         x = step[:count, :count] @ x + step[:count, count] * u
     delivered = np.interp(time - model.output_delays[i], time, q)
-    flown = simulate(vehicle, {"elevator": point.deflections["elevator"] + pulse}, time, noise=False).column(
-        "q"
-    )
+    commands = {"elevator": point.deflections["elevator"] + pulse}
+    flown = simulate(vehicle, commands, time, noise=False).column("q")
     assert np.max(np.abs(flown - delivered)) < 0.01 * np.max(np.abs(flown))
     undelayed = np.max(np.abs(flown - np.interp(time + 0.1, time, delivered)))
     assert undelayed > 0.2 * np.max(np.abs(flown)), "the test sees a delay that is left out"
 
 
-def test_moments_of_surfaces_are_those_of_the_full_equations_where_reduced_ones_have_the_axis(twin_boom):
+def test_moments_of_surfaces_are_those_of_the_full_equations_about_the_axes_that_are_left(twin_boom):
     for reduce, kept in (("longitudinal", [0.0, 1.0, 0.0]), ("lateral", [1.0, 0.0, 1.0])):
         some = twin_boom.reduced(reduce)
         for control in some.controls:

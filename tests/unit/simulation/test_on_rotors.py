@@ -14,7 +14,7 @@ from stoop.flight import Flight, load, save
 from stoop.simulation import initial_states, parameter_rows
 from stoop.simulation.delays import late_inputs, late_outputs
 from stoop.simulation.fly import fly, fly_together, simulate_flight
-from stoop.simulation.maneuver import Maneuver
+from stoop.simulation.maneuver import Maneuver, load_maneuver
 from stoop.simulation.rotors import accelerations, channel_range
 from stoop.simulation.trajectories import Flown
 from stoop.vehicle import Vehicle, parse_vehicle
@@ -134,7 +134,7 @@ def test_momentum_is_what_the_accelerometers_felt(quad: Vehicle) -> None:
     """Specific force turned into the Earth's axes, plus gravity, is the rate of the velocity over ground."""
     punctual = quad.with_numbers({"sensors.q.delay": {"value": 0.0}})
     flight = simulate_flight(punctual, maneuver(6.0, *BUSY, rate=400.0, wind=(4.0, 0.0, 0.0)), noise=False)
-    rate = over_ground(flight, columns(flight, "ax", "ay", "az")) + [0.0, 0.0, G]
+    rate = np.add(over_ground(flight, columns(flight, "ax", "ay", "az")), [0.0, 0.0, G])
     gained = np.cumsum(0.5 * (rate[1:] + rate[:-1]), axis=0) / 400.0
     velocity = columns(flight, "vn", "ve", "vd")
     assert velocity[1:] - velocity[0] == pytest.approx(gained, abs=2e-4)
@@ -170,6 +170,8 @@ def test_ends_of_the_range_are_reported(quad: Vehicle) -> None:
     found = simulate_flight(quad, hard).notices[1]
     assert found.code == "rotors-saturated"
     assert "motor_1" in found.values["rotors"]
+    example = load_maneuver(Path(__file__).parents[3] / "examples" / "maneuver_quadplane.toml")
+    assert [n.code for n in simulate_flight(builtin_vehicle("quadplane"), example).notices] == ["simulated"]
     assert np.abs(replayed(quad, flown, 0.01) - flown.outputs).max() < 1e-9
 
 

@@ -34,13 +34,7 @@ channel = "motor_1"
 position = [0.0, 0.0, 0.0]
 spin = "ccw"
 """
-ROTOR = '[rotor.{}]\nchannel = "motor_{}"\nposition = [{}, {}, 0.0]\nspin = "{}"\n'
-PLACES = (
-    ("a", 1, 0.15, 0.15, "ccw"),
-    ("b", 2, -0.15, -0.15, "ccw"),
-    ("c", 3, 0.15, -0.15, "cw"),
-    ("d", 4, -0.15, 0.15, "cw"),
-)
+PLACES = (("a", 1, 1, 1, "ccw"), ("b", 2, -1, -1, "ccw"), ("c", 3, 1, -1, "cw"), ("d", 4, -1, 1, "cw"))
 QUAD = """
 name = "quad"
 [mass]
@@ -53,14 +47,12 @@ T2 = 1.3e-5
 inflow = 3e-4
 torque_ratio = 0.019
 inertia = 6e-5
-""" + "".join(ROTOR.format(*place) for place in PLACES)
-GUSTS = """
-[turbulence]
-airspeed = 4.0
-[turbulence.w]
-intensity = 0.5
-length = 20.0
-"""
+[rotor]
+""" + "".join(
+    f'{n} = {{ channel = "motor_{i}", position = [{0.15 * x}, {0.15 * y}, 0.0], spin = "{spin}" }}\n'
+    for n, i, x, y, spin in PLACES
+)
+GUSTS = "[turbulence]\nairspeed = 4.0\nw = { intensity = 0.5, length = 20.0 }\n"
 
 
 def record() -> np.ndarray:
@@ -155,8 +147,8 @@ def test_an_autopilot_knows_the_jump_and_its_flight_is_that_of_the_record(gusts:
         received = late_inputs(vehicle, flown.inputs, rows, DT)
         again = vehicle.kernel().trajectories(rows, start, received, DT)[0]
         assert again == pytest.approx(flown.outputs, abs=1e-9)
-        x = 1000.0 * flown.inputs[:, :4] @ np.array([1.0, 1.0, -1.0, -1.0])
-        torque = 0.019 * 1.3e-5 * (np.square(1000.0 * flown.inputs[:, :4]) @ np.array([1.0, 1.0, -1.0, -1.0]))
+        speeds, spins = 1000.0 * flown.inputs[:, :4], np.array([1.0, 1.0, -1.0, -1.0])
+        x, torque = speeds @ spins, 0.019 * 1.3e-5 * np.square(speeds) @ spins
         steady = np.cumsum(np.concatenate([[0.0], 0.5 * (torque[1:] + torque[:-1])])) * DT / 0.03
         reaction = SPIN / 0.03 * (x - x[0])
         assert r - steady == pytest.approx(reaction, abs=3e-3), "drag of blades, and their reaction"

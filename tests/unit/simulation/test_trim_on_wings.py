@@ -35,9 +35,7 @@ def glider() -> Vehicle:
     return parse_vehicle(SYMMETRIC.replace(PROPULSION, ""), "glider.toml")
 
 
-def test_a_wing_with_propulsion_flies_the_path_that_was_asked_for_with_sideslip_where_it_is_asymmetric() -> (
-    None
-):
+def test_a_wing_flies_the_path_that_was_asked_for_with_sideslip_where_it_is_asymmetric() -> None:
     vehicle = parse_vehicle(WING, "wing.toml")
     point = trim(vehicle)
     assert point.residual < 1e-7

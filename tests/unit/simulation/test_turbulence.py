@@ -66,7 +66,5 @@ def test_gusts_blow_as_hard_at_the_beginning(gusts):
 
 
 def test_finer_inputs_are_linear_between_the_samples():
-    coarse = np.array([[0.0, 1.0], [2.0, 1.0], [0.0, 5.0]])
-    fine = finer(coarse, 4)
-    assert np.allclose(fine[:, 0], [0.0, 0.5, 1.0, 1.5, 2.0, 1.5, 1.0, 0.5, 0.0])
-    assert np.array_equal(fine[::4], coarse)
+    fine = finer(np.array([[0.0, 1.0], [2.0, 1.0], [0.0, 5.0]]), 4)
+    assert np.allclose(fine.T, [[0, 0.5, 1, 1.5, 2, 1.5, 1, 0.5, 0], [1, 1, 1, 1, 1, 2, 3, 4, 5]])
