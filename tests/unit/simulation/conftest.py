@@ -14,13 +14,7 @@ name = "V-tail"
 mass = { mass = 8.5, inertia = { xx = 1.38, yy = 0.84, zz = 2.0, xz = 0.11 } }
 reference = { area = 0.66, chord = 0.285, span = 2.32, airspeed = 24.0 }
 sensors = { vane_position = [0.4, 0.0, 0.0] }
-[propulsion]
-kind = "propeller"
-channel = "throttle"
-speed_gain = 150.0
-diameter = 0.4
-CT0 = 0.14
-CT1 = -0.10
+propulsion = { kind = "propeller", channel = "throttle", speed_gain = 150.0, diameter = 0.4, CT0 = 0.14, CT1 = -0.10 }
 """
     + V_TAIL_MIXERS
     + """[controls.aileron]
@@ -29,18 +23,15 @@ lag = 0.04
 [aerodynamics]
 CL = { CL0 = 0.4, CLalpha = 4.9, CLq = 5.0, CLelevator = 0.3 }
 CD = { CD0 = 0.05, CDalpha = 0.2, CDalpha2 = 0.8 }
-[aerodynamics.Cm]
-Cm0 = 0.02
-Cmalpha = -0.9
-Cmq = -12.0
-Cmelevator = -1.0
-Cmcross = { term = "abs(elevator)*elevator", value = 0.1 }
+Cm = { Cm0 = 0.02, Cmalpha = -0.9, Cmq = -12.0, Cmelevator = -1.0, Cmcross = { term = "abs(elevator)*elevator", value = 0.1 } }
 """
     + V_TAIL_LATERAL
 )
 
 QUAD = """
 name = "quad"
+body_drag = { linear = [0.1, 0.1, 0.1], quadratic = [0.02, 0.02, 0.03] }
+sensors = { q = { delay = 0.02, sigma = 0.02 } }
 [mass]
 mass = 1.5
 inertia = { xx = 0.029, yy = 0.031, zz = 0.055, xz = 0.001 }
@@ -60,12 +51,6 @@ m1 = { channel = "motor_1", position = [0.177, 0.177, -0.03], spin = "ccw", fact
 m2 = { channel = "motor_2", position = [-0.177, -0.177, -0.03], spin = "ccw" }
 m3 = { channel = "motor_3", position = [0.177, -0.177, -0.03], axis = [0.05, 0.0, -1.0], spin = "cw" }
 m4 = { channel = "motor_4", position = [-0.177, 0.177, -0.03], spin = "cw" }
-[body_drag]
-linear = [0.1, 0.1, 0.1]
-quadratic = [0.02, 0.02, 0.03]
-[sensors.q]
-delay = 0.02
-sigma = 0.02
 """
 
 

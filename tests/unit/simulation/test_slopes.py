@@ -18,9 +18,8 @@ DT, N = 0.01, 200
 HEAVY, SPIN = 0.03, 6e-5  #: kg m2
 ALONE = f"""
 name = "one rotor"
-[mass]
-mass = 1.0
-inertia = {{ xx = 0.02, yy = 0.02, zz = {HEAVY} }}
+mass = {{ mass = 1.0, inertia = {{ xx = 0.02, yy = 0.02, zz = {HEAVY} }} }}
+rotor = {{ one = {{ channel = "motor_1", position = [0.0, 0.0, 0.0], spin = "ccw" }} }}
 [rotors]
 drive = "speed"
 gain = 900.0
@@ -29,17 +28,11 @@ nominal_voltage = 16.0
 delay = 0.0
 T2 = 2e-5
 inertia = {SPIN}
-[rotor.one]
-channel = "motor_1"
-position = [0.0, 0.0, 0.0]
-spin = "ccw"
 """
 PLACES = (("a", 1, 1, 1, "ccw"), ("b", 2, -1, -1, "ccw"), ("c", 3, 1, -1, "cw"), ("d", 4, -1, 1, "cw"))
 QUAD = """
 name = "quad"
-[mass]
-mass = 1.4
-inertia = { xx = 0.019, yy = 0.019, zz = 0.03 }
+mass = { mass = 1.4, inertia = { xx = 0.019, yy = 0.019, zz = 0.03 } }
 [rotors]
 drive = "speed"
 gain = 1000.0

@@ -19,6 +19,7 @@ from stoop.vehicle.builtin import builtin_vehicle
 DT, N = 0.001, 150
 COMMANDED = """
 name = "commanded"
+body_drag = { linear = [0.1, 0.12, 0.15], quadratic = [0.02, 0.03, 0.04], rotation = [0.004, 0.005, 0.003] }
 [mass]
 mass = 1.6
 inertia = { xx = 0.03, yy = 0.028, zz = 0.05, xz = 0.002, xy = -0.001, yz = 0.0015 }
@@ -42,10 +43,6 @@ m1 = { channel = "pwm_1", position = [0.17, 0.18, -0.03], axis = [0.1, -0.1, -2.
 m2 = { channel = "pwm_2", position = [-0.17, -0.18, -0.02], spin = "ccw", torque_factor = 1.2 }
 m3 = { channel = "pwm_3", position = [0.16, -0.17, -0.03], axis = [0.0, 0.15, -1.0], spin = "cw" }
 m4 = { channel = "pwm_4", position = [-0.18, 0.17, -0.03], spin = "cw" }
-[body_drag]
-linear = [0.1, 0.12, 0.15]
-quadratic = [0.02, 0.03, 0.04]
-rotation = [0.004, 0.005, 0.003]
 [sensors]
 accelerometer_position = [0.05, 0.01, -0.02]
 imu_alignment = [0.05, -0.04, 0.8]
@@ -55,12 +52,8 @@ az = { scale = 1.02, bias = 0.1 }
 """
 TURNING = """
 name = "turning"
-[mass]
-mass = 1.2
-inertia = { xx = 0.02, yy = 0.021, zz = 0.035 }
-[environment]
-density = 1.1
-gravity = 9.81
+mass = { mass = 1.2, inertia = { xx = 0.02, yy = 0.021, zz = 0.035 } }
+environment = { density = 1.1, gravity = 9.81 }
 [rotors]
 drive = "speed"
 gain = 1000.0

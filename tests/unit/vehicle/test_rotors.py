@@ -19,11 +19,9 @@ from stoop.vehicle.defaults import WIND_NUMBERS
 GRAVITY = 9.80665
 SINGLE = """
 name = "one rotor"
-[mass]
-mass = 0.5
-inertia = { xx = 0.01, yy = 0.01, zz = 0.015 }
-[environment]
-density = 1.225
+mass = { mass = 0.5, inertia = { xx = 0.01, yy = 0.01, zz = 0.015 } }
+environment = { density = 1.225 }
+rotor = { only = { channel = "motor_1", position = [0.0, 0.0, 0.0], spin = "ccw" } }
 [rotors]
 T0 = 0.3
 T1 = 1.7
@@ -33,10 +31,6 @@ Q2 = 0.1
 inflow = 0.4
 translational = 0.02
 drag = 0.15
-[rotor.only]
-channel = "motor_1"
-position = [0.0, 0.0, 0.0]
-spin = "ccw"
 """
 
 

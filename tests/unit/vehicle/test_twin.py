@@ -29,10 +29,7 @@ for name, value in (("CDalpha2", 1.2), ("CDV", 0.02), ("CLV", 0.05), ("CmV", 0.0
 COEFFICIENTS = TWIN_BOOM[TWIN_BOOM.index("[aerodynamics.CD]") :]
 RICH = (
     """
-[mass]
-mass = 8.5
-inertia = { xx = 1.38, yy = 0.84, zz = 2.0, xz = 0.11 }
-center_of_gravity = [0.31, 0.0, -0.02]
+mass = { mass = 8.5, inertia = { xx = 1.38, yy = 0.84, zz = 2.0, xz = 0.11 }, center_of_gravity = [0.31, 0.0, -0.02] }
 [reference]
 area = 0.66
 chord = 0.285
@@ -103,21 +100,10 @@ RICH_EXTRA: dict[str, Callable[[Mapping[str, float]], float]] = {
     "Cnmixed": lambda v: v["elevator"] * v["beta"] + v["q"] * v["alpha"] * v["rudder"],
 }
 LOGGED = """
-[mass]
-mass = 12.0
-inertia = { xx = 1.2, yy = 1.5, zz = 2.3, xz = 0.1, xy = -0.07, yz = 0.05 }
-[reference]
-area = 0.7
-chord = 0.3
-span = 2.4
-airspeed = 22.0
-[environment]
-density = "log"
-gravity = 9.81
-[propulsion]
-kind = "channel"
-scale = 0.95
-position = [0.3, 0.05, -0.1]
+mass = { mass = 12.0, inertia = { xx = 1.2, yy = 1.5, zz = 2.3, xz = 0.1, xy = -0.07, yz = 0.05 } }
+reference = { area = 0.7, chord = 0.3, span = 2.4, airspeed = 22.0 }
+environment = { density = "log", gravity = 9.81 }
+propulsion = { kind = "channel", scale = 0.95, position = [0.3, 0.05, -0.1] }
 """
 NAME = 'name = "twin"\n'
 
@@ -135,6 +121,7 @@ LEVEL = {"V": 36.0, "alpha": 0.1, "theta": 0.12, "q": 0.03, "h": 200.0}
 TURNED = LEVEL | {"beta": 0.05, "p": 0.2, "r": -0.1, "phi": 0.5, "psi": 3.0}
 PWM = {"pwm_3": (1490.0, 60.0), "pwm_4": (1500.0, 50.0), "aileron": (0.0, 0.05), "throttle": (0.4, 0.45)}
 SMALL = TURNED | {"V": 24.0}
+LONGITUDINAL = 'model = { reduce = "longitudinal" }'
 REDUCED = '[model]\nreduce = "{}"\n[mass]'
 STATED = "inertia = [80.0, 150.0, 190.0]\n[environment]"
 LOGS = {"thrust": (20.0, 10.0), "density": (1.1, 0.05)}
@@ -144,9 +131,7 @@ CASES = {
     "plain lateral": Case(TWIN_BOOM.replace("[mass]", REDUCED.format("lateral")), SURFACES, TURNED | {"q": 0.0}),
     "plain, for a stated inertia": Case(TWIN_BOOM.replace("[environment]", STATED), SURFACES, TURNED),
     "rich": Case(NAME + RICH + RICH_TERMS, PWM, SMALL, RICH_EXTRA),
-    "rich longitudinal": Case(
-        NAME + (RICH + RICH_TERMS).replace("[mass]", REDUCED.format("longitudinal")), PWM, LEVEL | {"V": 24.0}, RICH_EXTRA
-    ),
+    "rich longitudinal": Case(NAME + LONGITUDINAL + RICH + RICH_TERMS, PWM, LEVEL | {"V": 24.0}, RICH_EXTRA),
     "logged": Case(NAME + LOGGED + COEFFICIENTS, SURFACES | LOGS, TURNED | {"V": 22.0}),
 }  # fmt: skip
 
