@@ -1,9 +1,10 @@
-"""Keys of many parts, with which the parser of Python's library takes minutes, told from dots in texts."""
+"""Keys of many parts, which Python's parser reads for minutes, told from dots in texts; advice on unknown names."""
 
 from __future__ import annotations
 
 import pytest
 
+from stoop.base.text import MOST_LISTED, nearest
 from stoop.base.toml import MAX_DEPTH, parse_json, parse_source
 from stoop.errors import StoopError
 
@@ -30,3 +31,14 @@ def test_integers_beyond_floats_are_refused() -> None:
     assert parse_json("[1e400, 12]")[1] == 12
     with pytest.raises(ValueError, match="308 digits"):
         parse_json("[" + "1" * 400 + "]")
+
+
+FEW, MANY = ("Clp", "Clr", "Cmq"), (*(f"name{i}" for i in range(MOST_LISTED)), "rotors.lag", "Clp")
+
+
+def test_few_names_are_listed_and_of_many_those_that_resemble_it() -> None:
+    for name in ("CLP", "CLPP"):
+        assert nearest(name, FEW).startswith("did you mean Clp"), "case does not count"
+    assert nearest("x", FEW) == "choose from Clp, Clr, Cmq"
+    assert nearest("motors_log", MANY, 0.99).startswith(f"the nearest of {len(MANY)} names are rotors.lag, ")
+    assert nearest("x", ()) == "choose from none"

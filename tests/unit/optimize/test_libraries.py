@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from naive.landscapes import Only, sphere
+from naive.landscapes import Only, ellipsoid, sphere
 
 from stoop import optimize
 from stoop.errors import IdentificationError
@@ -156,3 +156,26 @@ def test_seeds_are_positive_and_differ() -> None:
     seeds = {draw_seed(np.random.default_rng(k)) for k in range(200)}
     assert len(seeds) == 200
     assert 1 <= min(seeds) <= max(seeds) < 2**31
+
+
+@pytest.mark.parametrize("name", EXTRA)
+def test_packages(name, oscillation, near, tmp_path, monkeypatch, capfd):
+    folder = tmp_path / "empty"
+    folder.mkdir()
+    check_target_and_interrupt(name)
+    capfd.readouterr()  # the import of a package may warn
+    check_budget_and_process(name, oscillation(), folder, monkeypatch)
+    assert capfd.readouterr() == ("", "")
+    check_repetition(name, lambda: Only(ellipsoid, 2), tmp_path, monkeypatch)
+    check_infinite_costs(name)
+    start = near(1.0)[:4]
+    outcome = first_run(name, oscillation(), start)
+    if name == "cma":  # begins about its first mean, not at it
+        assert np.abs(outcome.z[:4] - start).max() < 0.5
+    else:
+        assert outcome.status == "target"
+
+
+def test_cma_refuses_a_single_variable() -> None:
+    with pytest.raises(IdentificationError, match="one variable"):
+        search("cma", Only(sphere, 1))

@@ -1,4 +1,4 @@
-"""Signals read late: by whole samples exactly, by parts of one as a cubic can."""
+"""What becomes of signals on their way: delays, exact by whole samples; dead zones and rate limits of servos."""
 
 from __future__ import annotations
 
@@ -6,10 +6,15 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
 
-from stoop.simulation import parameter_rows
-from stoop.simulation.delays import delayed, late_inputs, late_outputs
+from stoop.simulation import parameter_rows, trim
+from stoop.simulation.delays import actuator_rows, delayed, late_inputs, late_outputs, play, rate_limited
+from stoop.simulation.fly import simulate, simulate_flight
+from stoop.simulation.linearize import left_out
+from stoop.simulation.maneuver import Maneuver
 from stoop.vehicle import Vehicle, parse_vehicle
+from stoop.vehicle.builtin import resolve_vehicle
 
 LATE = """
 name = "late"
@@ -105,3 +110,132 @@ def test_a_diverged_candidate_stays_as_it_is_and_warns_of_nothing(late: Vehicle)
     out = late_outputs(late, y.copy(), rows, 0.01)
     assert np.array_equal(out[:1], alone)
     assert np.array_equal(out[1], y[1], equal_nan=True)
+
+
+BASE = """
+name = "servos"
+mass = { mass = 8.5, inertia = { xx = 1.38, yy = 0.84, zz = 2.0 } }
+reference = { area = 0.66, chord = 0.285, span = 2.32, airspeed = 24.0 }
+"""
+SERVOS = f"""{BASE}
+[controls.elevator]
+mix = {{ pwm_3 = 0.0005, pwm_4 = -0.001 }}
+rate_limit = 2.0
+[controls.rudder]
+mix = {{ pwm_3 = 0.0005, pwm_4 = 0.001 }}
+rate_limit = 3.0
+dead_zone = 0.02
+[controls.aileron]
+dead_zone = 0.04
+delay = 0.02
+"""
+STEP = {"control": "elevator", "shape": "doublet", "start": 1.0, "step": 1.0, "amplitude": 0.05}
+signals = arrays(np.float64, st.integers(2, 60), elements=st.floats(-1.0, 1.0))
+DT = 0.01
+
+
+@pytest.fixture(scope="module")
+def servos() -> Vehicle:
+    return parse_vehicle(SERVOS, "servos.toml")
+
+
+def twin_boom(lines: str) -> Vehicle:
+    plain = resolve_vehicle("twin-boom")
+    return parse_vehicle(f"{plain.text}\n{lines}[controls.aileron]\n[controls.rudder]\n", plain.where)
+
+
+def test_a_step_becomes_a_ramp_of_the_limit_and_a_faster_ramp_is_caught_up() -> None:
+    t = np.arange(0.0, 3.0, DT)
+    out = rate_limited(np.where(t < 0.5, 0.0, 0.3), 0.4 * DT)
+    assert out == pytest.approx(np.clip(0.4 * (t - 0.5 + DT), 0.0, 0.3), abs=1e-12)
+    out = rate_limited(np.minimum(t, 1.0), 0.5 * DT)
+    assert out == pytest.approx(np.minimum(0.5 * t, 1.0), abs=1e-12)
+
+
+def test_a_sine_through_play_has_flat_tops_and_lags_by_half_the_width() -> None:
+    t = np.arange(0.0, 4.0, 1e-4)
+    command, width = np.sin(2.0 * np.pi * t), 0.3
+    out = play(command, width)
+    late = t > 1.0
+    assert out[late].max() == pytest.approx(1.0 - width / 2.0, abs=1e-6)
+    assert out[late].min() == pytest.approx(-1.0 + width / 2.0, abs=1e-6)
+    rising = late & (np.diff(out, prepend=0.0) > 0.0)
+    assert (command - out)[rising] == pytest.approx(width / 2.0, abs=1e-6)
+    # Energy lost in a cycle: area of the loop of a hysteresis, width times travel.
+    cycle = (t >= 2.0) & (t < 3.0)
+    area = abs(np.sum(out[cycle] * np.gradient(command, t)[cycle]) * 1e-4)
+    assert area == pytest.approx(width * (2.0 - width), rel=1e-3)
+
+
+@given(signals, st.floats(1e-3, 1.0), st.floats(1e-3, 1.0))
+def test_bounds_of_play_and_rate_and_a_record_in_two_parts(signal, width, step):
+    half = len(signal) // 2
+    for move, size in ((play, width), (rate_limited, step)):
+        whole = move(signal, size, start=0.1)
+        first = move(signal[:half], size, start=0.1)
+        second = move(signal[half:], size, start=float(first[-1]))
+        assert np.array_equal(np.concatenate([first, second]), whole)
+    assert np.array_equal(play(signal, 0.0), signal)
+    assert np.array_equal(rate_limited(signal, np.inf), signal)
+    assert np.array_equal(rate_limited(signal, float(np.abs(np.diff(signal)).max())), signal)
+    held = play(signal, width)
+    assert np.abs(held - signal).max() <= width / 2.0 + 1e-12
+    assert (np.diff(held) * np.sign(signal - held)[1:] >= -1e-12).all(), "it is pushed, never pulled"
+    limited = rate_limited(signal, step)
+    assert np.abs(np.diff(limited)).max() <= step + 1e-12
+    assert limited[0] == signal[0]
+    assert (np.minimum.accumulate(signal) - 1e-12 <= limited).all()
+
+
+def test_a_channel_has_the_tightest_servo_of_its_controls(servos: Vehicle) -> None:
+    rng = np.random.default_rng(0)
+    u = np.column_stack([100.0 * rng.standard_normal((80, 2)), 0.1 * rng.standard_normal(80)])
+    assert servos.inputs == ("pwm_3", "pwm_4", "aileron")
+    out = late_inputs(servos, u, parameter_rows(servos), DT)
+    assert np.array_equal(out[:, 0], rate_limited(play(u[:, 0], 0.02 / 0.0005), 2.0 / 0.0005 * DT))
+    assert np.array_equal(out[:, 1], rate_limited(play(u[:, 1], 0.02 / 0.001), 2.0 / 0.001 * DT))
+    assert np.array_equal(out[:, 2], delayed(play(u[:, 2], 0.04), 2.0))
+
+
+def test_lanes_are_what_single_servos_are(servos: Vehicle) -> None:
+    u = np.random.default_rng(1).standard_normal((80, 3))
+    names = ("controls.elevator.rate_limit", "controls.aileron.dead_zone", "controls.rudder.mix.pwm_3")
+    values = (np.array([2.0, 1e9, 2.0]), np.array([0.0, 0.1, 0.1]), np.array([5e-4, 5e-4, 1e-2]))
+    rows = parameter_rows(servos, dict(zip(names, values, strict=True)), 3)
+    out = late_inputs(servos, u, rows, DT)
+    for b in range(3):
+        alone = late_inputs(servos, u, np.ascontiguousarray(rows[:, b : b + 1]), DT)
+        assert np.array_equal(out[:, :, b], alone)
+
+
+def test_numbers_of_servos(servos: Vehicle) -> None:
+    assert not actuator_rows(parse_vehicle(BASE, "plain"))
+    known = {p.name: (p.free, p.unit, p.lower, p.upper) for p in servos.parameters}
+    assert known["controls.elevator.rate_limit"] == (False, "rad/s", 0.4, 10.0)
+    assert known["controls.rudder.dead_zone"] == (False, "rad", 0.0, 0.1)
+
+
+def test_steady_flight_is_that_without_servos() -> None:
+    plain = resolve_vehicle("twin-boom")
+    slow = twin_boom("[controls.elevator]\nrate_limit = 0.5\ndead_zone = 0.02\n")
+    a, b = trim(plain), trim(slow)
+    assert (a.start, a.deflections) == (b.start, b.deflections)
+    assert not left_out(plain)
+    (omitted,) = left_out(slow)
+    assert omitted.code == "linear-model-without-limits"
+    servos = ("controls.elevator.rate_limit = 0.5 rad/s", "controls.elevator.dead_zone = 0.02 rad")
+    assert omitted.values["numbers"] == servos
+
+
+def test_a_simulated_flight_follows_what_the_servo_makes_of_the_record() -> None:
+    limit, zone = 0.2, 0.01
+    slow = twin_boom(f"[controls.elevator]\nrate_limit = {limit}\ndead_zone = {zone}\n")
+    maneuver = Maneuver.model_validate({"duration": 6.0, "rate": 50.0, "input": [STEP]})
+    flight = simulate_flight(slow, maneuver, noise=False)
+    command = flight.column("elevator")
+    assert np.abs(np.diff(command)).max() > 0.04, "recorded as commanded"
+    moved = rate_limited(play(command, zone), limit / maneuver.rate)
+    changes = {n: {"value": v} for n, v in trim(slow).changes.items()}
+    twin = simulate(resolve_vehicle("twin-boom").with_numbers(changes), {"elevator": moved}, maneuver.time)
+    for channel in ("q", "alpha", "az"):
+        assert flight.column(channel) == pytest.approx(twin.column(channel), abs=1e-12)
