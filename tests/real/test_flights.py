@@ -95,23 +95,6 @@ def test_channels_and_windows_of_the_v_tail(vtail_flight: Flight, shared_data: P
         assert getattr(back, name) == getattr(flight, name)
 
 
-def test_other_logs_of_px4(shared_data: Path) -> None:
-    mapping = Path(__file__).parents[2] / "examples" / "hexacopter_mapping.toml"
-    for log, text in (("altlnt-hexacopter-px4", mapping), ("mit-solar-surfer-px4csv", None)):
-        flight = load(shared_data / log, text)
-        assert {"p", "q", "r", "ax", "phi", "vn", "control_roll"} <= set(flight.data.data_vars)
-        quaternion = np.column_stack([flight.column(f"q{k}") for k in range(4)])
-        known = np.isfinite(quaternion).all(axis=1)
-        np.testing.assert_allclose(np.linalg.norm(quaternion[known], axis=1), 1.0, atol=1e-12)
-        if text:  # a hexacopter has no wing that tells the wind
-            assert not {"V", "alpha", "beta"} & set(flight.data.data_vars)
-            assert not any("wind" in str(found) or "air data" in str(found) for found in flight.notices)
-    flight = load(shared_data / "px4-ulog-reader-samples" / "sample_log_small.ulg")
-    assert {"p", "ax", "phi", "control_roll", "pwm_1"} <= set(flight.data.data_vars)
-    assert 6.0 < flight.time[-1] - flight.time[0] < 7.0
-    assert any(found.values.get("kind") == "dropout" for found in flight.notices)
-
-
 def test_motion_capture_in_degrees(shared_data: Path, tmp_path: Path) -> None:
     folder = shared_data / "a430-micro-fixedwing-mocap"
     for log in sorted(folder.glob("*.csv"))[::3]:
@@ -173,7 +156,6 @@ def test_a_window_without_excitation_is_said(vtail_flight: Flight) -> None:
 
 
 def test_signs_and_faults_of_the_v_tail(vtail_flight: Flight) -> None:
-    """A sign or an axis of the rates is found, and a stuck sensor counts as not measured."""
     data = {str(name): vtail_flight.column(str(name)) for name in vtail_flight.data.data_vars}
     turned, swapped = {**data, "q": -data["q"]}, {**data, "p": data["q"], "q": data["p"]}
     assert check_rates(data, vtail_flight.rate, {}) == []

@@ -33,7 +33,6 @@ def flight(shared_data: Path) -> Flight:
 
 
 def printed(path: Path) -> list[str]:
-    """Return the words that the cells of a notebook print."""
     cells = json.loads(path.read_text(encoding="utf-8"))["cells"]
     streams = [o for c in cells for o in c.get("outputs", ()) if o["output_type"] == "stream"]
     return " ".join("".join(o["text"]) for o in streams).split()
@@ -75,11 +74,8 @@ def test_its_motors_are_not_accused(flight: Flight) -> None:
     assert check_motors(VEHICLE, flight, whole(flights)) == []
 
 
-COMMITTED = Path(__file__).parents[2] / "docs" / "reproduce"
-
-
 def records(name: str) -> list[dict[str, str]]:
-    with (COMMITTED / f"{name}.csv").open(newline="", encoding="utf-8") as file:
+    with (ROOT / "docs" / "reproduce" / f"{name}.csv").open(newline="", encoding="utf-8") as file:
         return [row for row in csv.DictReader(file) if row["case"] == "real"]
 
 
@@ -88,9 +84,8 @@ def test_outputs_mixed_of_moments_are_those_that_were_logged(shared_data: Path) 
     mapping = Path(hexacopter.__file__).parent / "hexacopter_mapping.toml"
     flight = load(shared_data / hexacopter.FOLDER, mapping, hexacopter.RATE)
     mixed, used = hexacopter.mixed(flight), (flight.time > 140.0) & (flight.time < 214.0)
-    holes = np.array(
-        [np.isnan([f.column(f"pwm_{i}") for i in range(1, 7)]).any(axis=0) for f in (flight, mixed)]
-    )
+    pulses = [[f.column(f"pwm_{i}") for i in range(1, 7)] for f in (flight, mixed)]
+    holes = np.isnan(pulses).any(axis=1)
     assert holes[0].any()
     assert not (holes[0] & ~holes[1]).any(), "no number where no output was recorded"
     for i in range(1, 7):

@@ -33,7 +33,6 @@ def samples(shared_data: Path) -> Path:
 
 
 def letters(text: str) -> str:
-    """Leave out what a terminal would obey, and how parts are set apart."""
     return "".join(c for c in text if c.isprintable() and c != " ")
 
 
@@ -71,7 +70,6 @@ def test_ulogs_hold_what_pyulog_finds(samples: Path, monkeypatch: pytest.MonkeyP
 
 
 def check_cut_and_damaged(path: Path, parse: Callable[[Path, bytes], Recording], rows: int) -> None:
-    """Check that a longer part of a file holds no less, and that damage ends in a recording or one line."""
     whole, found, rng = path.read_bytes(), [], np.random.default_rng(5)
     for end in (*range(0, 3000, 151), *np.linspace(3000, len(whole), 25).astype(int)):
         found.append(0)

@@ -147,7 +147,6 @@ def logs(shared_data: Path) -> list[Path]:
 
 
 def flights(folder: Path) -> Path:
-    """Write the table of the flights: a day each, healthy ones first."""
     rows = [(name, name.partition("__")[2][:2], f"2026-01-{i:02}") for i, name in enumerate(NAMES, start=1)]
     path = folder / "flights.csv"
     pd.DataFrame(rows, columns=["flight", "vehicle", "time"]).to_csv(path, index=False)

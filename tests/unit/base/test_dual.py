@@ -16,7 +16,6 @@ NUMBER = st.floats(0.1, 10.0) | st.floats(-10.0, -0.1)
 
 
 def function(x: Any, y: Any, lib: Any) -> Any:
-    """Return something of all operations that have a derivative here."""
     absolute, arctan2 = (lib.fabs, lib.atan2) if lib is mpmath else (np.absolute, np.arctan2)
     root = lib.sqrt(x * x + 3.0 * y * y)
     return absolute(x) * arctan2(y, root + x) - (-y) / (5.0 + root) + 1.0 / (4.0 + absolute(y))

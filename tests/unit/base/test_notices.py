@@ -7,7 +7,7 @@ import math
 import runpy
 from pathlib import Path
 
-from stoop.base.notices import as_notice, from_dict, message, notice, table
+from stoop.base.notices import as_notice, from_dict, message, notice
 
 ROOT = Path(__file__).parents[3]
 
@@ -34,14 +34,6 @@ def test_a_sentence_without_a_code_is_a_notice_too() -> None:
         one = as_notice("Beware of {braces}.", severity, topic)  # type: ignore[arg-type]
         assert (message(one), one.severity, one.topic) == ("Beware of {braces}.", severity, topic)
         assert as_notice(one) is one
-
-
-def test_every_row_of_the_table_is_sound() -> None:
-    topics = {"log", "mapping", "flight", "vehicle", "fit", "assessment", "design"}
-    for code, kind in table().items():
-        assert code == code.lower().replace("_", "-")
-        assert kind.topic in topics
-        assert kind.severity in ("info", "warning")
 
 
 def test_the_page_lists_the_table() -> None:

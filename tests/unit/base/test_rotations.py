@@ -5,10 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from naive.aircraft import rotation
 from scipy.spatial.transform import Rotation
 
 from stoop.base import rotations as r
@@ -84,14 +82,6 @@ def test_any_axes_before_the_components() -> None:
             whole, flat = function(given_), function(given_.reshape(-1, given_.shape[-1]))
             assert whole.shape[: len(shape)] == shape
             np.testing.assert_allclose(whole.reshape(flat.shape), flat, atol=1e-15)
-
-
-def test_the_naive_twin() -> None:
-    for angles in ((0.3, -0.4, 2.0), (-3.0, 1.5, -3.1), (0.0, 0.0, 0.0), (3.1, -1.2, 0.5)):
-        e0, *e = r.quaternions_of(np.array(angles))
-        cross = np.array([[0, -e[2], e[1]], [e[2], 0, -e[0]], [-e[1], e[0], 0]])
-        assert pytest.approx(rotation(*angles), abs=1e-15) == np.eye(3) + 2 * e0 * cross + 2 * cross @ cross
-        assert pytest.approx(rotation(*angles), abs=1e-15) == r.matrices_of_angles(np.array(angles))
 
 
 def test_the_symbols_of_the_equations_say_the_same() -> None:

@@ -17,7 +17,6 @@ TIME = np.linspace(0.0, 8.0, 240)
 
 
 def response(Z: np.ndarray, time: np.ndarray) -> np.ndarray:
-    """Return readings, (B, n), of unit-box parameters and one bias in tenths."""
     a, b, w, p = (LOW + Z[:, :4] * (HIGH - LOW)).T[:, :, None]
     readings = a * np.exp(-b * time) * np.cos(w * time + p)
     return readings + 0.1 * Z[:, 4:5] if Z.shape[1] > 4 else readings
@@ -75,7 +74,6 @@ class Oscillation(Residuals):
 
 
 def measure(seed: int = 0, noise: float = 0.01, bias: float = 0.05, disturbance: float = 0.0) -> np.ndarray:
-    """Return readings of the truth, with white noise, a bias and slow unmodelled disturbance."""
     generator = np.random.default_rng(seed)
     z = np.append((TRUTH - LOW) / (HIGH - LOW), bias / 0.1)
     slow = np.convolve(generator.standard_normal(len(TIME) + 40), np.ones(40) / 40**0.5, "valid")[: len(TIME)]
@@ -95,8 +93,6 @@ def oscillation() -> Callable[..., Oscillation]:
 
 @pytest.fixture
 def least(oscillation: Callable[..., Oscillation]) -> Callable[[Oscillation], float]:
-    """Return a function that finds the least cost of a problem by SciPy, from the truth."""
-
     def find(problem: Oscillation) -> float:
         from scipy.optimize import least_squares
 

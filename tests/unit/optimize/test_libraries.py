@@ -78,7 +78,6 @@ def check_infinite_costs(name: str) -> None:
 
 
 def first_run(name: str, problem: Any, start: np.ndarray) -> optimize.Outcome:
-    """Return a run from a start that ends within 2 % of its cost."""
     target = float(problem.costs(start[None, :], 2)[0]) * 1.02
     stop = optimize.Stop(generations=1, budget=300.0, target_cost=target)
     return optimize.minimize(optimize.create(name), problem, seed=0, starts=start[None, :], stop=stop)

@@ -90,8 +90,6 @@ def test_a_dive_agrees_with_a_known_optimum_instead_of_converging(oscillation, l
 @settings(max_examples=40)
 @given(st.integers(0, 2**32 - 1))
 def test_a_dive_never_rises_and_survives_any_garbage(seed: int) -> None:
-    """Residuals and Jacobians that are nan or inf here and there, at random."""
-
     class Garbage(Quadratic):
         generator = np.random.default_rng(seed)
 

@@ -23,7 +23,6 @@ SOME = ("ps-gde-lm", "ps-gde", "ga", "pso", "jso", *SCIPY)  #: one of each kind 
 
 
 def _same(a: Any, b: Any) -> bool:
-    """Whether two states are equal to the last bit."""
     if isinstance(a, np.ndarray):
         return a.dtype == b.dtype and a.shape == b.shape and a.tobytes() == b.tobytes()
     if is_dataclass(a):
@@ -162,8 +161,6 @@ def test_ctrl_c_in_the_callback_keeps_the_best(when: int) -> None:
 
 @pytest.mark.parametrize("name", SOME)
 def test_divergence_is_survived(name: str) -> None:
-    """A share of the box diverges, at random places, to nan or infinity."""
-
     class Patchy(Rugged):
         direction = np.random.default_rng(5).standard_normal((4, 5)) * 40.0
         share, bad = 0.0, 0.0

@@ -26,7 +26,6 @@ def test_gram_and_project_are_the_plain_products(v: int, n: int) -> None:
 
 
 def stretches(seed: int) -> TallMatrix:
-    """Return three stretches of seven variables, each with a part of its own in every stretch."""
     generator = np.random.default_rng(seed)
     parts = []
     for n in (5, 0, 40):

@@ -75,7 +75,6 @@ def test_dimensional_ones_by_hand(twin_boom: Vehicle, found: Derivatives) -> Non
 
 @pytest.mark.parametrize("name", ["crooked", "quad-x"])
 def test_forces_and_moments_by_differences(name: str) -> None:
-    """The kernel's accelerations at disturbed states, full tensor of inertia, lags and mixers included."""
     vehicle = builtin_vehicle(name) if name == "quad-x" else load(name)
     point = trim(vehicle)
     found = derivatives(vehicle, point)

@@ -39,7 +39,6 @@ def pulse(control: str, amplitude: float, start: float = 1.0, duration: float = 
 
 
 def replayed(vehicle: Vehicle, flown: Flown, dt: float) -> np.ndarray:
-    """Simulate the recorded channels, nothing else."""
     rows = parameter_rows(vehicle, flown.trim.changes)
     start = initial_states(vehicle, flown.trim.start, rows, flown.inputs[0])
     truth = vehicle.kernel().trajectories(rows, start, late_inputs(vehicle, flown.inputs, rows, dt), dt)
@@ -47,7 +46,6 @@ def replayed(vehicle: Vehicle, flown: Flown, dt: float) -> np.ndarray:
 
 
 def over_ground(flight: Flight, body: np.ndarray) -> np.ndarray:
-    """Turn vectors (n, 3) of the body into the Earth's axes."""
     return Rotation.from_quat(columns(flight, "q1", "q2", "q3", "q0")).apply(body)
 
 

@@ -58,7 +58,6 @@ def record() -> np.ndarray:
 
 
 def one() -> tuple[Vehicle, np.ndarray, np.ndarray, np.ndarray]:
-    """Return vehicle, its kernel parameters, its start and a record."""
     vehicle, u = parse_vehicle(ALONE, "one"), record()
     rows = parameter_rows(vehicle)
     return vehicle, rows, initial_states(vehicle, {"r": 0.1}, rows, u[0]), u
@@ -81,7 +80,6 @@ def test_angular_momentum_is_kept() -> None:
 
 
 def test_every_loop_computes_the_same_flight() -> None:
-    """Lanes with delays of their own, windows, a filter without a gain, and single steps."""
     vehicle, rows, start, u = one()
     kernel, r = vehicle.kernel(), vehicle.outputs.index("r")
     two = np.repeat(rows, 2, axis=1)

@@ -209,7 +209,6 @@ def test_finds_full_power_from_a_propeller_at_rest() -> None:
 
 
 def test_thrust_balances_drag() -> None:
-    """At small angles thrust is drag, eq. (1) and the propeller's form evaluated by hand."""
     vehicle = load_vehicle(EXAMPLE)
     for airspeed in (15.0, 20.0, 25.0):
         point = trim(vehicle, airspeed, density=1.19)

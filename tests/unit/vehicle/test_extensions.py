@@ -66,7 +66,6 @@ def test_rotors_with_one_axis_are_a_group_beside_others() -> None:
 
 
 def test_a_change_is_that_of_another_evaluation() -> None:
-    """What is repeated of an evaluation, against the whole of it."""
     base = resolve_vehicle("twin-boom")
     vehicle, catalogue = extended(base)
     (x, u), equations, rows = disturbed(base, 2, 35.0), array_equations(vehicle), vehicle.values.tolist()

@@ -204,7 +204,13 @@ def test_impossible() -> None:
     several = "".join(f"[rotor.x{i}]\n{FIRST}\n" for i in range(13))
     rotors, first = QUAD.index("[rotors]"), QUAD.index("[rotor.m1]")
     edits = [(replaced(QUAD, old, new), f"{key}: ", says) for old, new, key, says in ROTOR_CHANGES]
+    late = (
+        QUAD.replace("lag = 0.05", "delay = 0.02")
+        + REFERENCE
+        + "[aerodynamics]\n[controls.elevator]\nmix = { motor_1 = 0.1 }\n"
+    )
     edits += [
+        (late, "rotors.delay: ", "channel motor_1 also moves elevator"),
         (QUAD.replace("0.177", "0.0"), "", "all 4 rotors are on one spot"),
         (QUAD.replace('"cw"', '"ccw"'), "", "all 4 rotors turn ccw, so nothing holds the yaw"),
         (QUAD[:rotors] + QUAD[first:], "rotors: ", "missing; add it with T2"),
@@ -217,13 +223,7 @@ def test_impossible() -> None:
         said = complaint(text)
         assert said.startswith(f"{WHERE}: {key}"), said
         assert says in said
-
-
-def test_a_delay_is_shared_with_a_control_of_the_channel() -> None:
-    late = QUAD.replace("lag = 0.05", "delay = 0.02") + REFERENCE + "[aerodynamics]\n[controls.elevator]\n"
-    said = complaint(late + "mix = { motor_1 = 0.1 }\n")
-    assert "rotors.delay: channel motor_1 also moves elevator" in said
-    assert parse_vehicle(late + 'mix = { motor_1 = 0.1 }\ndelay = "=rotors.delay"\n', "tied").rotors
+    assert parse_vehicle(late + 'delay = "=rotors.delay"\n', "tied").rotors
 
 
 def test_commands_and_speeds_may_be_recorded_late() -> None:

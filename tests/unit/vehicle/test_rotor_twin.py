@@ -116,7 +116,6 @@ def recorded(spec: Case, vehicle: Vehicle) -> np.ndarray:
 
 
 def test_trajectories() -> None:
-    """The compiled model in motion: lags, voltage, clipped commands, tilted axes."""
     spec = CASES["commanded"]
     vehicle = parse_vehicle(spec.text, "commanded")
     u, rng = recorded(spec, vehicle), np.random.default_rng(5)

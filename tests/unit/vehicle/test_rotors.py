@@ -35,7 +35,6 @@ drag = 0.15
 
 
 def motors(vehicle: Vehicle, command: float, **others: float) -> np.ndarray:
-    """Return the inputs with all motors at one command, some changed by their rotor's name."""
     u = np.zeros(len(vehicle.inputs))
     for name, rotor in vehicle.file.rotor.items():
         u[vehicle.inputs.index(rotor.channel)] = command + others.get(name, 0.0)
@@ -45,7 +44,6 @@ def motors(vehicle: Vehicle, command: float, **others: float) -> np.ndarray:
 def rates(
     vehicle: Vehicle, evaluate: Evaluate, u: np.ndarray, start: dict[str, float], **numbers: float
 ) -> tuple[dict[str, float], dict[str, float]]:
-    """Return derivatives and readings by name."""
     rows = parameter_rows(vehicle, numbers)
     d, y = evaluate(rows, initial_states(vehicle, start | {"h": start.get("h", 0.0)}, rows, u), u[:, None])
     return dict(zip(vehicle.states, d[:, 0], strict=True)), dict(zip(vehicle.outputs, y[:, 0], strict=True))
@@ -112,7 +110,6 @@ def test_discs_draw_what_their_thrust_takes() -> None:
 
 
 def test_nothing_is_undefined_at_rest(template: tuple[Vehicle, Evaluate]) -> None:
-    """Exactly no airspeed, no rate, no thrust: the model and its slopes are finite."""
     vehicle, evaluate = template
     rows = parameter_rows(vehicle)
     x = initial_states(vehicle, {"u": 0.0}, rows, np.zeros(len(vehicle.inputs)))
@@ -157,7 +154,6 @@ def test_ground_effect_of_rotors_and_wings() -> None:
 
 
 def test_gyroscope_and_reaction() -> None:
-    """A rotor that spins up turns the body the other way; rolling a spinning one pitches it."""
     text = SINGLE.replace("[rotors]", '[rotors]\ndrive = "speed"\ngain = 500.0\nlag = 0.1\ninertia = 1e-4')
     text = text.replace("T0 = 0.3\nT1 = 1.7\nT2 = 8.0\nQ1 = 0.02\nQ2 = 0.1", "T2 = 4e-5")
     vehicle = parse_vehicle(text, "gyro")

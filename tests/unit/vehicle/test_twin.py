@@ -149,7 +149,6 @@ def recorded(case: Case, vehicle: Vehicle) -> np.ndarray:
 
 
 def changed(vehicle: Vehicle, count: int) -> list[dict[str, float]]:
-    """Return candidates whose every number differs by some per cent."""
     rng = np.random.default_rng(7)
     skipped = ("controls.elevator.center", "controls.rudder.center")
     return [
@@ -163,8 +162,6 @@ def changed(vehicle: Vehicle, count: int) -> list[dict[str, float]]:
 def flown(
     twin: Aircraft | Multirotor, names: tuple[str, ...], start: Mapping[str, float], u: np.ndarray, dt: float
 ) -> np.ndarray:
-    """Return the readings of a twin under inputs (N, n_u) of these names."""
-
     def name(row: np.ndarray) -> dict[str, float]:
         return dict(zip(names, row.tolist(), strict=True))
 
@@ -221,7 +218,6 @@ def test_trajectories_and_cost(name: str) -> None:
 
 @pytest.mark.parametrize("name", CASES)
 def test_single_points(name: str) -> None:
-    """Random states, far from trim."""
     spec, rng, count = CASES[name], np.random.default_rng(11), 12
     vehicle = parse_vehicle(spec.text, name)
     spread = {

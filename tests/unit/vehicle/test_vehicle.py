@@ -76,7 +76,6 @@ def test_reduced_models_estimate_their_own_coefficients(vehicle: Vehicle) -> Non
 
 
 def test_equations_decide_the_structure_and_numbers_do_not(twin_boom: str, vehicle: Vehicle) -> None:
-    """Noise, freedom and loadings do not; equal structures have equal rows, inputs, states and outputs."""
     shapes = {vehicle.structure: (vehicle.rows, vehicle.inputs, vehicle.states, vehicle.outputs)}
     for changes, more, equal in ((SAME, EXTRA_SAME, True), (OTHER, EXTRA_OTHER, False)):
         assert all(twin_boom.count(old) == 1 for old, _ in changes)

@@ -92,7 +92,6 @@ NAMES = (*VTAIL_PX4, *ELEVONS_ARDUPILOT, *MORE)
 @settings(max_examples=50)
 @given(st.dictionaries(st.sampled_from(NAMES), st.floats(width=32) | st.integers(-(2**31), 2**31 - 1)))
 def test_hostile_parameters(parameters: dict[str, Any]) -> None:
-    """Whatever the parameters hold, the set-up holds finite numbers, and ranges that are none of zero."""
     setup = read_setup(parameters)
     scales = [s for one in (*setup.surfaces, *setup.rotors, *setup.pushers) for s in one.channels.values()]
     assert all(math.isfinite(s.zero) and math.isfinite(s.unit) and s.unit for s in scales)

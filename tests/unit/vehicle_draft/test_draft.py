@@ -43,7 +43,6 @@ def flown() -> Flight:
 def without_surfaces(
     flight: Flight, added: Mapping[str, FloatArray], parameters: Mapping[str, float]
 ) -> Flight:
-    """Return the flight with outputs of an autopilot in place of deflections."""
     kept = {str(n): flight.column(str(n)) for n in flight.data.data_vars}
     for name in ("elevator", "aileron", "rudder"):
         kept.pop(name)
@@ -112,7 +111,6 @@ def test_ardupilot_conventional(flown: Flight, tmp_path: Path) -> None:
 
 
 def test_commands_without_parameters(flown: Flight) -> None:
-    """Normalized moments have known signs: nose up, right wing down, nose right."""
     added = dict(zip(("control_pitch", "control_roll", "control_yaw"), commands_of(flown), strict=True))
     flight = without_surfaces(flown, added, {})
     found = drafted(flight)
@@ -138,7 +136,6 @@ def test_slow_outputs_are_not_taken(flown: Flight) -> None:
 
 
 def test_guessed_mixers(flown: Flight) -> None:
-    """Servos without parameters are mixed by what they turn; the draft says that this is a guess."""
     up, roll, right = commands_of(flown)
     flight = without_surfaces(flown, {"servo_1": roll, "servo_2": up, "servo_3": right}, {})
     found = drafted(flight, "conventional")
@@ -217,7 +214,6 @@ def test_what_is_missing_is_said_with_its_usual_size() -> None:
 
 
 def test_published_inertias_scatter_as_the_prior_says() -> None:
-    """Published moments lie within three standard deviations of what is drafted, by a factor."""
     drafts = [(one, of_airplane(one.template, one.mass, one.span, one.chord)) for one in PUBLISHED.values()]
     for axis in ("xx", "yy", "zz"):
         factors = np.log([getattr(one, axis) / found[axis].value for one, found in drafts])

@@ -119,7 +119,6 @@ def test_v_tail_of_purser_and_campbell():
 
 
 def test_the_spread_is_that_of_draws():
-    """To first order: the scatter of derivatives over typical geometries that are drawn."""
     sizes = Geometry.typical("conventional", 8.5, 2.32, area=0.66)
     measured = sizes.model_copy(update={"spread": {}})
     wide, narrow = derivatives(sizes, 20.0), derivatives(measured, 20.0)

@@ -39,7 +39,6 @@ def hovering(count: int, seconds: float = 60.0, rate: float = 50.0) -> Flight:
 
 
 def px4_parameters(vehicle: Vehicle) -> dict[str, float]:
-    """Return the parameters of PX4 that describe the rotors of a vehicle."""
     found: dict[str, float] = {"CA_AIRFRAME": 0, "CA_ROTOR_COUNT": len(vehicle.rotors)}
     for i, (name, rotor) in enumerate(vehicle.file.rotor.items()):
         for axis in "xyz":
@@ -79,7 +78,6 @@ def test_px4_log(name: str, tmp_path: Path) -> None:
 
 
 def test_ardupilot_log(tmp_path: Path) -> None:
-    """Pulses with the functions of motors, on outputs in another order, and a frame in X."""
     order = {1: 5, 2: 2, 3: 1, 4: 3}  # motor -> output
     flight = hovering(4)
     columns = {str(n): flight.column(str(n)) for n in flight.data.data_vars}
@@ -113,7 +111,6 @@ def test_a_template_with_other_rotors() -> None:
 
 
 def test_a_mass_that_the_frame_cannot_have() -> None:
-    """Wrong by three times is unusual, by five times or more no disc can carry it."""
     unusual, disc = {"draft-mass-unusual", "draft-disc-loading"}, {"draft-disc-loading"}
     for mass, codes in ((0.3, disc), (0.5, unusual), (1.5, set()), (4.5, unusual), (12.0, disc)):
         found = unusual & {n.code for n in draft(Request("quad", mass, 0.5)).notices}
@@ -130,7 +127,6 @@ NAMES = [
 @settings(max_examples=20)
 @given(parameters=st.dictionaries(st.sampled_from(NAMES), st.floats(width=32) | st.integers(-5, 300)))
 def test_hostile_parameters(parameters: dict[str, float]) -> None:
-    """Whatever the parameters hold, the draft is a file that loads, or one line that says what is wrong."""
     flight = replace(hovering(4, 20.0), parameters=parameters)
     for template in ("quad", "conventional"):
         with suppress(VehicleError):
