@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from real import simulated
-from real.test_air_data import check_simulated_log
+from real.test_flights import check_simulated_log
 
 import stoop
 from stoop.flight import Flight, without

@@ -208,3 +208,30 @@ def test_arrays_at_the_bound_are_read() -> None:
     assert read_arrays(sink, size)["a"].size == 2**10
     with pytest.raises(ValueError, match="unfolds"):
         read_arrays(sink, size - 1)
+
+
+CODE = """
+import resource
+import numpy as np
+from stoop.base.memory import keep_freed_memory
+
+def faults():
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt
+    for _ in range(10):
+        arrays = [np.ones(600_000) for _ in range(4)]
+        del arrays
+    return resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before
+
+apart = faults()
+keep_freed_memory()
+faults()
+print(apart, faults())
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="glibc alone is told")
+def test_arrays_that_are_made_again_take_no_fresh_pages() -> None:
+    done = subprocess.run([sys.executable, "-c", CODE], capture_output=True, check=True, text=True)
+    apart, kept = map(int, done.stdout.split())
+    assert apart > 10_000  # pages of 4 kB
+    assert kept < 0.1 * apart

@@ -116,6 +116,14 @@ def test_gradients_that_say_nothing_change_nothing() -> None:
     assert np.isfinite(after.correction).all()
 
 
+def test_packed_holds_everything() -> None:
+    one = Secant.none(3).at(np.ones(3), np.ones(3), np.eye(3))
+    one = one.at(np.arange(3.0), np.array([1.0, 3.0, 9.0]), np.eye(3))
+    again = Secant.unpacked(one.packed, 3)
+    for name in ("point", "gradient", "correction"):
+        assert np.array_equal(getattr(again, name), getattr(one, name))
+
+
 def test_a_correction_counts_where_the_curvature_stays_positive_definite() -> None:
     def corrected(change: list[float], chosen: list[int]) -> np.ndarray:
         return Secant(np.zeros(2), np.zeros(2), np.diag(change)).corrected(np.eye(2), np.array(chosen))

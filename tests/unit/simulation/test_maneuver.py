@@ -100,6 +100,7 @@ def test_what_cannot_be_flown() -> None:
         ("duration = 1e9", "duration: it must be less than or equal to 36000"),
         ("duration = 36000.0\nrate = 10000.0", "exceeds 5000000 samples; lower one of them"),
         ("duration = 0.001", "shorter than one sample"),
+        ("duration = 9.0\nrate = 0.0", "rate: it must be greater than 0"),
         ("duration = 9.0\nairspeed = -3.0", "airspeed: it must be greater than 0"),
         ("duration = 9.0\naltitude = 40000.0", "altitude: it must be less than or equal to 11000"),
         ("duration = 9.0\nairsped = 3.0", "airsped: unknown key; remove it or correct its name (did you mean airspeed?)"),

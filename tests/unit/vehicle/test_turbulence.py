@@ -25,6 +25,7 @@ def test_states_and_noise_are_added_at_the_end_and_an_intensity_can_be_estimated
     assert gusty.inputs == (*calm.inputs, "gust.u.noise", "gust.v.noise", "gust.w.noise")
     assert gusty.recorded == calm.recorded == calm.inputs
     assert gusty.rows["turbulence.w.intensity"] == gusty.rows["turbulence.v.intensity"]
+    assert gusty.parameters[gusty.rows["turbulence.v.intensity"]].unit == "m/s"
     alone = parse_vehicle(twin_boom + "[turbulence]\n" + TABLE.splitlines()[3], "alone")
     for vehicle, gusts, free in (
         (gusty.reduced("longitudinal"), ("u", "w"), True),  # w is tied to v
