@@ -14,7 +14,7 @@ from stoop.checks.kinematics import check_rates
 from stoop.checks.mapping import check_mapping
 from stoop.errors import FlightError
 from stoop.estimate.fit import Options
-from stoop.flight import OUTPUTS, Flight, find_maneuvers, load, save, segments, without_faults
+from stoop.flight import OUTPUTS, Flight, find_maneuvers, load, segments, without_faults
 from stoop.flight.faults import Fault
 from stoop.flight.flight import AirData
 from stoop.input_design.windows import find_windows
@@ -70,7 +70,7 @@ def mapped(log: Path, folder: Path, text: str) -> Flight:
     return load(log, folder / "m.toml")
 
 
-def test_channels_and_windows_of_the_v_tail(vtail_flight: Flight, shared_data: Path, tmp_path: Path) -> None:
+def test_channels_and_windows_of_the_v_tail(vtail_flight: Flight, shared_data: Path) -> None:
     flight = vtail_flight
     wanted = {*OUTPUTS, *CONTROLS, *(f"pwm_{n}" for n in range(1, 6)), "vn", "ve", "vd", "pn", "pe", "pd"}
     wanted |= {"airspeed_pitot", "wind_n", "wind_e", "altitude", "density", "temperature", "voltage", "q0"}
@@ -93,11 +93,6 @@ def test_channels_and_windows_of_the_v_tail(vtail_flight: Flight, shared_data: P
         assert all(np.isfinite(s.u).all() for s in found)
         assert np.mean([np.isfinite(s.z).mean() for s in found]) > 0.95
         assert len(notes) == told
-    save(flight, tmp_path / "flight2.nc")
-    back = load(tmp_path / "flight2.nc")
-    assert back.data.identical(flight.data)
-    for name in ("air", "sources", "notices", "faults"):
-        assert getattr(back, name) == getattr(flight, name)
 
 
 def test_motion_capture_in_degrees(shared_data: Path, tmp_path: Path) -> None:

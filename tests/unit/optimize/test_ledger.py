@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Any
 
@@ -149,30 +148,26 @@ def test_a_column_that_diverges_is_taken_backward_and_paid_for_or_is_zero() -> N
         assert spent == 3.0
 
 
-def pen(problem: Any) -> Ledger:
+def known(reference: float) -> Ledger:
+    """Return the ledger of a problem of which nothing but the cost of reference is known."""
+    problem: Any = SimpleNamespace(dimension=1, extra=0, prices=(0.5, 1.0), reference=lambda rung: reference)
     return Ledger(problem, Evaluations.none(problem))
-
-
-@dataclass
-class Known:
-    known: float
-    dimension, extra, prices = 1, 0, (0.5, 1.0)
-
-    def reference(self, rung: int) -> float:
-        return self.known
 
 
 def test_gates() -> None:
     for reference, open_ in ((np.nan, True), (np.inf, True), (0.0, False)):
-        assert explains(pen(Known(reference)), 5.0, 0) is open_, "without a reference there is no gate"
-    ledger = pen(Known(100.0))
+        assert explains(known(reference), 5.0, 0) is open_, "without a reference there is no gate"
+    ledger = known(100.0)
     assert explains(ledger, GATE * 100.0, 0)
     assert not explains(ledger, GATE * 100.0 + 1e-9, 0)
     # an imperfect model never explains, but it may do as well as any
-    assert not passes(ledger, 60.0, 0, np.array([np.inf, np.inf]))
-    assert passes(ledger, 60.0, 0, np.array([55.0, np.inf]))
-    assert not passes(ledger, 60.0, 0, np.array([30.0, np.inf]))
-    assert not passes(ledger, np.inf, 0, np.array([np.inf, np.inf]))
+    for cost, others, passed in (
+        (60.0, np.inf, False),
+        (60.0, 55.0, True),
+        (60.0, 30.0, False),
+        (np.inf, np.inf, False),
+    ):
+        assert passes(ledger, cost, 0, np.array([others, np.inf])) is passed
 
 
 def ends(*rows: Any) -> Optima:

@@ -16,15 +16,17 @@ from stoop.simulation.maneuver import Maneuver
 from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 
-LATE = """
+BASE = """
 name = "late"
 mass = { mass = 8.5, inertia = { xx = 1.38, yy = 0.84, zz = 2.0 } }
 reference = { area = 0.66, chord = 0.285, span = 2.32, airspeed = 24.0 }
-sensors = { q = { delay = 0.03 }, psi = { delay = 0.015 } }
+"""
+LATE = f"""{BASE}
+sensors = {{ q = {{ delay = 0.03 }}, psi = {{ delay = 0.015 }} }}
 [controls]
-elevator = { delay = 0.02 }
-aileron = {}
-rudder = { mix = { pwm_3 = 0.001 }, delay = 0.035 }
+elevator = {{ delay = 0.02 }}
+aileron = {{}}
+rudder = {{ mix = {{ pwm_3 = 0.001 }}, delay = 0.035 }}
 """
 
 
@@ -112,11 +114,6 @@ def test_a_diverged_candidate_stays_as_it_is_and_warns_of_nothing(late: Vehicle)
     assert np.array_equal(out[1], y[1], equal_nan=True)
 
 
-BASE = """
-name = "servos"
-mass = { mass = 8.5, inertia = { xx = 1.38, yy = 0.84, zz = 2.0 } }
-reference = { area = 0.66, chord = 0.285, span = 2.32, airspeed = 24.0 }
-"""
 SERVOS = f"""{BASE}
 [controls.elevator]
 mix = {{ pwm_3 = 0.0005, pwm_4 = -0.001 }}

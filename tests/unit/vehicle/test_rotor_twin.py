@@ -153,10 +153,13 @@ def test_a_quadplane_is_its_aeroplane_and_its_rotors() -> None:
     vehicle = builtin_vehicle("quadplane")
     text = (files("stoop") / "data" / "quadplane.toml").read_text()
     rng, count = np.random.default_rng(4), 10
-    spread = {
-        "u": 4.0, "v": 1.5, "w": 1.5, "p": 0.5, "q": 0.5,
-        "r": 0.5, "phi": 0.5, "theta": 0.3, "psi": 3.0,
-    }  # fmt: skip
+    spread = dict.fromkeys(("p", "q", "r", "phi"), 0.5) | {
+        "u": 4.0,
+        "v": 1.5,
+        "w": 1.5,
+        "theta": 0.3,
+        "psi": 3.0,
+    }
     start = {k: s * rng.uniform(-1, 1, count) for k, s in spread.items()} | {"h": np.full(count, 250.0)}
     start["u"] += 18.0
     u = rng.uniform(0.0, 0.6, (len(vehicle.inputs), count))
@@ -168,8 +171,7 @@ def test_a_quadplane_is_its_aeroplane_and_its_rotors() -> None:
         s = lifted.start({k: float(v[b]) for k, v in start.items()}, named)
         rho = lifted.density(250.0, named)
         force, moment = lifted.loads(s[:3], s[3:6], lifted.commanded(named), np.zeros(4), rho)
-        at = np.concatenate([s[:16], []])
-        f, m = plane.loads(at, named, plane.commanded(named))
+        f, m = plane.loads(s[:16], named, plane.commanded(named))
         angular = np.linalg.solve(lifted.inertia, moment + m - np.cross(s[3:6], lifted.inertia @ s[3:6]))
         gravity = s[6:15].reshape(3, 3).T @ [0.0, 0.0, 9.80665]
         linear = (force + f) / 5.0 + gravity - np.cross(s[3:6], s[:3])
