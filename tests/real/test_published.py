@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 import pytest
 
-from stoop.cli.main import main
 from stoop.control_laws import ardupilot, px4
 from stoop.control_laws.replay import replay_px4
 from stoop.errors import FlightError, StoopError
@@ -131,50 +128,3 @@ def test_a_plane_of_version_3_8_scales_both_axes_alike(shared_data: Path) -> Non
     assert ratios[0] == pytest.approx(ratios[1], rel=1e-4)
     least, most = (ardupilot.airspeed_ratio(log.parameters, v) for v in (100.0, 0.0))
     assert least < ratios[0] < most
-
-
-VEHICLE = Path(__file__).parents[2] / "examples" / "crazyflie.toml"
-NAMES = (
-    *(f"normal_flight__E8_log0{i}" for i in range(3)), *(f"normal_flight__E9_log0{i}" for i in range(5)),
-    *(f"cut_propeller_M3_2mm_2mm_43mm__E8_log0{i}" for i in (3, 5, 6)),
-    *(f"cut_propeller_M3_{cut}__E8_log0{i}" for cut in ("3mm_3mm_41mm", "4mm_4mm_39mm") for i in range(3)),
-)  # fmt: skip
-
-
-@pytest.fixture(scope="module")
-def logs(shared_data: Path) -> list[Path]:
-    return [shared_data / "crazypad-propeller-damage" / f"{name}.usd" for name in NAMES]
-
-
-def flights(folder: Path) -> Path:
-    rows = [(name, name.partition("__")[2][:2], f"2026-01-{i:02}") for i, name in enumerate(NAMES, start=1)]
-    path = folder / "flights.csv"
-    pd.DataFrame(rows, columns=["flight", "vehicle", "time"]).to_csv(path, index=False)
-    return path
-
-
-def command(folder: Path, sources: Sequence[Path]) -> list[str]:
-    table = ["--flights", str(flights(folder)), "--vehicle", str(VEHICLE)]
-    return ["fleet", *map(str, sources), *table, "-o", str(folder / "store"), "--workers", "1"]
-
-
-def figures(folder: Path) -> pd.DataFrame:
-    return pd.read_parquet(folder / "store" / "figures" / "logs.parquet").set_index(["flight", "figure"])
-
-
-def test_the_cut_propeller_of_a_real_quadrotor_is_a_change(
-    tmp_path: Path, logs: list[Path], capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert main(command(tmp_path, logs)) == 3
-    head, *told = capsys.readouterr().out.splitlines()
-    assert head == "2 vehicles, 17 flights, 7 figures; 1 false alarms a year"
-    (alarm,) = [line for line in told if line.startswith("E")]
-    assert alarm.startswith("E8 share.M3: drift of 0.0"), "it was cut shorter and shorter"
-    first = "cut_propeller_M3_2mm_2mm_43mm__E8_log03"
-    assert f"found in {first}: " in alarm, "the first flight after the first cut"
-    share = figures(tmp_path).value.unstack()[[f"share.M{i}" for i in (1, 2, 3, 4)]]
-    assert share.mean(axis=1).to_numpy() == pytest.approx(1.0, abs=1e-9)
-    conditions = ("normal_flight__E8", "43mm", "41mm", "39mm")
-    means = [share["share.M3"].filter(like=name).mean() for name in conditions]
-    assert means == sorted(means), "the shorter the propeller, the more is asked of it (SOURCE.md)"
-    assert means[-1] > 1.15 * means[0]
