@@ -7,14 +7,17 @@ import io
 import json
 import math
 import os
+import sys
+import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from rich.console import Console
 
-from stoop.base.text import printable
+from stoop.base.text import duration, printable, remaining
 from stoop.cli.options import page_path
 from stoop.cli.page import (
     UNLIMITED,
@@ -32,9 +35,9 @@ from stoop.cli.page import (
     to_json,
     words,
 )  # fmt: skip
+from stoop.cli.progress import LiveLine, Timed, Watch
+from stoop.report.propagation import shown
 
-HOSTILE = "[bold red]x[/] \x1b[31m [link=file:///etc] :smile:"
-SHOWN = "[bold red]x[/] \\x1b[31m [link=file:///etc] :smile:"
 NUMBERS = st.floats(-1e300, 1e300)
 TEXTS = st.text(st.characters(codec="utf-8"), max_size=30)
 
@@ -43,19 +46,6 @@ def terminal(width: int = 80) -> tuple[Page, io.StringIO]:
     written = io.StringIO()
     plainly = {"markup": False, "highlight": False, "emoji": False, "color_system": None}
     return Page(Console(file=written, width=width, force_terminal=True, **plainly)), written  # type: ignore[arg-type]
-
-
-def test_hostile_text_is_shown_as_it_is(capsys: pytest.CaptureFixture[str]) -> None:
-    out, written = terminal(200)
-    for one in (Page(), out):
-        one.line(HOSTILE)
-        one.heading(HOSTILE)
-        one.bullets([HOSTILE])
-        one.table(words("", [HOSTILE]), numbers(HOSTILE, [1.0]))
-        one.command("next: ", ["stoop", "info", HOSTILE])
-    for text in (capsys.readouterr().out, written.getvalue()):
-        assert text.count(SHOWN) == 6
-        assert "\x1b[31m" not in text
 
 
 def test_a_terminal_wraps_notes_and_tables_but_no_command() -> None:
@@ -153,16 +143,79 @@ def test_tables_are_no_wider_than_the_page_and_blocks_hold_every_column_once(
     assert all(len(line) <= width for part in parts for line in plain(part).splitlines())
 
 
-@given(st.text(max_size=40))
-def test_printable_is_one_harmless_line(text: str) -> None:
-    assert printable(text).isprintable()
-    assert printable(printable(text)) == printable(text)
-
-
 def test_printable() -> None:
-    for text, shown in (
+    for text, printed in (
         ("plain [red]text[/red]", "plain [red]text[/red]"), ("two\nlines", "two lines"), ("å 飛", "å 飛"),
         ("\x1b]0;title\x07", "\\x1b]0;title\\x07"), ("right\u202eleft", "right\\u202eleft"),
         ("lost byte \udcff", "lost byte \\udcff"),
     ):  # fmt: skip
-        assert printable(text) == shown
+        assert printable(text) == printed
+
+
+class Terminal(io.StringIO):
+    def isatty(self) -> bool:
+        return True
+
+
+def test_durations() -> None:
+    assert [duration(s) for s in (7.2, 750.0, 11100.0)] == ["0:07", "12:30", "3:05:00"]
+    assert remaining(10.0, 5, 20) == ", 0:30 left"
+    assert remaining(10.0, 0, 20) == remaining(10.0, 20, 20) == ""
+
+
+def test_the_time_of_a_live_line_goes_on_by_itself(monkeypatch: pytest.MonkeyPatch) -> None:
+    now = [100.0]
+    monkeypatch.setattr(time, "perf_counter", lambda: now[0])
+    line = Timed("reading\x1b[31m", 95.0)
+    assert line.__rich__().plain == "reading\\x1b[31m  [0:05]"
+    now[0] = 160.0
+    assert line.__rich__().plain.endswith("[1:05]")
+
+
+def event(generation: int, trajectories: float) -> SimpleNamespace:
+    """Return what a search tells after a generation."""
+    kind = SimpleNamespace(kind="refinement")
+    return SimpleNamespace(
+        state=SimpleNamespace(generation=generation), trajectories=trajectories, cost=2.0, event=kind
+    )
+
+
+def test_a_terminal_shows_the_time_that_a_search_may_still_take(monkeypatch: pytest.MonkeyPatch) -> None:
+    terminal = Terminal()
+    monkeypatch.setattr(sys, "stderr", terminal)
+    monkeypatch.setenv("TERM", "xterm")
+    with Watch() as watch:
+        watch.count_from(0.0, budget=1000.0)
+        watch._began = time.perf_counter() - 30.0
+        watch.see(event(3, 250.0))  # type: ignore[arg-type]
+    assert "at most 1:30 left" in terminal.getvalue()
+
+
+def test_speed_is_of_this_run_alone(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    now = iter([100.0, 110.0])
+    monkeypatch.setattr(time, "perf_counter", lambda: next(now))
+    watch = Watch()
+    watch.count_from(5000.0)
+    watch.see(event(7, 5200.0))  # type: ignore[arg-type]
+    assert "5200 trajectories  20/s" in capsys.readouterr().err
+
+
+def test_a_dumb_terminal_and_a_pipe_see_plain_lines(monkeypatch: pytest.MonkeyPatch) -> None:
+    terminal = Terminal()
+    monkeypatch.setattr(sys, "stderr", terminal)
+    monkeypatch.setenv("TERM", "dumb")
+    with LiveLine("drawing") as line:
+        line.turn_to("more")
+        line.warn("look")
+    assert terminal.getvalue() == "stoop: look\n"
+
+
+def test_speeds_of_rotors_are_shown_in_rpm() -> None:
+    for group, unit, factor, text in (
+        ("Hover", "rad/s", 9.549297, "rpm"),
+        ("Hover", "1", 1.0, ""),
+        ("Control authority", "rad/s", 57.29578, "deg/s"),
+    ):
+        assert shown(SimpleNamespace(group=group, unit=unit)) == (pytest.approx(factor), text)  # type: ignore[arg-type]

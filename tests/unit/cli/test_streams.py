@@ -94,13 +94,7 @@ def test_a_reader_that_has_left_is_no_error() -> None:
 
 
 def test_an_error_and_an_output_that_is_full_are_one_line(tmp_path: Path) -> None:
-    """The page that stood in the output when the error came cannot be written either."""
-    program = "import sys; from stoop.cli import main as m; from stoop.errors import StoopError\n"
-    program += "def run(words):\n  print('a page'); raise StoopError('no file')\n"
-    program += "m.one_verb = run\nsys.exit(m.main())"
-    done = subprocess.run(
-        ["bash", "-c", 'exec "$@" >/dev/full', "bash", sys.executable, "-c", program, "info"],
-        cwd=tmp_path, capture_output=True, text=True, encoding="utf-8", check=False,
-        env={n: x for n, x in os.environ.items() if n != "PYTHONUNBUFFERED"},
-    )  # fmt: skip
-    assert (done.returncode, done.stderr) == (2, "stoop: error: no file\n")
+    """The mapping to start from, which stands in the output when the error comes, cannot be written either."""
+    (tmp_path / "bare.csv").write_text("t,q\n0,1\n1,2\n")
+    done = ended(["info", "bare.csv"], tmp_path, *SURROUNDINGS["full stdout"][:2])
+    assert (done.returncode, "needs a mapping" in done.stderr) == (2, True)

@@ -1,4 +1,4 @@
-"""`stoop trim`: the paper's (14), options that reach the equations, JSON; rounding errors are shown as 0."""
+"""`stoop trim` and `stoop linearize`: the paper's (14), options that reach the equations, modes, no rounding errors."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ import numpy as np
 import pytest
 
 from stoop.base.numbers import without_rounding
+from stoop.cli.main import main
 
 TWIN_BOOM = (files("stoop.data") / "twin_boom.toml").read_text()
 TINY = re.compile(r"-?\d[\d.]*e-(?:1[3-9]|[2-9]\d)\b|-0\.0\b")
-Done = Callable[..., str]
 
 
 @pytest.fixture
@@ -27,11 +27,7 @@ def trim(done: Done) -> Callable[[str], dict[str, Any]]:
 
 
 def test_reproduces_the_paper(trim: Callable[..., Any], done: Done) -> None:
-    """Eq. (14): alpha = 5.88 deg, elevator = -1.70 deg, thrust = 220.87 N at 35 m/s and 200 m.
-
-    Table 1 is printed with three digits, which leaves its own moment balance open by 2e-4 (0.014 deg of
-    elevator); hence the tolerance.
-    """
+    """Eq. (14). Table 1 is printed with three digits, which leaves 0.014 deg of elevator open; hence the tolerance."""
     found = trim("twin-boom --reduce longitudinal")
     alpha, thrust = found["angles"]["alpha"], found["thrust"]["propulsion.thrust"]
     assert math.degrees(alpha) == pytest.approx(5.88, abs=0.005)
@@ -108,3 +104,52 @@ def test_verbs_show_no_rounding(vehicle: str, forms: str, tmp_path: Path, done: 
     for name, text in texts.items():
         kept = [line for line in text.splitlines() if "residual" not in line]
         assert not [line for line in kept if TINY.search(line)], name
+
+
+Done = Callable[..., str]
+
+
+@pytest.mark.parametrize("more", ["", "--reduce longitudinal", "--reduce lateral"])
+def test_modes_are_the_eigenvalues_and_the_page_shows_the_matrices(more: str, done: Done) -> None:
+    model = json.loads(done(f"linearize twin-boom {more} --json -"))
+    A, states, inputs, outputs = np.array(model["A"]), model["states"], model["inputs"], model["outputs"]
+    kept = [i for i, name in enumerate(states) if name not in ("psi", "h")]
+    expected = [s for s in np.linalg.eigvals(A[np.ix_(kept, kept)]) if s.imag >= 0.0]
+    found = [complex(m["eigenvalue"]["real"], m["eigenvalue"]["imag"]) for m in model["modes"]]
+    assert sorted(found, key=abs) == pytest.approx(sorted(expected, key=abs), abs=1e-9)
+    page = done(f"linearize twin-boom {more}")
+    for name, rows, columns in (("A", states, states), ("B", states, inputs), ("C", outputs, states),
+                                ("D", outputs, inputs)):  # fmt: skip
+        assert np.shape(model[name]) == (len(rows), len(columns))
+        if more != "--reduce longitudinal":  # wider matrices are folded
+            continue
+        head, *lines = next(t for t in page.split("\n\n") if t.startswith(f"{name} ")).splitlines()
+        assert head.split()[1:] == columns
+        assert [line.split()[0] for line in lines] == rows
+        shown = np.array([[float(x) for x in line.split()[1:]] for line in lines])
+        np.testing.assert_allclose(shown, model[name], rtol=5.001e-4, atol=1e-9)
+
+
+def test_what_grows_doubles(done: Done) -> None:
+    modes = {m["name"]: m for m in json.loads(done("linearize twin-boom --json -"))["modes"]}
+    assert set(modes) == {"short period", "phugoid", "Dutch roll", "roll", "spiral"}
+    page, doubles = done("linearize twin-boom"), np.log(2.0) * -modes["spiral"]["time_constant"]
+    (spiral,) = (line for line in page.splitlines() if line.startswith("spiral"))
+    assert spiral.endswith(f"doubles in {doubles:.2f} s")
+    assert "halves in" in page
+
+
+def test_writes_a_file_but_not_over_another(tmp_path: Path, done: Done) -> None:
+    words = f"linearize twin-boom --reduce longitudinal --json {tmp_path / 'model.json'}"
+    assert done(words).startswith(f"wrote {tmp_path / 'model.json'}")
+    assert json.loads((tmp_path / "model.json").read_bytes())["format"] == "stoop-linear-model/1"
+    assert main(words.split()) == 2
+    done(f"{words} --overwrite")
+
+
+def test_a_hover_has_modes_and_units_of_its_own(done: Done) -> None:
+    out = done("linearize quad-x")
+    for name in ("pitch and speed", "roll and speed", "yaw", "heave", "lag"):
+        assert f"\n{name} " in out
+    assert "x: u m/s, v m/s, w m/s, p rad/s" in out
+    assert "m4.lag\n" in out

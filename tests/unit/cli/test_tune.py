@@ -89,14 +89,6 @@ def test_bands_hold_the_estimates_and_doubts_are_told(judged: JudgedGains, tmp_p
     assert html.count("Nichols plot of the") == 3
 
 
-def test_margins_shrink_with_gains(judged: JudgedGains, commanded: FittedModel) -> None:
-    (before,) = (one for one in judged.axes if (one.axis, one.airspeed) == ("pitch", 33.0))
-    more = commanded.tune(GAINS | {"FW_PR_P": 2.0}, airspeed=(33.0, 33.0), draws=100)
-    after = next(one for one in more.axes if one.axis == "pitch")
-    assert after.margins.gain[0] < before.margins.gain[0]
-    assert after.margins.crossover[0] > before.margins.crossover[0]
-
-
 def test_gains_that_cannot_have_flown_or_are_of_another_kind(commanded: FittedModel) -> None:
     unstable = r"at 33 m/s the loops of roll, pitch, yaw are unstable with these gains"
     with pytest.raises(StoopError, match=unstable):
@@ -132,15 +124,6 @@ def test_bad_input_is_one_line(fitted: Path, refused: Refused) -> None:
     ):
         gains.write_text(content, encoding="utf-8")
         assert said in refused(f"tune {fitted} {gains}")
-
-
-def test_parameters_are_read_from_files_of_both_ground_stations(tmp_path: Path) -> None:
-    for name, text in {
-        "a.parm": "RLL_RATE_P,0.08\nSCHED_LOOP_RATE 50 # Hz\n",
-        "b.params": "# x\n1\t1\tRLL_RATE_P\t0.08\t9\n1 1 SCHED_LOOP_RATE 50 6\n",
-    }.items():
-        (tmp_path / name).write_text(text, encoding="utf-8")
-        assert read_parameters(tmp_path / name) == {"RLL_RATE_P": 0.08, "SCHED_LOOP_RATE": 50.0}
 
 
 @pytest.mark.parametrize("rate", [100.0, 400.0])

@@ -18,7 +18,7 @@ import stoop
 from stoop.base.verbs import Option, Verb, plain, read_verbs, verbs
 from stoop.cli.completion import all_parsers
 from stoop.cli.main import all_verbs, parser_for
-from stoop.cli.options import NUMBERS, READERS, WHOLE, reader
+from stoop.cli.options import NUMBERS, READERS, WHOLE, identify_command, reader
 from stoop.vehicle.builtin import BUILT_IN
 
 ROOT = Path(__file__).parents[3]
@@ -152,3 +152,25 @@ def test_every_kind_has_a_reader() -> None:
 def test_marks_of_markdown_do_not_reach_a_terminal() -> None:
     option = Option("--x", "a [link](page.md#part), [here](#x), `code`")
     assert plain(option.meaning) == "a link (docs/page.md), here, code"
+
+
+GIVEN = {
+    "structure": "structure v.toml one.csv two.csv --mapping m.toml --maneuver one@1:5 two@2:9#heavy -o out",
+    "maneuvers": "maneuvers one.csv two.csv --mapping m.toml --vehicle v.toml --free Cmq --free mass.mass --fix CD0 -o out",
+    "info": "info one.csv --mapping m.toml",
+}
+
+
+def test_the_next_command_repeats_flights_mapping_vehicle_windows_and_free_numbers() -> None:
+    for verb, text in GIVEN.items():
+        arguments = parser_for(text.split()).parse_args(text.split())
+        changed = {} if verb == "structure" else {"maneuver": ["out/windows.toml"]}
+        command = identify_command(arguments, "result", **changed)
+        again = parser_for(command[1:]).parse_args(command[1:])
+        flights = arguments.flight if isinstance(arguments.flight, list) else [arguments.flight]
+        assert (str(again.mapping), again.flight, str(again.output)) == ("m.toml", flights, "result")
+        assert again.vehicle == ("V.toml" if verb == "info" else "v.toml")
+        assert again.maneuver == changed.get("maneuver", getattr(arguments, "maneuver", None))
+        assert all(getattr(again, one) == getattr(arguments, one, []) for one in ("free", "fix")), verb
+        written = identify_command(arguments, "result", **changed, vehicle="out/vehicle.toml")
+        assert written[written.index("--vehicle") + 1] == "out/vehicle.toml", "replaces what was given"
