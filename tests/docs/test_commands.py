@@ -1,4 +1,4 @@
-"""Commands of the pages: all parse, every option of a verb has its row, and those of the first pages run."""
+"""Commands of the pages: all parse, and those of the first pages run."""
 
 from __future__ import annotations
 
@@ -10,14 +10,11 @@ from pathlib import Path
 
 import pytest
 
-from docs.pages import DOCS, PAGES, ROOT, blocks, commands, table, tables
-from stoop.base.verbs import shared_options
-from stoop.cli.main import all_verbs, main, one_verb, parser_for
-from stoop.cli.options import add_options
+from docs.pages import DOCS, PAGES, ROOT, blocks, commands, table
+from stoop.cli.main import main, one_verb, parser_for
 from stoop.results.result import read_result
 from stoop.vehicle.builtin import resolve_vehicle
 
-PAGE = DOCS / "commands.md"
 OTHER = re.compile(
     r"^(\.venv/bin/)?(mv|python3? -m venv|pip install|pytest|"
     r"python3? scripts/\w+\.py|python3? (-m )?benchmarks)\b"
@@ -27,16 +24,6 @@ OTHER = re.compile(
 def words(command: str) -> list[str]:
     """Return the words after ``stoop``, without a redirection."""
     return one_verb(shlex.split(command.partition(">")[0].replace(".venv/bin/", ""))[1:])
-
-
-def options(verb: str) -> dict[str, argparse.Action]:
-    """Return the options of a verb by the names that help shows."""
-    parser = parser_for([verb])
-    verbs = next(a for a in parser._actions if isinstance(a, argparse._SubParsersAction))
-    actions = verbs.choices[verb]._actions
-    return {
-        s: a for a in actions for s in a.option_strings or [a.metavar] if s not in ("-h", "--help", "--debug")
-    }
 
 
 @cache
@@ -53,29 +40,6 @@ def test_commands_of_all_pages_parse() -> None:
             arguments, unknown = parser_of(words(part)[0]).parse_known_args(words(part))
             assert not unknown, f"{page.name}: {part}: {unknown}"
             assert callable(arguments.run), f"{page.name}: {part}"
-
-
-def test_options_of_verbs_and_their_defaults_are_those_of_the_page() -> None:
-    assert [row[0].partition("`")[2].partition("`")[0] for row in tables(PAGE)[0].rows] == list(all_verbs())
-    for verb in all_verbs():
-        known, rows = options(verb), table(PAGE, f"stoop {verb}", "option").rows
-        written = {
-            word for row in rows for word in re.findall(r"(?:^|[`\s])(-{1,2}[a-z][\w-]*|[A-Z]{5,})", row[0])
-        }
-        assert written >= set(known), verb
-        assert {w for w in written if w.startswith("-")} == {o for o in known if o.startswith("-")}, verb
-        for cell, _, default in rows:
-            action = known[cell.replace("`", "").split(",")[0].split()[0]]
-            if re.fullmatch(r"[\w.-]+", default) and default not in ("required", "none", "estimated", "all"):
-                assert str(action.default).removesuffix(".0") == default, (verb, cell)
-            assert (default == "required") == (action.required and action.nargs != "*"), (verb, cell)
-
-
-def test_options_of_campaigns_are_those_of_the_page() -> None:
-    parser, shared = argparse.ArgumentParser(add_help=False), shared_options()
-    add_options(parser, (shared["workers"], shared["scheduler"]))
-    known = {f"{a.option_strings[0]} {a.metavar}" for a in parser._actions}
-    assert set(table(DOCS / "campaigns.md", "While it runs", "option").column("option")) == known
 
 
 @pytest.fixture

@@ -9,7 +9,6 @@ import runpy
 import tomllib
 from functools import cache, reduce
 from importlib.resources import files
-from pathlib import Path
 
 import pytest
 
@@ -35,23 +34,6 @@ def test_rows_of_tables_are_as_wide_as_their_heads() -> None:
 def test_generated_tables_are_those_of_their_csv_files(capsys: pytest.CaptureFixture[str]) -> None:
     script = runpy.run_path(str(ROOT / "scripts" / "tables.py"))
     assert script["main"](["--check"]) == 0, capsys.readouterr().out
-
-
-def test_a_table_that_differs_is_named_and_rewritten(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    main = runpy.run_path(str(ROOT / "scripts" / "tables.py"))["main"]
-    (tmp_path / "a.csv").write_text(
-        "kind,x,y\nwings,0.12345,-3e-05\nrotors,1,2\nwings,,4\n", encoding="utf-8"
-    )
-    page = tmp_path / "page.md"
-    head = "<!-- rows of a.csv where kind = wings\n| {kind} | {x:%.1f} | {y:.2g} |\n-->\n| a | b | c |\n| --- | --- | --- |\n"
-    page.write_text(f"# Title\n\n{head}| wings | 1 | 2 |\n\nText.\n", encoding="utf-8")
-    assert main(["--check"], tmp_path) == 1
-    assert "page.md: the table of a.csv differs" in capsys.readouterr().out
-    assert main([], tmp_path) == main(["--check"], tmp_path) == 0
-    expected = f"# Title\n\n{head}| wings | 12.3 | −3e−5 |\n| wings | – | 4 |\n\nText.\n"
-    assert page.read_text(encoding="utf-8") == expected
 
 
 def test_python_of_the_pages_compiles() -> None:

@@ -1,22 +1,20 @@
-"""The reference of the vehicle file: every key, default, unit and example is the schema's."""
+"""The reference of the vehicle file: every key and default is the schema's."""
 
 from __future__ import annotations
 
 import json
-import tomllib
 from functools import cache
 from typing import Any, get_args
 
 import pytest
 from pydantic import BaseModel
 
-from docs.pages import DOCS, Table, blocks, table, tables
+from docs.pages import DOCS, blocks, table, tables
 from stoop.errors import VehicleError
-from stoop.vehicle import Vehicle, parse_vehicle, schema
+from stoop.vehicle import parse_vehicle, schema
 from stoop.vehicle.defaults import EQUATION_1
 from stoop.vehicle.schema import Quantity
 from stoop.vehicle.terms import STATE_VARIABLES
-from stoop.vehicle.vehicle import leaves
 
 PAGE = DOCS / "vehicle-file.md"
 HEADINGS: dict[str, type[BaseModel]] = {
@@ -37,12 +35,7 @@ HEADINGS: dict[str, type[BaseModel]] = {
 }
 #: what a file with rotors needs
 LIFTED = '\n[rotors]\nT2 = 30.0\n[rotor.m1]\nchannel = "motor_1"\nposition = [0.1, 0.1, 0.0]\nspin = "cw"\n'
-KINDS: dict[str, type[BaseModel]] = {
-    "constant": schema.ConstantThrust,
-    "channel": schema.ThrustChannel,
-    "propeller": schema.Propeller,
-}
-PROPELLER = {"channel": "throttle", "speed_gain": 1.0, "diameter": 1.0, "CT0": 1.0}
+THRUST = (schema.ConstantThrust, schema.ThrustChannel, schema.Propeller)
 #: defaults that the page says in words
 WORDS = {
     "none", "none of your own", "zero", "one", "origin", "center of gravity", "no lag", "no delay", "no limit", "up",
@@ -55,13 +48,6 @@ def minimal() -> str:
     return blocks(PAGE, "toml")[0]
 
 
-@cache
-def reference() -> list[tuple[Table, type[BaseModel]]]:
-    found = [(t, HEADINGS[t.heading]) for t in tables(PAGE) if t.heading in HEADINGS and "example" in t.head]
-    thrust = [t for t in tables(PAGE) if t.heading == "[propulsion]"]
-    return [*found, *zip(thrust, KINDS.values(), strict=True)]
-
-
 def is_table(annotation: Any) -> bool:
     """Return whether a field has a section of its own."""
     if isinstance(annotation, type) and issubclass(annotation, schema.Table):
@@ -70,8 +56,11 @@ def is_table(annotation: Any) -> bool:
 
 
 def test_keys_and_defaults_are_those_of_the_schema() -> None:
-    assert {m for _, m in reference()} == {*HEADINGS.values(), *KINDS.values()}
-    for page, model in reference():
+    found = [(t, HEADINGS[t.heading]) for t in tables(PAGE) if t.heading in HEADINGS and "example" in t.head]
+    thrust = [t for t in tables(PAGE) if t.heading == "[propulsion]"]
+    reference = [*found, *zip(thrust, THRUST, strict=True)]
+    assert {m for _, m in reference} == {*HEADINGS.values(), *THRUST}
+    for page, model in reference:
         fields = model.model_fields
         own = [n for n, f in fields.items() if not is_table(f.annotation) and n != "loadings"]
         assert page.column("key") == own, page.heading
@@ -82,58 +71,6 @@ def test_keys_and_defaults_are_those_of_the_schema() -> None:
                 value = fields[key].get_default(call_default_factory=True)
                 known = value.value if isinstance(value, Quantity) else value
                 assert json.loads(said) == known, (page.heading, key)
-
-
-def test_examples_are_accepted_with_the_units_of_the_page() -> None:
-    for page, model in reference():
-        for row in page.rows:
-            key, unit, example = (row[page.head.index(n)] for n in ("key", "unit", "example"))
-            vehicle = parse_vehicle(with_example(page, model, key, example), "example")
-            for name in numbers(vehicle, page, key):
-                known = next(p.unit for p in vehicle.parameters if p.name == name)
-                assert unit == known or unit.startswith("as the"), (page.heading, name)
-
-
-def numbers(vehicle: Vehicle, page: Table, key: str) -> list[str]:
-    """Return the numbers of the vehicle that an example has written."""
-    section = place_of(page)
-    place = key if section == "Top level" else f"{section}.{key}"
-    return [n for n, q in leaves(vehicle.file) if (n == place or n.startswith(f"{place}.")) and q.tie is None]
-
-
-def place_of(page: Table) -> str:
-    """Return the section of a table with names for its placeholders."""
-    name = "m1" if page.heading.startswith("[rotor.") else "elevator"
-    return page.heading.strip("[]").replace("NAME", name).replace("CHANNEL", "V")
-
-
-def with_example(page: Table, model: type[BaseModel], key: str, example: str) -> str:
-    """Return the smallest file with one key written as the reference shows it."""
-    file = tomllib.loads(minimal())
-    if page.heading.startswith("[rotor") or key == "rotor":
-        file |= tomllib.loads(LIFTED)
-    place: Any = file
-    section = place_of(page)
-    for name in () if section == "Top level" else section.split("."):
-        place = place.setdefault(name, {})
-    if page.heading == "[propulsion]":
-        place |= {"kind": next(k for k, m in KINDS.items() if m is model)}
-        place |= {"thrust": 1.0} if model is schema.ConstantThrust else {}
-        place |= PROPELLER if model is schema.Propeller else {}
-    if key == "inertia" and model is schema.Rotors:
-        place["drive"] = "speed"
-    if model is schema.GroundEffect:
-        place |= {"radius": 0.1} if key == "rotor" else {"lift": 0.1}
-    if key == "center":
-        place["mix"] = {"pwm_3": 0.0007, "pwm_4": -0.0007}
-    place |= tomllib.loads(example)
-    return "\n".join(f"{k} = {inline(v)}" for k, v in file.items())
-
-
-def inline(value: Any) -> str:
-    if isinstance(value, dict):
-        return "{ " + ", ".join(f"{json.dumps(k)} = {inline(v)}" for k, v in value.items()) + " }"
-    return "[" + ", ".join(map(inline, value)) + "]" if isinstance(value, list) else json.dumps(value)
 
 
 def test_terms_of_equation_1_and_their_variables() -> None:

@@ -76,7 +76,7 @@ def test_priors_are_what_a_vehicle_file_knows(examples: Path) -> None:
 
 
 def test_an_option_given_twice_counts_twice() -> None:
-    words = "design twin-boom -o out --amplitude elevator=3 --amplitude rudder=5".split()
+    words = ["design", "twin-boom", "-o", "out", "--amplitude", "elevator=3", "--amplitude", "rudder=5"]
     assert parser_for(words).parse_args(words).amplitude == ["elevator=3", "rudder=5"]
 
 

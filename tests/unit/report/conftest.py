@@ -1,45 +1,26 @@
-"""The made-up identification, whole and of a few channels, for every test of a report."""
+"""The made-up identification, of a few channels, for tests of a report."""
 
 from __future__ import annotations
 
-import dataclasses
-from collections.abc import Callable
-from types import ModuleType
+from dataclasses import replace
 from typing import Any
 
 import pytest
-from naive import identification
-
-FEW = ("V", "p", "q", "az")
+from naive.identification import example
 
 
-@pytest.fixture(scope="session")
-def examples() -> ModuleType:
-    """Return the module that makes identifications."""
-    return identification
-
-
-def _fewer(shown: Any) -> Any:
+def fewer(shown: Any) -> Any:
     """Return an identification with its first and last maneuvers and a few channels of them: a page that is drawn sooner."""
-    traces = tuple(
-        dataclasses.replace(t, channels={n: t.channels[n] for n in FEW})
-        for t in (shown.traces[0], shown.traces[-1])
+    traces, maneuvers = (
+        tuple(
+            replace(one, channels={n: one.channels[n] for n in ("V", "p", "q", "az")})
+            for one in (a[0], a[-1])
+        )
+        for a in (shown.traces, shown.result.maneuvers)
     )
-    maneuvers = tuple(
-        dataclasses.replace(m, channels={n: m.channels[n] for n in FEW})
-        for m in (shown.result.maneuvers[0], shown.result.maneuvers[-1])
-    )
-    return dataclasses.replace(
-        shown, traces=traces, result=dataclasses.replace(shown.result, maneuvers=maneuvers)
-    )
-
-
-@pytest.fixture(scope="session")
-def fewer() -> Callable[[Any], Any]:
-    """Return what leaves out maneuvers and channels of an identification."""
-    return _fewer
+    return replace(shown, traces=traces, result=replace(shown.result, maneuvers=maneuvers))
 
 
 @pytest.fixture(scope="session")
 def whole() -> Any:
-    return _fewer(identification.example())
+    return fewer(example())

@@ -99,34 +99,27 @@ def test_the_track_is_seen_from_where_it_says() -> None:
     assert track is not None
     east_up: FloatArray = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
     (right, _), (none, up), (left, away) = projected(east_up)
-    assert right > 0
-    assert none == 0
-    assert up > 0
-    assert left < 0 < away
+    assert (none, right > 0, up > 0, left < 0 < away) == (0, True, True, True)
     nose, tail, *_, fin = track.glyphs()[0]
     assert np.linalg.norm(nose - tail) == pytest.approx(1.7 * 0.03 * 200.0, rel=0.01)
     assert fin[2] > tail[2], "the fin is on top"
 
 
 def test_look_writes_a_page_and_info_the_same_beside_its_tables(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    flight = flown(40.0)
-    log = tmp_path / "flight.csv"
-    names = ("p", "ax", "phi", "theta", "psi")
+    monkeypatch.chdir(tmp_path)
+    flight, names = flown(40.0), ("p", "ax", "phi", "theta", "psi")
     table = np.column_stack([flight.time, *(flight.column(n) for n in names)])
-    log.write_text(
-        "\n".join([",".join(["time", *names]), *(",".join(map(repr, map(float, row))) for row in table)])
-    )
-    mapping = tmp_path / "map.toml"
-    assert main(["map", str(log), "-o", str(mapping)]) == 0
-    one, two = tmp_path / "one.html", tmp_path / "two.html"
-    capsys.readouterr()
-    assert main(["look", str(log), "--mapping", str(mapping), "-o", str(one)]) == 0
-    assert f"wrote {one}" in capsys.readouterr().out
-    assert main(["info", str(log), "--mapping", str(mapping), "-o", str(two), "--verbose"]) == 0
-    assert "Channels" in capsys.readouterr().out
-    made = [re.sub(r"<pre.*?</pre>", "", page.read_text("utf-8"), flags=re.DOTALL) for page in (one, two)]
-    assert made[0] == made[1]
-    assert main(["look", str(log), "--mapping", str(mapping), "-o", str(one)]) == 2
-    assert "exists already" in capsys.readouterr().err
+    np.savetxt("flight.csv", table, delimiter=",", header=",".join(["time", *names]), comments="")
+    for command, code, said in (
+        ("map flight.csv -o map.toml", 0, "map.toml: "),
+        ("look flight.csv --mapping map.toml -o one.html", 0, "wrote one.html"),
+        ("info flight.csv --mapping map.toml -o two.html --verbose", 0, "Channels"),
+        ("look flight.csv --mapping map.toml -o one.html", 2, "exists already"),
+    ):
+        assert main(command.split()) == code
+        assert said in "".join(capsys.readouterr())
+    made = (Path(f"{n}.html").read_text("utf-8") for n in ("one", "two"))
+    one, two = (re.sub(r"<pre.*?</pre>", "", page, flags=re.DOTALL) for page in made)
+    assert one == two

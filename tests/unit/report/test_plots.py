@@ -12,16 +12,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from stoop.base.arrays import FloatArray
-from stoop.report.plots import (
-    FLOOR,
-    HEIGHT,
-    LEFT,
-    RIGHT,
-    TOP,
-    WIDTH,
-    plot,
-    stacked_plots,
-)
+from stoop.report.plots import FLOOR, HEIGHT, LEFT, RIGHT, TOP, WIDTH, plot, stacked_plots
 from stoop.report.series import Series, Shade, Strip, thinned
 
 BOX = WIDTH - LEFT - RIGHT
@@ -52,6 +43,10 @@ def test_points_are_where_the_axes_say() -> None:
     (drawn,) = paths(plot([one], "x", "y", "d", x_range=(0.0, 10.0), y_range=(0.0, 4.0)), "hue0")
     expected = np.array([[0.0, HEIGHT], [BOX / 2, 0.75 * HEIGHT], [BOX, HEIGHT / 4]])
     assert drawn == pytest.approx(expected, abs=0.11)
+    one = Series("a", np.array([0.0, 1.0, 2.0]), np.array([0.0, 1.0, 1.0]), "steps")
+    (drawn,) = paths(plot([one], "x", "y", "d", x_range=(0.0, 2.0), y_range=(0.0, 1.0)), "hue0")
+    corners = [[0, HEIGHT], [BOX / 2, HEIGHT], [BOX / 2, 0], [BOX, 0]]
+    assert list(dict.fromkeys(map(tuple, drawn.tolist()))) == list(map(tuple, corners))
 
 
 def test_logarithmic_axes_give_every_decade_the_same_room() -> None:
@@ -60,13 +55,6 @@ def test_logarithmic_axes_give_every_decade_the_same_room() -> None:
     (drawn,) = paths(html, "hue0")
     assert drawn[:2] == pytest.approx(np.array([[0.0, HEIGHT], [BOX / 2, HEIGHT / 2]]), abs=0.11)
     assert {"1", "10", "100", "10⁻³", "10⁻⁶"} <= set(texts(html))
-
-
-def test_steps_hold_until_the_next() -> None:
-    one = Series("a", np.array([0.0, 1.0, 2.0]), np.array([0.0, 1.0, 1.0]), "steps")
-    (drawn,) = paths(plot([one], "x", "y", "d", x_range=(0.0, 2.0), y_range=(0.0, 1.0)), "hue0")
-    corners = [[0, HEIGHT], [BOX / 2, HEIGHT], [BOX / 2, 0], [BOX, 0]]
-    assert list(dict.fromkeys(map(tuple, drawn.tolist()))) == list(map(tuple, corners))
 
 
 def test_twenty_series_all_look_different_and_are_named() -> None:
@@ -112,50 +100,42 @@ def test_strips_share_one_axis_and_one_legend() -> None:
     assert keys(html) == ["measured", "simulated"]
 
 
-def test_every_stretch_has_its_edges() -> None:
-    one = Series("a", np.array([0.0, 10.0]), np.array([0.0, 1.0]))
+def test_every_stretch_has_its_edges_and_zero_is_in_sight_where_it_is_asked_for() -> None:
+    """On an axis of 0 to 10 with its margins of 4 %."""
+    one = (Series("a", np.array([0.0, 10.0]), np.array([4.0, 5.0])),)
     shades = [Shade(0.0, 4.0, "1", "fitted"), Shade(2.0, 6.0, "2", "declined")]
-    html = stacked_plots([Strip("a", (one,))], "x", "d", shades)
-    assert [p[0, 0] for p in paths(html, "fitted-edge")] == pytest.approx(_places(0.0, 4.0), abs=0.11)
-    assert [p[0, 0] for p in paths(html, "declined-edge")] == pytest.approx(_places(2.0, 6.0), abs=0.11)
-
-
-def _places(*values: float) -> list[float]:
-    """Return places on an axis of 0 to 10 with its margins of 4 %, px."""
-    return [BOX * (v + 0.4) / 10.8 for v in values]
-
-
-def test_zero_is_in_sight_where_it_is_asked_for() -> None:
+    html = stacked_plots([Strip("a", one)], "x", "d", shades)
+    for use, edges in (("fitted", (0.0, 4.0)), ("declined", (2.0, 6.0))):
+        places = [BOX * (v + 0.4) / 10.8 for v in edges]
+        assert [p[0, 0] for p in paths(html, f"{use}-edge")] == pytest.approx(places, abs=0.11)
     one = (Series("a", np.array([0.0, 1.0]), np.array([4.0, 5.0])),)
-    assert "0" in texts(stacked_plots([Strip("a", one, zero=True)], "x, s", "d"))
-    assert "0" not in texts(stacked_plots([Strip("a", one)], "x, s", "d"))
+    for zero in (True, False):
+        assert ("0" in texts(stacked_plots([Strip("a", one, zero=zero)], "x, s", "d"))) == zero
 
 
 def test_ticks_stand_where_values_are() -> None:
-    lengths = np.array([39.0, 41.0, 47.0])
+    lengths, floor = np.array([39.0, 41.0, 47.0]), TOP + HEIGHT
     html = plot([Series("a", lengths, lengths)], "x", "y", "d", x_ticks=[39.0, 41.0, 47.0])
-    floor = TOP + HEIGHT
-    below = [
-        e.text for e in tree(html).iter(f"{SVG}text") if floor < float(e.get("y", 0)) < floor + FLOOR - 15
-    ]
-    assert below == ["39", "41", "47"]
+    below = [e for e in tree(html).iter(f"{SVG}text") if floor < float(e.get("y", 0)) < floor + FLOOR - 15]
+    assert [e.text for e in below] == ["39", "41", "47"]
 
 
 def test_the_name_of_a_window_that_is_used_goes_before_one_that_is_declined() -> None:
     x = np.linspace(0.0, 100.0, 5)
-    shades = [
-        Shade(30.0, 52.0, "six", "declined"),
-        Shade(40.0, 42.0, "seven", "fitted"),
-        Shade(70.0, 80.0, "eight", "fitted"),
-    ]
+    spans = (
+        (30.0, 52.0, "six", "declined"),
+        (40.0, 42.0, "seven", "fitted"),
+        (70.0, 80.0, "eight", "fitted"),
+    )
+    shades = [Shade(*span) for span in spans]
     html = stacked_plots([Strip("a", (Series("s", x, x),))], "x", "d", shades)
     assert set(texts(html)) & {"six", "seven", "eight"} == {"seven", "eight"}
 
 
-VALUES = st.floats(-1e6, 1e6) | st.just(float("nan"))
-
-
-@given(arrays(np.float64, st.integers(0, 400), elements=VALUES), st.integers(5, 50))
+@given(
+    arrays(np.float64, st.integers(0, 400), elements=st.floats(-1e6, 1e6) | st.just(float("nan"))),
+    st.integers(5, 50),
+)
 def test_a_thinned_curve_keeps_its_extremes_its_ends_and_its_breaks(y: FloatArray, columns: int) -> None:
     x = np.arange(len(y), dtype=np.float64)
     kept, values, _ = thinned(Series("a", x, y), columns)
