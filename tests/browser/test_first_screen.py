@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,9 +10,7 @@ import pytest
 from naive.identification import example
 from playwright.sync_api import Browser, Page
 
-from stoop.report.identification import identification_sheet, render_validation
-from stoop.report.model import Model
-from stoop.report.sheet import render_sheet
+from stoop.report.identification import render
 
 SCREEN = 900
 TOP = "(place) => Math.round(document.querySelector(place).getBoundingClientRect().top + scrollY)"
@@ -23,14 +20,9 @@ CLOSED = "[...document.querySelectorAll('details')].filter((one) => !one.open).l
 
 
 @pytest.fixture(scope="module")
-def identification() -> Model:
-    return example()
-
-
-@pytest.fixture(scope="module")
-def report(tmp_path_factory: pytest.TempPathFactory, identification: Model) -> Path:
+def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("report") / "report.html"
-    path.write_text(render_sheet(identification_sheet(identification)), "utf-8")
+    path.write_text(render(example()), "utf-8")
     return path
 
 
@@ -84,21 +76,3 @@ def test_a_narrow_dark_screen_holds_the_page(page: Page) -> None:
     assert page.evaluate(TOP, "#curves .history") < 1.5 * SCREEN
     assert page.locator(".compact .score").first.is_visible()
     assert page.evaluate(CUT) == 0
-
-
-def test_the_page_of_a_validation_begins_with_its_curves(
-    browser: Browser, tmp_path: Path, identification: Model
-) -> None:
-    pairs = zip(identification.result.maneuvers, identification.traces, strict=True)
-    maneuvers, traces = zip(*(pair for pair in pairs if pair[0].role == "validation"), strict=True)
-    predicted = replace(
-        identification, result=replace(identification.result, maneuvers=maneuvers), traces=traces
-    )
-    path = tmp_path / "validation.html"
-    path.write_text(render_validation(predicted), "utf-8")
-    opened = browser.new_page(viewport={"width": 1280, "height": SCREEN})
-    opened.goto(path.as_uri())
-    opened.wait_for_selector(".compact canvas")
-    assert opened.evaluate(TOP, "#prediction .history .panels") < 0.75 * SCREEN
-    assert opened.evaluate("document.documentElement.scrollHeight") < 2 * SCREEN
-    opened.close()

@@ -47,21 +47,20 @@ def test_an_alarm_opens_its_flights(page: Page) -> None:
     assert page.evaluate("document.documentElement.scrollWidth") <= 420
 
 
-def test_words_filter_alarms_and_panels(page: Page) -> None:
-    words = page.locator(".filter input[type=search]")
-    for text, rows, panels in (
-        ("", 1, 16), ("v3", 1, 2), ("v3b", 1, 1), ("V3-18", 1, 0), ("drag", 0, 8), ("1.1", 0, 16),
-        ("thrust rotor_1 1.1", 0, 8), ("v9", 0, 0),
-    ):  # fmt: skip
+def test_words_and_a_day_filter_alarms_and_panels(page: Page, written: tuple[Path, ToldAlarm]) -> None:
+    words, date = (page.locator(f".filter input[type={kind}]") for kind in ("search", "date"))
+
+    def shown() -> tuple[int, int]:
+        return page.locator(ROWS).count(), page.locator(PANELS).count()
+
+    for text, found in {"": (1, 16), "v3": (1, 2), "v3b": (1, 1), "V3-18": (1, 0), "drag": (0, 8), "1.1": (0, 16),
+                        "thrust rotor_1 1.1": (0, 8), "v9": (0, 0)}.items():  # fmt: skip
         words.fill(text)
-        assert (page.locator(ROWS).count(), page.locator(PANELS).count()) == (rows, panels), text
-
-
-def test_a_day_filters_the_alarms(page: Page, written: tuple[Path, ToldAlarm]) -> None:
-    began = written[1].began_time
-    for seconds, shown in ((began, 1), (began + 86400.0, 0)):
-        page.locator(".filter input[type=date]").fill(str(day(seconds)))
-        assert (page.locator(ROWS).count(), page.locator(PANELS).count()) == (shown, shown)
-    page.locator(".filter input[type=date]").fill("")
+        assert shown() == found, text
+    words.fill("")
+    for later, count in ((0.0, 1), (86400.0, 0)):
+        date.fill(str(day(written[1].began_time + later)))
+        assert shown() == (count, count)
+    date.fill("")
     page.locator(".filter input[type=checkbox]").check()
-    assert (page.locator(ROWS).count(), page.locator(PANELS).count()) == (1, 1)
+    assert shown() == (1, 1)
