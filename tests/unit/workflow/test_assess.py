@@ -30,14 +30,12 @@ def here() -> Given:
 
 def test_a_problem_comes_back_from_text_to_the_last_bit(job: FittedModel) -> None:
     problem = job.estimate.refit_problem
-    again, arrays = unpack(pack(problem, {"z": job.estimate.z}))
+    z, rung = job.estimate.z, len(problem.prices) - 1
+    again, arrays = unpack(pack(problem, {"z": z}))
     assert again.problem.layout.vehicle.structure == problem.problem.layout.vehicle.structure
-    rung = len(problem.prices) - 1
-    assert np.array_equal(arrays["z"], job.estimate.z)
-    assert np.array_equal(
-        again.residuals(arrays["z"][None], rung), problem.residuals(job.estimate.z[None], rung)
-    )
-    assert pack(problem, {"z": job.estimate.z}) == pack(again, {"z": arrays["z"]})
+    assert np.array_equal(arrays["z"], z)
+    assert np.array_equal(again.residuals(z[None], rung), problem.residuals(z[None], rung))
+    assert pack(problem, {"z": z}) == pack(again, {"z": z})
 
 
 @pytest.fixture(scope="module")
@@ -47,10 +45,8 @@ def bootstrapped(job: FittedModel) -> FittedModel:
 
 def test_the_bootstrap_agrees_with_corrected_errors_on_white_noise(bootstrapped: FittedModel) -> None:
     methods = bootstrapped.result.uncertainty
-    ratios = [
-        s.std_error / methods["corrected"].parameters[n].std_error
-        for n, s in methods["bootstrap"].parameters.items()
-    ]
+    bootstrap, corrected = (methods[one].parameters for one in ("bootstrap", "corrected"))
+    ratios = [one.std_error / corrected[name].std_error for name, one in bootstrap.items()]
     assert 0.85 < float(np.median(ratios)) < 1.15
     assert methods["bootstrap"].figures == {"replicates": 100.0, "refined": 0.0, "failed": 0.0}
     assert any("Bootstrap" in str(s) for s in bootstrapped.result.trust)
@@ -95,17 +91,14 @@ def test_the_result_says_all_of_it_in_json(bootstrapped: FittedModel) -> None:
     assert again.identifiability.parameters["Cmq"] == result.identifiability.parameters["Cmq"]
 
 
-class Told:
-    """An assessment of one's own."""
-
-    name = "told"
-
-    def __call__(self, fit: Estimate, bars: ErrorBars, seed: int, watch: Watch) -> Finding:
-        watch("telling")
-        return Finding(MethodIntervals({}), {"posterior.nc": b"abc"})
-
-
 def test_attachments_lie_beside_the_result_and_go_with_it(job: FittedModel, tmp_path: Path) -> None:
+    class Told:
+        name = "told"
+
+        def __call__(self, fit: Estimate, bars: ErrorBars, seed: int, watch: Watch) -> Finding:
+            watch("telling")
+            return Finding(MethodIntervals({}), {"posterior.nc": b"abc"})
+
     heard: list[str] = []
     told = job.assess(Told(), watch=heard.append)
     folder = told.save(tmp_path / "out")

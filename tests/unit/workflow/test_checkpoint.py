@@ -1,7 +1,9 @@
-"""An unfinished search goes on where it was, and only if it is the same."""
+"""An unfinished search goes on where it was, and only if it is the same; Ctrl-C waits while a finished one is written down."""
 
 from __future__ import annotations
 
+import signal
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,6 +11,7 @@ import numpy as np
 import pytest
 
 from stoop import optimize
+from stoop.base.interrupts import Deferred, deferred_interrupt
 from stoop.errors import OutputError
 from stoop.estimate.fit import Options
 from stoop.flight import Flight
@@ -21,8 +24,8 @@ from stoop.workflow.checkpoint import Checkpoint, identity
 @pytest.fixture(scope="module")
 def outcome(wrong: Vehicle, flight: Flight) -> optimize.Outcome:
     """Return how a search ended that ran out of generations."""
-    found = identify(wrong, flight, ["0:8"], options=Options("de-rand-1-bin", generations=2))
-    return found.estimate.outcome
+    options = Options("de-rand-1-bin", generations=2)
+    return identify(wrong, flight, ["0:8"], options=options).estimate.outcome
 
 
 @pytest.fixture
@@ -33,16 +36,17 @@ def state(outcome: optimize.Outcome) -> optimize.State:
 
 def test_one_file_holds_the_state_and_what_it_belongs_to(tmp_path: Path, state: optimize.State) -> None:
     told: list[str] = []
-    checkpoint = Checkpoint(tmp_path, "this", told.append)
+    checkpoint, other = (Checkpoint(tmp_path, name, told.append) for name in ("this", "that"))
     checkpoint.keep(state)
-    assert [p.name for p in tmp_path.iterdir()] == ["search.npz"]
+    (file,) = tmp_path.iterdir()
+    assert file.name == "search.npz"
     assert Checkpoint(tmp_path, "this", told.append).load().evaluations.cost == state.evaluations.cost
     with pytest.raises(OutputError, match=r"another one \(.*windows, decisions, method"):
-        Checkpoint(tmp_path, "that", told.append).load()
-    (tmp_path / "search.npz").write_bytes(b"damaged")
+        other.load()
+    file.write_bytes(b"damaged")
     with pytest.raises(OutputError, match="--resume"):
         checkpoint.load()
-    (tmp_path / "search.npz").unlink()
+    file.unlink()
     with pytest.raises(OutputError, match="no interrupted search"):
         checkpoint.load()
     assert not told
@@ -102,3 +106,29 @@ def test_identity_is_of_everything_that_decides_the_search(wrong: Vehicle) -> No
     limits = Options(covariance=noise, generations=9, budget=5.0, target_cost=1.0)
     remark = replace(wrong, text="# a remark\n" + wrong.text)
     assert {identity(**basis | one) for one in ({"options": limits}, {"vehicle": remark})} == {whole}  # type: ignore[arg-type]
+
+
+def test_the_first_interrupt_waits_and_the_second_stops(capfd: pytest.CaptureFixture[str]) -> None:
+    before = signal.getsignal(signal.SIGINT)
+    with deferred_interrupt() as ctrl_c:
+        assert not ctrl_c.came
+        signal.raise_signal(signal.SIGINT)
+        assert ctrl_c.came
+    assert signal.getsignal(signal.SIGINT) is before
+    assert "writing its result" in capfd.readouterr().err
+    with pytest.raises(KeyboardInterrupt), deferred_interrupt():  # noqa: PT012
+        signal.raise_signal(signal.SIGINT)
+        signal.raise_signal(signal.SIGINT)
+    assert signal.getsignal(signal.SIGINT) is before
+
+
+def test_a_process_that_ignores_interrupts_and_another_thread_go_on_doing_so() -> None:
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        with deferred_interrupt() as ctrl_c:
+            assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN
+        assert not ctrl_c.came
+    finally:
+        signal.signal(signal.SIGINT, before)
+    with ThreadPoolExecutor(1) as pool:
+        assert pool.submit(deferred_interrupt().__enter__).result() == Deferred(came=False)

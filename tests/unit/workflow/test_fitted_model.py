@@ -27,9 +27,8 @@ def again(folder: Path) -> stoop.FittedModel:
 
 def other(flight: Flight) -> Flight:
     """Return another record."""
-    return replace(
-        flight, name="other", data=flight.data.assign_coords(time=flight.data["time"] + 50.0), path=None
-    )
+    moved = flight.data.assign_coords(time=flight.data["time"] + 50.0)
+    return replace(flight, name="other", data=moved, path=None)
 
 
 def bootstrapped(model: stoop.FittedModel) -> Any:
@@ -40,9 +39,6 @@ def bootstrapped(model: stoop.FittedModel) -> Any:
 
 VERBS: dict[str, Callable[[stoop.FittedModel], Any]] = {
     "validate": lambda m: m.validate(other(m.flights[0]), "70:78").record.maneuvers,
-    "predict from a state": lambda m: (
-        m.predict(other(m.flights[0]), "70:78", initial_state={"alpha": 0.1}).record.maneuvers
-    ),
     "propagate": lambda m: m.propagate(draws=100).to_dataframe().to_csv(),
     "linearize": lambda m: (m.linearize(airspeed=33.0).A, m.linearize(airspeed=33.0).outputs),
     "simulate": lambda m: m.simulate({"elevator": np.zeros(50)}, 0.02 * np.arange(50.0))["q"].values,
@@ -63,16 +59,14 @@ def test_a_loaded_model_does_what_the_model_did_and_nothing_is_written_unasked(
     def refused(*_: object, **__: object) -> None:
         raise AssertionError("a file was written")
 
-    for name in (
-        ("write_text", "write_bytes", "mkdir") if verb != "assess" else ()
-    ):  # it keeps a store of its runs
+    for name in ("write_text", "write_bytes", "mkdir") * (
+        verb != "assess"
+    ):  # which keeps a store of its runs
         monkeypatch.setattr(Path, name, refused)
-    np.testing.assert_equal(_plain(VERBS[verb](again)), _plain(VERBS[verb](job)))
-
-
-def _plain(value: Any) -> Any:
-    """Return arrays, nested dataclasses and bytes as something that compares entry by entry."""
-    return repr(value) if not isinstance(value, tuple | dict | np.ndarray | str | bytes) else value
+    found, expected = (VERBS[verb](one) for one in (again, job))
+    if not isinstance(found, tuple | dict | np.ndarray | str | bytes):
+        found, expected = repr(found), repr(expected)
+    np.testing.assert_equal(found, expected)
 
 
 def test_a_loaded_model_is_saved_as_the_same_files(
@@ -96,35 +90,32 @@ def test_an_older_folder_loads_and_says_what_is_missing(folder: Path, tmp_path: 
     old = stoop.load(tmp_path / "old")
     assert old.validate(other(old.flights[0]), "70:78").record.maneuvers
     with pytest.raises(
-        StoopError, match=r"old: estimate.npz is missing, so that the fit cannot be assessed"
-    ) as said:
+        StoopError, match=r"^.*old: estimate.npz is missing, so that the fit cannot be assessed.*$"
+    ):
         old.assess(stoop.Bootstrap(40))
-    assert "\n" not in str(said.value)
     assert stoop.load(old.save(tmp_path / "new")).parameters.keys() == old.parameters.keys()
 
 
 def test_a_prediction_from_a_given_state_is_the_simulation_from_it(job: stoop.FittedModel) -> None:
     """Against a simulation of the same inputs by the function that makes flights, which shares no code with predictions."""
     start, flight = {"V": 34.0, "alpha": 0.03, "q": 0.01, "theta": 0.02}, other(job.flights[0])
-    found = job.predict(flight, "70:74", initial_state=start).model.traces[0]
-    measured, none = (
-        job.predict(flight, "70:74", initial_state=state).model.traces[0].channels["V"].simulated
-        for state in ("measured", {})
+    found, measured, none = (
+        {
+            n: c.simulated
+            for n, c in job.predict(flight, "70:74", initial_state=s).model.traces[0].channels.items()
+        }
+        for s in (start, "measured", {})
     )
-    assert np.array_equal(measured, none), "of what is not given"
-    assert abs(measured[0] - flight.column("V")[flight.between(70.0, 74.0)][0]) < 1.0
-    biases = {name: {"value": prior.mean} for name, prior in job.biases("other").items()}
-    vehicle = job.vehicle.with_numbers(biases)
     inside = flight.between(70.0, 74.0)
+    assert np.array_equal(measured["V"], none["V"]), "of what is not given"
+    assert abs(measured["V"][0] - flight.column("V")[inside][0]) < 1.0
+    vehicle = job.vehicle.with_numbers({n: {"value": prior.mean} for n, prior in job.biases("other").items()})
     inputs = {name: flight.column(name)[inside] for name in vehicle.recorded}
     altitude = float(flight.column("altitude")[inside][0]) if "altitude" in flight.names else 200.0
     naive = stoop.simulate(vehicle, inputs, flight.time[inside], altitude=altitude, initial_state=start)
-    for name in ("V", "alpha", "q", "theta"):
-        simulated = found.channels[name].simulated
-        np.testing.assert_allclose(simulated, naive.column(name), rtol=2e-3, atol=2e-4, err_msg=name)
-    assert found.channels["V"].simulated[0] == pytest.approx(
-        34.0 + job.vehicle.value("sensors.V.bias", 0.0), abs=0.5
-    )
+    for name in start:
+        np.testing.assert_allclose(found[name], naive.column(name), rtol=2e-3, atol=2e-4, err_msg=name)
+    assert found["V"][0] == pytest.approx(34.0 + job.vehicle.value("sensors.V.bias", 0.0), abs=0.5)
 
 
 def test_a_wrong_state_is_one_line(job: stoop.FittedModel) -> None:
@@ -140,26 +131,19 @@ def test_a_wrong_state_is_one_line(job: stoop.FittedModel) -> None:
 
 
 def test_texts_of_a_model_are_short_and_begin_with_its_verdict(job: stoop.FittedModel) -> None:
-    shown = str(job.verdict)
-    lines = shown.splitlines()
-    assert lines[0] == f"verdict: {job.verdict.headline}"
-    assert 3 <= len(lines) <= 10
+    shown, page = str(job.verdict), job._repr_html_()
+    assert shown.startswith(f"verdict: {job.verdict.headline}\n")
+    assert 3 <= len(shown.splitlines()) <= 10
     assert str(job).startswith(shown + "\n\n")
     assert all(name in str(job).removeprefix(shown) for name in job.parameters)
-    page = job._repr_html_()
     assert page.startswith("<p ")
     assert page.index("verdict: ") < page.index("<table>")
     assert page.count("<tr>") == len(job.parameters) + 1
     assert str(Verdict()) == "verdict: none was made"
-    objects = (job, job.result, job.plot, job.flights[0], job.vehicle, job.vehicle.parameters, job.verdict)
-    for one in (
-        *objects,
-        job.linearize(airspeed=33.0),
-        job.export("state-space"),
-        stoop.derivatives("twin-boom"),
-    ):
-        assert len(repr(one).splitlines()) <= 10
-        assert len(repr(one)) < 1000
+    made = (job.linearize(airspeed=33.0), job.export("state-space"), stoop.derivatives("twin-boom"))
+    own = (job, job.result, job.plot, job.flights[0], job.vehicle, job.vehicle.parameters, job.verdict)
+    for text in map(repr, (*own, *made)):
+        assert (len(text.splitlines()) <= 10, len(text) < 1000) == (True, True)
 
 
 def test_a_table_or_dataset_is_a_flight_everywhere(job: stoop.FittedModel) -> None:
@@ -183,8 +167,7 @@ def test_names_are_looked_up_or_advised_and_exchanged_arguments_named(
 ) -> None:
     first, parameters = next(iter(job.parameters)), job.vehicle.parameters
     assert np.array_equal(flight["q"].to_numpy(), flight.column("q"))
-    assert "q" in flight
-    assert parameters[first] is next(p for p in parameters if p.name == first)
+    assert ("q" in flight, parameters[first].name) == (True, first)
     assert parameters[0] is next(iter(parameters))
     regression = stoop.fit(wrong, flight, "0:20", method="equation-error", seed=1)
     assert (regression.result.method, regression.result.seed) == ("equation-error", 1)

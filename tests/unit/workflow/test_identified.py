@@ -53,41 +53,35 @@ def test_an_edited_result_is_one_line(folder: Path, tmp_path: Path) -> None:
             assert "\n" not in str(caught.value)
 
 
-def _flat(a: Any) -> Any:
-    return a | {"0.time": a["0.time"][:, None]}
-
-
-def _single(a: Any) -> Any:
-    return {k: x.astype(np.int8) if k.startswith("0.input") else x for k, x in a.items()}
-
-
 def test_damaged_and_missing_files_are_one_line(job: FittedModel, folder: Path, tmp_path: Path) -> None:
     """Curves are columns of double precision; an estimate is that of the result beside it."""
-    copy = tmp_path / "r"
-    for name in ARCHIVES:
-        for content in (b"", b"PK\x03\x04 damaged"):
-            shutil.copytree(folder, copy, dirs_exist_ok=True)
+    with np.load(folder / "traces.npz") as file:
+        curves = dict(file)
+    for name, damage in (("flat", {"0.time": curves["0.time"][:, None]}),
+                         ("single", {k: x.astype(np.int8) for k, x in curves.items() if k.startswith("0.input")})):  # fmt: skip
+        np.savez(tmp_path / f"{name}.npz", **curves | damage)
+    flat, single = ((tmp_path / f"{name}.npz").read_bytes() for name in ("flat", "single"))
+    text, copy = (folder / "result.json").read_text(), tmp_path / "r"
+    for name, content, says in (
+        *((name, content, name) for name in ARCHIVES for content in (b"", b"PK\x03\x04 damaged")),
+        ("traces.npz", flat, "is no curve"),
+        ("traces.npz", single, "is no curve"),
+        ("result.json", None, "holds no result.json"),
+        ("vehicle.toml", None, "holds no vehicle.toml"),
+        (
+            "result.json",
+            text.replace('"CLalpha"', '"CLnonsense"').encode(),
+            "no number is called 'CLnonsense'",
+        ),
+    ):
+        shutil.copytree(folder, copy, dirs_exist_ok=True)
+        if content is None:
+            (copy / name).unlink()
+        else:
             (copy / name).write_bytes(content)
-            with pytest.raises(StoopError, match=name) as said:
-                _ = load(copy).estimate
-            assert "\n" not in str(said.value)
-    for damage in (_flat, _single):
-        shutil.copytree(folder, copy, dirs_exist_ok=True)
-        with np.load(folder / "traces.npz") as file:
-            np.savez(copy / "traces.npz", **damage(dict(file)))
-        with pytest.raises(StoopError, match="is no curve"):
-            load(copy)
-    for missing in ("result.json", "vehicle.toml"):
-        shutil.copytree(folder, copy, dirs_exist_ok=True)
-        (copy / missing).unlink()
-        with pytest.raises(StoopError, match=f"holds no {missing}") as caught:
-            load(copy)
-        assert "\n" not in str(caught.value)
-    shutil.copytree(folder, copy, dirs_exist_ok=True)
-    text = (folder / "result.json").read_text()
-    (copy / "result.json").write_text(text.replace('"CLalpha"', '"CLnonsense"'))
-    with pytest.raises(StoopError, match="no number is called 'CLnonsense'"):
-        load(copy)
+        with pytest.raises(StoopError, match=says) as said:
+            _ = load(copy).estimate
+        assert "\n" not in str(said.value)
     parameters = {n: replace(p, estimate=1.01 * p.estimate) for n, p in job.parameters.items()}
     mixed = replace(load(folder), result=replace(job.result, parameters=parameters))
     with pytest.raises(StoopError, match=r"holds another fit than result\.json beside it"):
