@@ -1,4 +1,4 @@
-"""Assessments composed onto a job: the same for any number of workers, resumed, written, and refused in words."""
+"""Assessments of a job: the same for any number of workers, resumed, written, refused; equal maneuvers agree."""
 
 from __future__ import annotations
 
@@ -8,16 +8,24 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from unit.flown import maneuver, with_few_free
 
 from stoop.assessment.assessment import Finding, Watch, pack, unpack
 from stoop.assessment.bootstrap import CHUNK, bootstrap_plan
 from stoop.assessment.error_bars import ErrorBars, error_bars
+from stoop.assessment.uncertainty import repeatability, scatter
+from stoop.base.notices import notice
 from stoop.errors import IdentificationError, OutputError
 from stoop.estimate.estimate import Estimate
 from stoop.parallel import Given, LocalProcesses, Plan, execute
+from stoop.report.identification import render
 from stoop.results.result import from_json
-from stoop.results.uncertainty import MethodIntervals
+from stoop.results.uncertainty import MethodIntervals, Repeatability, SingleEstimate
+from stoop.simulation.fly import simulate_flight
+from stoop.vehicle import Vehicle
 from stoop.workflow import Bootstrap, FittedModel, Posterior, Profile
+from stoop.workflow.identification import finish, search
+from stoop.workflow.summary import repeatability_lines
 
 
 def plan_of(job: FittedModel, count: int) -> Plan:
@@ -125,3 +133,49 @@ def test_the_posterior_is_read_back_by_arviz(job: FittedModel, tmp_path: Path) -
         assert spread.std_error == pytest.approx(corrected, rel=0.15)
     assert result.uncertainty["posterior"].figures["rhat"] <= 1.01
     assert result.uncertainty["posterior"].figures["marginalization_error"] < 0.1
+
+
+FREE = ("CLalpha", "Cmalpha", "Cmq", "Cmelevator")
+
+
+def repeated(truth: Vehicle, flown: dict[int, Vehicle]) -> FittedModel:
+    """Return a fit to a maneuver of each vehicle, by seed of its noise, and what the maneuvers say alone."""
+    moved = maneuver(8.0, ("elevator", "3-2-1-1", 0.5, 0.4, 0.05))
+    flights = [simulate_flight(one, moved, seed, name=f"flight{seed}") for seed, one in flown.items()]
+    done = search(truth, flights, [f"{flight.name}@0:8" for flight in flights])
+    job = finish(done)
+    found = repeatability(done.estimate, done.flights, done.options, lambda _: None)
+    return job.with_result(replace(job.result, repeatability=found))
+
+
+def test_maneuvers_of_one_aircraft_agree_and_one_of_another_stands_out(aircraft: Vehicle) -> None:
+    truth = with_few_free(aircraft, FREE)
+    alike = repeated(truth, dict.fromkeys(range(4, 8), truth))
+    found = alike.result.repeatability
+    assert found.maneuvers == (0, 1, 2, 3)
+    for name in FREE:
+        one, joint = found.parameters[name], alike.result.parameters[name]
+        assert one.degrees == 3
+        assert one.p_value > 0.001
+        assert abs(one.mean - truth.value(name)) < 4.0 * one.std_error
+        assert one.std_error == pytest.approx(joint.std_error, rel=0.4)
+        assert abs(one.mean - joint.estimate) < 2.0 * joint.std_error
+    first, *others = repeatability_lines(found)
+    summary = found.summary()
+    assert (summary.code, summary.values["compared"], first) == ("repeatability", 4, str(summary))
+    assert sorted(n for line in others for n in FREE if f"{n} (4 maneuvers" in line) == sorted(FREE)
+    assert "each maneuver fitted alone" in render(alike)
+    other = truth.with_numbers({"Cmq": {"value": 1.6 * truth.value("Cmq")}})
+    scattered = repeated(truth, {0: truth, 1: truth, 2: other}).result.repeatability
+    assert scattered.parameters["Cmq"].verdict == "scatter"
+    line = next(line for line in repeatability_lines(scattered) if line.startswith("scatter: "))
+    assert "Cmq (3 maneuvers, p = " in line
+
+
+def test_what_only_one_maneuver_tells_is_not_compared() -> None:
+    one, none = SingleEstimate(1.0, 0.1, True), SingleEstimate(1.0, 0.1, False)
+    remark = notice("maneuver-stopped", "f 1:2")
+    found = Repeatability((0, 1), {"CLalpha": scatter([one, none])}, (remark,))
+    assert found.summary().code == "repeatability-nothing-compared"
+    assert repeatability_lines(found) == [str(found.summary()), "f 1:2: left out, stopped by the user"]
+    assert repeatability_lines(Repeatability()) == []

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from unit.flown import with_few_free
 
 from stoop.errors import OutputError
 from stoop.estimate.fit import Options
@@ -17,7 +18,7 @@ from stoop.exporters.jsbsim import EXPORT_PAGE as PAGE
 from stoop.exporters.targets import export
 from stoop.flight import Flight
 from stoop.vehicle import parse_vehicle
-from stoop.vehicle.builtin import resolve_vehicle
+from stoop.vehicle.builtin import builtin_text
 from stoop.workflow import FittedModel, identify
 from stoop.workflow.export import model_data, write
 from stoop.workflow.load import load, model_or_vehicle
@@ -84,7 +85,6 @@ def test_state_space_carries_standard_errors(model: ModelData) -> None:
 
 def test_a_maneuver_flies_with_its_own_loading(model: ModelData) -> None:
     """Another mass: JSBSim gets an aircraft of that mass, or it would be far off."""
-
     first = model.maneuvers[0]
     heavy = first.vehicle.with_numbers({"mass.mass": {"value": 1.2 * model.vehicle.value("mass.mass")}})
     loaded = replace(first, vehicle=heavy, title="heavy", loaded=True)
@@ -102,18 +102,14 @@ w = { intensity = { value = 0.6, free = true, bounds = [0.05, 6.0] }, length = 1
 """
 
 
-@pytest.fixture(scope="module")
-def gusty(flight: Flight, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Folder of a filter-error result, an intensity among its estimates, one maneuver in a loading that names a length."""
-    vehicle = parse_vehicle(resolve_vehicle("twin-boom").text + GUSTS, "gusty").reduced("longitudinal")
-    few = {p.name: {"free": p.name in ("Cmq", "turbulence.w.intensity")} for p in vehicle.parameters}
-    options = Options(method="filter-error")
-    found = identify(vehicle.with_numbers(few), flight, ["0:8", "8:16#rough"], options=options)
-    return found.save(tmp_path_factory.mktemp("gusty") / "result")
-
-
-def test_gusts_that_were_estimated_stay_behind_with_what_is_known_of_them(gusty: Path) -> None:
-    model = model_data(model_or_vehicle(gusty))
+def test_gusts_that_were_estimated_stay_behind_with_what_is_known_of_them(
+    flight: Flight, tmp_path: Path
+) -> None:
+    """A result by filter error, an intensity among its estimates, one maneuver in a loading that names a length."""
+    vehicle = parse_vehicle(builtin_text("twin-boom") + GUSTS, "gusty").reduced("longitudinal")
+    few, options = with_few_free(vehicle, ("Cmq", "turbulence.w.intensity")), Options(method="filter-error")
+    found = identify(few, flight, ["0:8", "8:16#rough"], options=options)
+    model = model_data(model_or_vehicle(found.save(tmp_path / "result")))
     assert model.covariance is not None
     assert model.covariance.names == ("Cmq",)
     assert model.covariance.covariance.shape == (1, 1)

@@ -3,26 +3,31 @@
 from __future__ import annotations
 
 import hashlib
+import json
 import os
 import shutil
 import struct
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 import stoop
-from stoop.errors import OutputError
+from stoop.errors import OutputError, StoopError
 from stoop.flight import Flight
 from stoop.results.result import read_result
 from stoop.vehicle import Vehicle, load_vehicle
 from stoop.vehicle.builtin import builtin_vehicle
 from stoop.vehicle.load import parse_vehicle
 from stoop.workflow import FittedModel
-from stoop.workflow.load import load
+from stoop.workflow.design import known_before
+from stoop.workflow.load import load, model_or_vehicle
 from stoop.workflow.outputs import (
+    ARCHIVES,
     check_folder,
     file_hashes,
     flight_file,
@@ -51,11 +56,9 @@ def test_writes_everything_reads_it_back_and_replaces_nothing_unasked(
 ) -> None:
     folder = job.save(tmp_path / "out")
     assert names(folder) == sorted(NAMES)
-    result = read_result(folder / "result.json")
-    assert result.parameters.keys() == job.result.parameters.keys()
-    again = load_vehicle(folder / "vehicle.toml")
-    for name, value in job.estimate.estimates.items():
-        assert again.value(name) == pytest.approx(value, rel=1e-9)
+    assert read_result(folder / "result.json").parameters.keys() == job.result.parameters.keys()
+    again, estimates = load_vehicle(folder / "vehicle.toml"), job.estimate.estimates
+    assert {name: again.value(name) for name in estimates} == pytest.approx(estimates, rel=1e-9)
     assert stoop.load_flight(folder / "flight.nc").time.size == job.flights[0].time.size
     before = (folder / "result.json").read_bytes()
     with pytest.raises(OutputError, match="--overwrite"):
@@ -87,16 +90,14 @@ def test_the_mark_of_a_whole_result_comes_last() -> None:
 
 
 def test_a_folder_is_checked_before_the_work(tmp_path: Path) -> None:
-    file = tmp_path / "file"
-    file.write_text("")
-    for wrong, flights, match in (
-        (file, ["sim"], "is a file"),
-        (Path("/proc/nowhere"), ["sim"], "cannot be written"),
+    (file := tmp_path / "file").write_text("")
+    for wrong, inputs, match in (
+        (file, [], "is a file"),
+        (Path("/proc/nowhere"), [], "cannot be written"),
+        (tmp_path, [tmp_path / "."], "is the log that this run reads; name another folder"),
     ):
         with pytest.raises(OutputError, match=match):
-            check_folder(wrong, flights)
-    with pytest.raises(OutputError, match="is the log that this run reads; name another folder"):
-        check_folder(tmp_path, ["flight"], inputs=[tmp_path / "."])
+            check_folder(wrong, ["sim"], inputs=inputs)
     for name in NAMES:
         (folder := tmp_path / f"of {name}").mkdir()
         mine = folder / name
@@ -117,8 +118,7 @@ def test_a_folder_is_checked_before_the_work(tmp_path: Path) -> None:
 
 
 def test_a_job_knows_what_it_has_read(job: FittedModel, tmp_path: Path) -> None:
-    mine = tmp_path / "vehicle.toml"
-    mine.write_text("mine")
+    (mine := tmp_path / "vehicle.toml").write_text("mine")
     with pytest.raises(OutputError, match="is read by this run"):
         replace(job, files=(mine,)).save(tmp_path, overwrite=True)
     assert mine.read_text() == "mine"
@@ -165,8 +165,7 @@ def test_flights_of_an_earlier_run_do_not_stand_beside_those_of_this_one(
     older = replace(job, flights=(flight, replace(flight, name="unused", data=flight.data)))
     folder = older.save(tmp_path / "result")
     assert [one.name for one in load(folder).flights] == [flight.name, "unused"]
-    mine = folder / "flight-mine.nc"
-    mine.write_text("mine")
+    (mine := folder / "flight-mine.nc").write_text("mine")
     replace(job, files=(mine,)).save(folder, overwrite=True)
     assert mine.read_text() == "mine", "an input"
     assert names(folder) == sorted([*NAMES, mine.name])
@@ -198,14 +197,10 @@ def test_a_written_estimate_stays_within_its_bounds() -> None:
     assert written.value("Cmq") == lower
 
 
-# From what a result was made.
-
-
-def digest(content: bytes) -> str:
-    return hashlib.sha256(content).hexdigest()
-
-
 def test_every_file_that_was_read(tmp_path: Path, aircraft: Vehicle, flight: Flight) -> None:
+    def digest(content: bytes) -> str:
+        return hashlib.sha256(content).hexdigest()
+
     files = ("log.csv", "log.csv.toml", "noise.csv")
     for name in files:
         (tmp_path / name).write_text(name)
@@ -213,10 +208,10 @@ def test_every_file_that_was_read(tmp_path: Path, aircraft: Vehicle, flight: Fli
     hashes = input_hashes(aircraft, {"log": read}, [tmp_path / "noise.csv"])
     own = {aircraft.where: digest(aircraft.text.encode())}
     assert hashes == own | {name: digest(name.encode()) for name in files}
-    for folder in ("a", "b"):
-        (tmp_path / folder).mkdir()
-        (tmp_path / folder / "m.toml").write_text(folder)
     paths = [tmp_path / folder / "m.toml" for folder in ("a", "b")]  # of one name
+    for path in paths:
+        path.parent.mkdir()
+        path.write_text(path.parent.name)
     assert file_hashes(paths) == {"m.toml": digest(b"a"), str(paths[1]): digest(b"b")}
 
 
@@ -231,3 +226,82 @@ def test_a_folder_is_what_is_read_of_it(tmp_path: Path, flight: Flight) -> None:
         (tmp_path / name).write_text("2")
         assert file_hashes([tmp_path]) != before, name
         before = file_hashes([tmp_path])
+
+
+#: place in result.json -> what is written there, what the complaint says
+EDITS: list[tuple[tuple[str | int, ...], Any, str]] = [
+    (("noise_covariance", "matrix", 0, 0), -1.0, "noise covariance that is not positive definite"),
+    (("parameters", "CLalpha", "estimate"), 1e200, "numbers out of range"),
+    (("parameters", "CLalpha", "std_error"), 1e-300, "numbers out of range"),
+    (("covariance", "matrix", 0, 1), None, "not symmetric, has holes or negative variances"),
+    (("parameters", "CLalpha", "estimate"), None, "has no estimate of CLalpha"),
+    (("covariance", "names", 0), "Nonsense", "covariance of other parameters"),
+    (("covariance", "names"), ["CLalpha"], "rows for"),
+    (("noise_covariance", "matrix"), [[1.0]], "has a covariance of 1 rows"),
+    (("maneuvers",), [], "no maneuver that was fitted"),
+    (("biases",), [{"maneuver": 9, "values": {}}], "maneuver that it does not name"),
+    *(
+        (("process_noise",), {"gain": "steady", "states": ["u"], "intensities": values, "share": share},
+         "process noise without positive intensities")
+        for values, share in (([], 0.0), ([-1.0], 0.0), ([None], 0.0), ([1.0], 2.0))
+    ),
+]  # fmt: skip
+
+
+def test_an_edited_result_is_one_line(folder: Path, tmp_path: Path) -> None:
+    copy = Path(shutil.copytree(folder, tmp_path / "r"))
+    whole = (folder / "result.json").read_text()
+    for (*place, last), value, says in EDITS:
+        result: Any = json.loads(whole)
+        inner = result
+        for key in place:
+            inner = inner[key]
+        inner[last] = value
+        (copy / "result.json").write_text(json.dumps(result))
+        for read in (load, model_or_vehicle):
+            with pytest.raises(StoopError, match=says) as caught:
+                read(copy)
+            assert "\n" not in str(caught.value)
+
+
+def test_damaged_and_missing_files_are_one_line(job: FittedModel, folder: Path, tmp_path: Path) -> None:
+    """Curves are columns of double precision; an estimate is that of the result beside it."""
+    with np.load(folder / "traces.npz") as file:
+        curves = dict(file)
+    for name, damage in (("flat", {"0.time": curves["0.time"][:, None]}),
+                         ("single", {k: x.astype(np.int8) for k, x in curves.items() if k.startswith("0.input")})):  # fmt: skip
+        np.savez(tmp_path / f"{name}.npz", **curves | damage)
+    flat, single = ((tmp_path / f"{name}.npz").read_bytes() for name in ("flat", "single"))
+    text, copy = (folder / "result.json").read_text(), tmp_path / "r"
+    for name, content, says in (
+        *((name, content, name) for name in ARCHIVES for content in (b"", b"PK\x03\x04 damaged")),
+        ("traces.npz", flat, "is no curve"),
+        ("traces.npz", single, "is no curve"),
+        ("result.json", None, "holds no result.json"),
+        ("vehicle.toml", None, "holds no vehicle.toml"),
+        (
+            "result.json",
+            text.replace('"CLalpha"', '"CLnonsense"').encode(),
+            "no number is called 'CLnonsense'",
+        ),
+    ):
+        shutil.copytree(folder, copy, dirs_exist_ok=True)
+        if content is None:
+            (copy / name).unlink()
+        else:
+            (copy / name).write_bytes(content)
+        with pytest.raises(StoopError, match=says) as said:
+            _ = load(copy).estimate
+        assert "\n" not in str(said.value)
+    parameters = {n: replace(p, estimate=1.01 * p.estimate) for n, p in job.parameters.items()}
+    mixed = replace(load(folder), result=replace(job.result, parameters=parameters))
+    with pytest.raises(StoopError, match=r"holds another fit than result\.json beside it"):
+        _ = mixed.estimate
+
+
+def test_a_design_asks_for_what_was_estimated(job: FittedModel, folder: Path) -> None:
+    """The file leaves free what --fix held: the design would chase it, and not what was asked for."""
+    free = {p.name: p for p in known_before(load(folder))[0].parameters if p.free}
+    estimated = job.result.parameters
+    assert set(free) == set(estimated)
+    assert all((free[n].lower, free[n].upper) == (p.bound_lower, p.bound_upper) for n, p in estimated.items())

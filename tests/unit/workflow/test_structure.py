@@ -11,17 +11,12 @@ import pytest
 from stoop.cli.main import main
 from stoop.errors import IdentificationError, TermError
 from stoop.estimate.regression.least_squares import FrequencyDomain
-from stoop.estimate.regression.structure import (
-    determine,
-    parse_candidates,
-    standard_candidates,
-    stepwise,
-)
+from stoop.estimate.regression.structure import determine, parse_candidates, standard_candidates, stepwise
 from stoop.flight import Flight, save
 from stoop.problem.windows import Window
 from stoop.simulation import trim
 from stoop.simulation.fly import simulate_flight
-from stoop.simulation.maneuver import parse_maneuver
+from stoop.simulation.maneuver import Maneuver
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop.vehicle.load import load_vehicle, parse_vehicle
@@ -29,19 +24,7 @@ from stoop.vehicle.terms import parameter_name
 from stoop.workflow.structure import FILES, structure
 
 BAND = FrequencyDomain(0.04, 1.5)
-MANEUVER = """
-duration = 60.0
-rate = 50.0
-[[input]]
-control = "elevator"
-shape = "multisine"
-start = 0.0
-duration = 60.0
-amplitude = 0.2
-band = 1.2
-first = 6
-"""
-NOISE = "[noise]\nV = 0.1\nalpha = 0.002\nq = 0.005\ntheta = 0.005\nax = 0.03\naz = 0.03\n"
+NOISE = {"V": 0.1, "alpha": 0.002, "q": 0.005, "theta": 0.005, "ax": 0.03, "az": 0.03}
 
 
 @pytest.fixture(scope="module")
@@ -49,11 +32,12 @@ def aircraft() -> Vehicle:
     """A longitudinal aircraft whose pitching moment is curved; alpha counts from its trim."""
     base = resolve_vehicle("twin-boom")
     level = trim(base, None, 200.0).start["alpha"]
-    text = base.text.replace("alpha = 0.0", f"alpha = {level:.4f}").replace(
-        "Cm0 = 0.194", "Cm0 = -0.0235 # at trim"
-    )
-    text = text.replace("CL0 = 0.385", "CL0 = 0.876").replace("CD0 = 0.06", "CD0 = 0.104")
-    text = text.replace("CmV = 0.0", 'CmV = 0.0\nCmcurve = { term = "alpha^2", value = -4.0 }')
+    text = base.text
+    for old, new in (
+        ("alpha = 0.0", f"alpha = {level:.4f}"), ("Cm0 = 0.194", "Cm0 = -0.0235 # at trim"), ("CL0 = 0.385", "CL0 = 0.876"),
+        ("CD0 = 0.06", "CD0 = 0.104"), ("CmV = 0.0", 'CmV = 0.0\nCmcurve = { term = "alpha^2", value = -4.0 }'),
+    ):  # fmt: skip
+        text = text.replace(old, new)
     vehicle = parse_vehicle(text, "curved").reduced("longitudinal")
     thrust = trim(vehicle, None, 200.0).changes["propulsion.thrust"]
     return vehicle.with_numbers({"propulsion.thrust": {"value": thrust}})
@@ -61,7 +45,15 @@ def aircraft() -> Vehicle:
 
 @pytest.fixture(scope="module")
 def flight(aircraft: Vehicle) -> Flight:
-    return simulate_flight(aircraft, parse_maneuver(MANEUVER + NOISE, "test"), seed=1, name="sim")
+    return flown(aircraft, NOISE, 1)
+
+
+def flown(vehicle: Vehicle, noise: dict[str, float], seed: int) -> Flight:
+    """Return 60 s of a multisine of the elevator."""
+    shape = {"control": "elevator", "shape": "multisine", "start": 0.0, "duration": 60.0}
+    table = shape | {"amplitude": 0.2, "band": 1.2, "first": 6}
+    maneuver = Maneuver.model_validate({"duration": 60.0, "rate": 50.0, "input": [table], "noise": noise})
+    return simulate_flight(vehicle, maneuver, seed, name="sim")
 
 
 def ignorant(aircraft: Vehicle) -> Vehicle:
@@ -117,10 +109,8 @@ def test_short_windows_and_candidates_of_another_model_are_refused(aircraft: Veh
 
 def test_lines_of_candidates(aircraft: Vehicle) -> None:
     lines = ["# what we think", "Cm: alpha, q,elevator , alpha", "", "CL: alpha^2 # curved"]
-    assert parse_candidates(lines, aircraft, "c.txt") == {
-        "Cm": ("alpha", "q", "elevator"),
-        "CL": ("alpha^2",),
-    }
+    found = {"Cm": ("alpha", "q", "elevator"), "CL": ("alpha^2",)}
+    assert parse_candidates(lines, aircraft, "c.txt") == found
     for line, error, words in (
         ("alpha, q", IdentificationError, "write a line per coefficient"),
         ("CX: alpha", IdentificationError, "write a line per coefficient"),
@@ -145,7 +135,7 @@ def test_the_verb_writes_what_identify_takes(
     source, log, out = tmp_path / "v.toml", tmp_path / "sim.nc", tmp_path / "out"
     source.write_text(ignorant(aircraft).text, encoding="utf-8")
     save(flight, log)
-    words = ["structure", str(source), str(log), "--maneuver", "0:60", "--band", "0.04:1.5", "-o", str(out)]
+    words = f"structure {source} {log} --maneuver 0:60 --band 0.04:1.5 -o {out}".split()
     assert main(words) == 0
     assert "next: stoop identify" in capsys.readouterr().out
     assert sorted(p.name for p in out.iterdir()) == sorted(FILES)
@@ -155,24 +145,15 @@ def test_the_verb_writes_what_identify_takes(
     assert load_vehicle(out / "vehicle.toml").reduce == "longitudinal"
     assert main(words) == 2
     assert "--overwrite" in capsys.readouterr().err
-    fitted = [
-        "identify", str(log), "--vehicle", str(out / "vehicle.toml"), "--maneuver", "0:60", "--method",
-        "frequency-domain", "-o", str(tmp_path / "result"),
-    ]  # fmt: skip
-    assert main(fitted) == 0
+    fitted = f"identify {log} --vehicle {out / 'vehicle.toml'} --maneuver 0:60 --method frequency-domain"
+    assert main([*fitted.split(), "-o", str(tmp_path / "result")]) == 0
     assert "Cmalpha2" in capsys.readouterr().out
 
 
-def weak_lift(aircraft: Vehicle) -> tuple[Vehicle, Flight]:
-    """Return an aircraft whose CLq is too weak for the criterion, in the noise of a short flight."""
-    vehicle = aircraft.with_numbers({"CLq": {"value": 5.0}})
-    noise = "[noise]\nV = 0.2\nalpha = 0.004\nq = 0.01\ntheta = 0.01\nax = 0.3\naz = 0.3\n"
-    flight = simulate_flight(vehicle, parse_maneuver(MANEUVER + noise, "test"), seed=4, name="sim")
-    return vehicle, flight
-
-
 def test_what_is_left_out_and_biases_its_neighbors_is_said_and_can_be_kept(aircraft: Vehicle) -> None:
-    vehicle, flight = weak_lift(aircraft)
+    """CLq is too weak for the criterion in this noise."""
+    vehicle = aircraft.with_numbers({"CLq": {"value": 5.0}})
+    flight = flown(vehicle, {"V": 0.2, "alpha": 0.004, "q": 0.01, "theta": 0.01, "ax": 0.3, "az": 0.3}, 4)
     candidates = {"CL": ("alpha", "q", "elevator")}
     plain = structure(vehicle, {"sim": flight}, ["0:60"], candidates, stepwise, BAND)
     (told,) = [n for n in plain.structure.chosen["CL"].notices if n.code == "term-left-out"]
