@@ -56,13 +56,13 @@ def test_fields_of_a_number() -> None:
     text = numbers.edited(text, {"environment.gravity": {"value": 9.81}, "CLalpha": {"low": None}})
     assert parameter(text, "environment.gravity").value == 9.81
     assert parameter(text, "CLalpha").lower <= -1e30
-    for wrong in (
-        {"CLalpha": {"low": 7.0, "high": 6.0}},
-        {"CLalpha": {"value": "x"}},
-        {"none": {"value": 1.0}},
+    for name, wrong in (
+        ("CLalpha", {"low": 7.0, "high": 6.0}),
+        ("CLalpha", {"value": "x"}),
+        ("none", {"value": 1.0}),
     ):
         with pytest.raises(VehicleError):
-            numbers.edited(VTAIL, wrong)
+            numbers.edited(VTAIL, {name: wrong})
     for name in ("mass.mass", "Cmalpharudder"):  # also where the file lacks it
         assert parameter(numbers.freed(VTAIL, name), name).free
     with pytest.raises(VehicleError, match="no number"):
@@ -89,11 +89,7 @@ def test_a_vehicle_is_not_replaced_unseen(tmp_path: Path) -> None:
         project.save_vehicle(VTAIL, mine)
     project.take_vehicle(builtin_text("quad-x"))
     assert parameter((project.root / "vehicle-1.toml").read_text("utf-8"), "CL0").value == 0.4
-    late, early = (
-        Entry(flight="f", start=a, stop=b, use=use)
-        for a, b, use in ((5.0, 6.0, "fit"), (1.0, 2.0, "validate"))
-    )
-    project.save_windows([late, early])
+    project.save_windows([Entry(flight="f", start=a, stop=a + 1.0) for a in (5.0, 1.0)])
     assert [w.start for w in project.windows] == [1.0, 5.0]
 
 
@@ -140,9 +136,6 @@ def test_a_process_that_the_app_did_not_start_is_never_stopped(
     assert killed == [(4343, signal.SIGINT)]
 
 
-# The columns of a log.
-
-
 def row_of(rows: list[columns.Row], column: str) -> columns.Row:
     return next(row for row in rows if row.column == column)
 
@@ -178,10 +171,8 @@ def test_every_column_has_a_row_and_edits_are_written_into_their_lines(table: Pa
     assert [line for line in changed.splitlines() if line in kept] == kept
     back = edited(changed, [(rate, {"scale": 1.0}), (found, {"unit": "rad"})])
     assert row_of(rows_of(back, listed), "gyro_x").scale == 1.0
-    assert (row_of(rows_of(back, listed), "stick").unit, row_of(rows_of(back, listed), "stick").scale) == (
-        "rad",
-        -2.0,
-    )
+    found = row_of(rows_of(back, listed), "stick")
+    assert (found.unit, found.scale) == ("rad", -2.0)
     swapped = edited(text, [(p, {"variable": "q"}), (q, {"variable": "p"})])
     assert row_of(rows_of(swapped, listed), "gyro_x").variable == "q"
 
@@ -193,10 +184,8 @@ def test_each_variable_offers_units_of_its_kind() -> None:
         assert columns.meaning(name).startswith(f"{name}: ")
 
 
-# Who may ask: this machine, with the secret, from the app's own page; and for what.
-
-
 def test_the_gate() -> None:
+    """Who may ask: this machine, with the secret, from the app's own page."""
     gate = server.Gate(None, "secret", 5010)
     own = "http://127.0.0.1:5010"
     for path, host, origins, passes in (

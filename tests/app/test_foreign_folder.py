@@ -185,13 +185,8 @@ def test_a_progress_file_of_any_type_is_one_line(tmp_path: Path) -> None:
     step(root, "runs/001", "stoop identify log.csv", {})
     view = FitView(Project(root), lambda _: None)
     view._chosen, view._detail = "runs/001", ("runs/001", "running")
-    contents = (
-        "[1]",
-        '{"work": 3}',
-        '{"work": "x", "costs": 3}',
-        '{"work": "x", "costs": [], "curves": [3]}',
-    )
-    for i, text in enumerate(contents):
+    empty = '{"work": "x", "costs": '
+    for i, text in enumerate(("[1]", '{"work": 3}', f"{empty}3}}", f'{empty}[], "curves": [3]}}')):
         (root / "runs/001/progress.json").write_text(text)
         os.utime(root / "runs/001/progress.json", ns=(i + 1, i + 1))
         with pytest.raises(StoopError, match="is not as stoop writes it"):

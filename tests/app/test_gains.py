@@ -9,11 +9,10 @@ from pathlib import Path
 import pytest
 from unit.cli.test_tune import FLOWN, moved_by_commands
 
-from app.conftest import ended as step_ended
+from app.conftest import ended
 from stoop.app import steps
 from stoop.app.folder import Project
 from stoop.app.gains_view import GainsView
-from stoop.app.steps import Step
 from stoop.cli.main import main
 from stoop.errors import StoopError
 from stoop.exporters.flight_logs import save_flight_as
@@ -45,11 +44,6 @@ def project(flown: Path, tmp_path: Path) -> Project:
     return Project(Path(shutil.copytree(flown / "project", tmp_path / "project")))
 
 
-def ended(project: Project, kind: str) -> Step:
-    """Return the last step of a kind, when it has ended."""
-    return step_ended(project.latest(kind))
-
-
 def write(project: Project, name: str, values: dict[str, float]) -> None:
     (project.root / name).write_text("".join(f"{n} {x}\n" for n, x in values.items()), "utf-8")
 
@@ -65,13 +59,9 @@ def text_of(view: GainsView) -> str:
     return "\n".join(str(pane.object) for pane in view.panel.select() if hasattr(pane, "object"))
 
 
-def files_of(project: Project) -> list[Path]:
-    return [p for step in project.steps("gains") for p in step.files]
-
-
 def test_a_log_without_parameters_takes_those_of_a_file(project: Project, flown: Path) -> None:
     project.open_log(flown / "bare.ulg")
-    ended(project, "info")
+    ended(project.latest("info"))
     view = view_of(project)
     assert view._judge.disabled
     assert "The log holds no parameters of an autopilot whose law is known. Send a file" in text_of(view)
@@ -87,19 +77,6 @@ def test_a_log_without_parameters_takes_those_of_a_file(project: Project, flown:
     assert "elsewhere.params" not in view_of(project)._gains.options
 
 
-def test_gains_that_cannot_be_judged_are_one_line(project: Project) -> None:
-    write(project, "own.params", FLOWN | {"FW_PR_P": 200.0})
-    view = view_of(project)
-    view._start(False)
-    ended(project, "gains")
-    view.refresh()
-    shown = text_of(view)
-    assert "are unstable with these gains" in shown
-    assert shown.count('class="error"') == 1
-    assert "Propose gains" not in str(view.panel), "nothing is proposed before gains are judged"
-    assert files_of(project) == []
-
-
 def test_a_model_not_for_control_is_judged_and_writes_only_when_told_to(
     project: Project, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -107,7 +84,7 @@ def test_a_model_not_for_control_is_judged_and_writes_only_when_told_to(
     view = view_of(project)
     view._model.value = "runs/001"
     view._start(False)
-    assert ended(project, "gains").state == "done"
+    assert ended(project.latest("gains")).state == "done"
     view.refresh()
     assert "Gains that flew" in text_of(view)
     write(project, "own.params", FLOWN | {"FW_PR_P": 0.7})
@@ -116,13 +93,14 @@ def test_a_model_not_for_control_is_judged_and_writes_only_when_told_to(
     write(project, "own.params", FLOWN)
     view.refresh()
     view._start(True)
-    assert ended(project, "gains").state == "failed"
+    assert ended(project.latest("gains")).state == "failed"
     view.refresh()
     shown = text_of(view)
     assert shown.count('class="error"') == 1
     assert "No file of gains was written." in shown
     assert "anyway" not in shown.partition("<details")[0]
-    assert [p.name for p in files_of(project)] == ["tuning.html"], "of the gains that flew"
+    written = [p.name for step in project.steps("gains") for p in step.files]
+    assert written == ["tuning.html"], "of the gains that flew"
     given: list[str] = []
     monkeypatch.setattr(Project, "start", lambda self, kind, words: given.extend(words("gains/003")))
     view.refresh()  # the button of the refusal takes the next start

@@ -1,7 +1,8 @@
-"""Two tabs, a closed browser, a killed server: nothing that was shown as saved is lost."""
+"""The whole path in a browser; two tabs, a closed browser, a killed server: nothing that was shown as saved is lost."""
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import signal
@@ -12,7 +13,7 @@ from playwright.sync_api import expect
 
 from stoop.app.folder import Project
 from stoop.app.steps import PROCESS
-from stoop.vehicle.builtin import builtin_text
+from stoop.input_design.windows_file import read_windows
 from stoop.vehicle.load import load_vehicle
 
 
@@ -76,7 +77,6 @@ def test_wrong_windows_and_values_and_a_vehicle_that_cannot_be_trimmed(app, tab,
     page.click("Save")
     page.wait("are reversed or empty")
     page.click("Discard edits")
-    page.wait("The form shows the file again")
     expect(page.cell("mass.mass", "low")).not_to_have_text("9")
     page.edit("mass.mass", "2.2")
     page.click("Save")
@@ -86,11 +86,6 @@ def test_wrong_windows_and_values_and_a_vehicle_that_cannot_be_trimmed(app, tab,
     text = (quadrotor / "vehicle.toml").read_text("utf-8")
     Project(quadrotor).take_vehicle(text.replace("mass = 2.2", "mass = 900.0"))
     page.wait("at full command the rotors lift")  # a file that was edited elsewhere, and cannot be used
-    slow = re.sub(r"^airspeed = .*$", "airspeed = 4.0", builtin_text("twin-boom"), flags=re.MULTILINE)
-    Project(quadrotor).take_vehicle(slow)
-    page.wait("Twin-boom UAV")
-    page.click("Check by trim")
-    page.wait("no steady flight")
 
 
 def test_a_killed_server_and_a_closed_browser_lose_no_run(app, tab, quadrotor: Path) -> None:
@@ -124,3 +119,76 @@ def test_a_killed_server_and_a_closed_browser_lose_no_run(app, tab, quadrotor: P
     page.wait("runs/001 · done")
     page.wait("interrupted")
     assert [step.state for step in Project(quadrotor).steps("runs")] == ["done", "failed"]
+
+
+def test_from_a_sent_log_to_an_export(app, tab, hover: Path) -> None:
+    running = app()
+    page = tab(running)
+    page.wait("Drop a flight log here")
+    page.page.locator("input[type=file]").first.set_input_files(hover)
+    page.wait("Next: the vehicle")
+    assert (running.folder / "logs" / "hover.ulg").read_bytes() == hover.read_bytes()
+
+    # What a fit lacks is said, and it cannot be run.
+    page.click("5 Fit")
+    page.wait("Choose a vehicle first")
+    assert page.page.locator("button", has_text="Run the fit").first.is_disabled()
+
+    # Windows are brushed on the plot.
+    page.click("4 Windows")
+    page.wait("Drag across the strips")
+    strip = page.page.locator(".bk-Figure").first
+    strip.wait_for()
+    page.click("theta")  # hides a curve
+    page.page.locator("button:not(.bk-active)").get_by_text("theta", exact=True).wait_for()
+    brushed = ((0.10, 0.30, "Fit"), (0.40, 0.62, "Fit"), (0.72, 0.95, "Predict"))
+    for number, (first, last, use) in enumerate(brushed):
+        box, mouse = page.settled(strip), page.page.mouse
+        mouse.move(box["x"] + first * box["width"], box["y"] + 60)
+        mouse.down()
+        mouse.move(box["x"] + last * box["width"], box["y"] + 60, steps=8)
+        mouse.up()
+        page.click(use)
+        page.page.get_by_text("brushed").nth(number).wait_for()
+    saved = running.folder / "windows.toml"
+    while not saved.exists() or [w.use for w in read_windows(saved)] != ["fit", "fit", "validate"]:
+        page.page.wait_for_timeout(20)  # the page shows it before it is saved
+    windows = read_windows(saved)
+    assert 0.0 < windows[0].start < 2.0 < windows[0].stop < 4.0
+    assert windows[1].start < 5.5 < windows[1].stop < 8.5 < windows[2].stop < 12.0
+
+    # A vehicle of the package, one number edited in the form.
+    page.click("3 Vehicle")
+    page.click("quad-x")
+    page.wait("Quadrotor X, 1.5 kg is now vehicle.toml: look at its numbers")
+    page.page.locator(".tabulator-row").first.wait_for()
+    page.page.wait_for_function("window.scrollY === 0")
+    page.click("5 Fit")
+    page.page.get_by_label("method").select_option("equation-error")
+    page.click("Run the fit")
+    page.page.frame_locator("iframe").get_by_text("identification report").first.wait_for()
+
+    # Stop keeps the best so far.
+    page.page.get_by_label("method").select_option("multiple-shooting")
+    page.click("Run the fit")
+    page.wait("cost ")
+    page.page.locator(".curves path.simulated").first.wait_for()
+    page.click("Stop")
+    page.wait("multiple-shooting, interrupted")
+    result = json.loads((running.folder / "runs" / "002" / "result.json").read_text("utf-8"))
+    assert (result["status"], bool(result["parameters"])) == ("interrupted", True)
+    # Side by side.
+    page.click("6 Compare")
+    compared = page.page.frame_locator("iframe")
+    for text in ("Apart, σ", "Theil's inequality coefficient", "Windows and channels that both runs hold"):
+        compared.get_by_text(text).first.wait_for()
+    assert any(row.count("±") == 2 for row in compared.locator("tr").all_inner_texts())
+    assert compared.locator(".strips").count() > 9
+    page.click("7 Use")
+    page.page.get_by_label("export to").select_option("state space (A, B, C, D)")
+    page.click("Export")
+    link = page.page.get_by_role("link").first
+    link.wait_for()
+    with page.page.expect_download() as download:
+        link.click()
+    assert Path(download.value.path()).stat().st_size > 0
