@@ -114,9 +114,7 @@ def test_a_log_outside_the_folder_is_read_only_when_the_person_has_opened_it(tmp
 
 @pytest.mark.skipif(os.name != "posix", reason="locks and groups of processes as POSIX has them")
 @pytest.mark.usefixtures("nothing_starts")
-def test_a_process_that_the_app_did_not_start_is_never_stopped(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_process_of_others_is_never_stopped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     import fcntl
 
     (run := tmp_path / "runs" / "001").mkdir(parents=True)

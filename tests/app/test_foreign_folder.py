@@ -163,9 +163,7 @@ FOLDERS: dict[str, Callable[[Path], object]] = {
 }  # fmt: skip
 
 
-def test_a_file_of_any_content_is_one_line_on_the_page(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_a_file_of_any_content_is_one_line(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     for i, (kind, make) in enumerate(FOLDERS.items()):
         root = surroundings(tmp_path / str(i))
         if "app.toml" not in kind:

@@ -77,7 +77,7 @@ def test_a_log_without_parameters_takes_those_of_a_file(project: Project, flown:
     assert "elsewhere.params" not in view_of(project)._gains.options
 
 
-def test_a_model_not_for_control_is_judged_and_writes_only_when_told_to(
+def test_a_model_not_for_control_writes_when_told_to(
     project: Project, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     write(project, "own.params", FLOWN)

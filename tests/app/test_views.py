@@ -96,9 +96,7 @@ def test_fields_show_the_table_of_verbs_and_give_words_of_a_command_or_none() ->
             parts.given(amplitude, smuggled)
 
 
-def test_a_full_disk_and_a_window_that_was_changed_elsewhere_are_said(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_full_disk_and_a_window_changed_elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     project = Project(tmp_path)
     project.take_vehicle(builtin_text("quad-x"))
     first, other = (Entry(flight="f", start=1.0, stop=stop) for stop in (2.0, 3.0))
@@ -121,7 +119,7 @@ def test_a_full_disk_and_a_window_that_was_changed_elsewhere_are_said(
     assert project.vehicle == before
 
 
-def test_what_the_command_refuses(
+def test_refusals(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "file").write_text("")
@@ -189,9 +187,7 @@ def test_a_log_that_cannot_be_read_leaves_the_present_one_in_place(quadrotor: Pa
     assert [w.flight for w in project.windows] == ["other"]
 
 
-def test_corrections_are_taken_once_and_a_mapping_that_an_editor_changed_is_read(
-    table: Path, tmp_path: Path
-) -> None:
+def test_corrections_are_taken_once_and_a_changed_mapping_is_read(table: Path, tmp_path: Path) -> None:
     project = Project(tmp_path / "project")
     project.open_log(table)
     settled(project)

@@ -151,9 +151,7 @@ def test_a_marked_window_stands_there_to_be_copied_and_its_table_holds_the_data(
         )
 
 
-def test_print_and_a_browser_without_scripts_show_stills(
-    browser: Browser, made: tuple[Path, Model], seen: Seen
-) -> None:
+def test_print_and_no_scripts_show_stills(browser: Browser, made: tuple[Path, Model], seen: Seen) -> None:
     seen.page.emulate_media(media="print")
     still, strips = seen.page.locator(".still").first, seen.page.locator(".strips").first
     assert still.is_visible()
@@ -164,9 +162,7 @@ def test_print_and_a_browser_without_scripts_show_stills(
     plain.page.close()
 
 
-def test_a_page_is_no_wider_than_the_screen_and_dark_where_that_is_wished(
-    browser: Browser, made: tuple[Path, Model]
-) -> None:
+def test_a_page_is_no_wider_than_the_screen_and_dark(browser: Browser, made: tuple[Path, Model]) -> None:
     seen = opened(browser, made, color_scheme="dark")
     for width in (420, 1280):
         seen.page.set_viewport_size({"width": width, "height": 900})

@@ -33,6 +33,13 @@ PRINTED = {
 }
 
 
+@pytest.fixture
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Return the empty folder in which commands run."""
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
 def alike(shown: str, printed: str) -> bool:
     """Return whether texts are the same but for the rounding of numbers."""
     a, b = shown.split(), printed.split()
@@ -87,28 +94,22 @@ def test_models_fly_in_a_simulator_of_others_as_the_page_says(page: str, tmp_pat
     assert max(map(float, found)) < 1e-3
 
 
-def test_the_page_of_fleets(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_page_of_fleets(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Its code makes the tables, its command prints what is shown, and all queries name the weak propeller first."""
-    monkeypatch.chdir(tmp_path)
     page = DOCS / "fleet.md"
-    run_python(page, tmp_path)
+    run_python(page, here)
     assert main(blocks(page, "text")[0].splitlines()[1].split()[1:]) == 3
     printed, shown = capsys.readouterr().out, blocks(page, "text")[1]
     assert NUMBER.sub("#", printed) == NUMBER.sub("#", shown)
-    assert run_python(page, tmp_path, 2).startswith("drone-3 thrust -0.04")
+    assert run_python(page, here, 2).startswith("drone-3 thrust -0.04")
     for query in (3, 4, 5):  # in pandas, Polars and DuckDB
-        vehicles = re.findall(r"^.*?(drone-\d)", run_python(page, tmp_path, query), re.MULTILINE)
+        vehicles = re.findall(r"^.*?(drone-\d)", run_python(page, here, query), re.MULTILINE)
         assert len(set(vehicles)) == 8, query
         assert vehicles[0] == "drone-3", query
 
 
-def test_the_made_up_fleet(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_made_up_fleet(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Through whole logs: no alarm where nothing changed; a weak rotor is the first alarm, with its part and size."""
-    monkeypatch.chdir(tmp_path)
     (made,) = blocks(DOCS / "fleet.md", "toml")
     text = next(text for text in blocks(DOCS / "fleet.md", "text") if text.startswith("stoop simulate"))
     simulate, fleet = (line.split() for line in text.splitlines())
@@ -127,11 +128,8 @@ def test_the_made_up_fleet(
     assert abs(first.size - share) < 3.0 * first.std_error
 
 
-def test_frequency_page_runs(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_frequency_page_runs(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """From a log to a Bode plot: figures of flight and model are those of the page."""
-    monkeypatch.chdir(tmp_path)
     page = DOCS / "frequency.md"
     Path("sweep.toml").write_text(blocks(page, "toml")[0], encoding="utf-8")
     for command in commands(page):
@@ -145,7 +143,7 @@ def test_frequency_page_runs(
             found, shown = (re.findall(r"[\d.]+", text) for text in (line[1], cell))
             assert [float(x) for x in found] == pytest.approx([float(x) for x in shown], rel=0.05)
     assert "<svg" in Path("frequency.html").read_text(encoding="utf-8")
-    assert run_python(page, tmp_path) == blocks(page, "text")[0]
+    assert run_python(page, here) == blocks(page, "text")[0]
 
 
 def missing(block: str, printed: str) -> Iterator[str]:
@@ -158,11 +156,10 @@ def missing(block: str, printed: str) -> Iterator[str]:
 
 @pytest.mark.parametrize("name", LOG_PAGES)
 def test_the_page_of_a_log_does_what_it_says(
-    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    name: str, here: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """From log to model in five steps: the page's own commands, on a log that they make, print what it shows."""
-    (tmp_path / "examples").symlink_to(ROOT / "examples")
-    monkeypatch.chdir(tmp_path)
+    (here / "examples").symlink_to(ROOT / "examples")
     printed = ""
     for language, block in fences(DOCS / f"{name}.md"):
         if language in ("toml", "ini") and (file := NAMED.match(block)):
@@ -175,7 +172,7 @@ def test_the_page_of_a_log_does_what_it_says(
             assert list(missing(block, printed)) == [], f"{name}:\n{printed}"
             printed = ""
     if name != "other-logs":
-        log = next(file for file in tmp_path.glob("flight.*") if file.suffix != ".toml")
+        log = next(file for file in here.glob("flight.*") if file.suffix != ".toml")
         assert {"motor_1", "elevator"} & set(map(str, load(log).data))
 
 

@@ -13,6 +13,7 @@ import pytest
 from stoop.cli.main import main
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
+Cli, Done, Refused = Callable[..., tuple[int, str, str]], Callable[..., str], Callable[..., str]
 
 
 class Answer(NamedTuple):
@@ -62,21 +63,25 @@ def done(cli: Callable[..., Answer]) -> Callable[..., str]:
 
 
 @pytest.fixture
-def refused(
-    cli: Callable[..., Answer], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> Callable[..., str]:
-    """Return what runs a command in an empty folder and gives its one line of complaint; every file stays as it was."""
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Return the empty folder in which commands run."""
     monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.fixture
+def refused(cli: Cli, here: Path) -> Refused:
+    """Return what runs a command in an empty folder and gives its one line of complaint; every file stays as it was."""
 
     def run(command: str | Sequence[object]) -> str:
-        before = contents(tmp_path)
+        before = contents(here)
         code, out, err = cli(command)
         assert code == 2, command
         *progress, line = err.removesuffix("\n").split("\n")
         assert line.startswith("stoop: error: "), err
         assert all(one.isprintable() for one in (*progress, line, *out.split("\n")))
         assert not any("rror" in one for one in progress), err
-        assert contents(tmp_path) == before, command
+        assert contents(here) == before, command
         return f"{line}\n{out}"
 
     return run

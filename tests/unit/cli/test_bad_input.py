@@ -8,11 +8,12 @@ import re
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from importlib.resources import files
 from pathlib import Path
 
 import pytest
+from unit.cli.conftest import Cli, Refused
 
 TWIN_BOOM = (files("stoop.data") / "twin_boom.toml").read_text()
 MANEUVER = (Path(__file__).parents[3] / "examples" / "maneuver_3211.toml").read_text()
@@ -24,7 +25,6 @@ unit = "s"
 q = { column = "q", unit = "rad/s" }
 theta = { column = "theta", unit = "rad" }
 """
-Refused = Callable[..., str]
 
 
 #: name -> content, what the complaint of `stoop info` says
@@ -85,9 +85,7 @@ OUTPUTS = {
 
 
 @pytest.mark.parametrize(("command", "name", "old", "new", "complaint"), SPOILED)
-def test_a_file_with_a_mistake(
-    command: str, name: str, old: str, new: str, complaint: str, refused: Refused
-) -> None:
+def test_mistakes(command: str, name: str, old: str, new: str, complaint: str, refused: Refused) -> None:
     rows = (f"{0.01 * i},{0.1 * math.cos(0.02 * i)},{math.sin(0.02 * i)}" for i in range(500))
     table = "\n".join(["t,q,theta", *rows, ""])
     good = {"v.toml": TWIN_BOOM, "m.toml": MANEUVER, "log.csv": table, "columns.toml": MAPPING}
@@ -291,7 +289,7 @@ def test_fits(refused: Refused, flight_file: Path) -> None:
     assert "--overwrite" in refused("identify flight.nc --vehicle v.toml --maneuver 0:20 -o old")
 
 
-def test_names_in_a_vehicle_file_are_text(refused: Refused, cli: Callable[..., tuple[int, str, str]]) -> None:
+def test_names_in_a_vehicle_file_are_text(refused: Refused, cli: Cli) -> None:
     for name in ("[bold red]x[/] \x1b[31m", "two\\nlines", "\u202ereversed"):
         quoted = name.replace("\x1b", "\\u001b")
         Path("v.toml").write_text(TWIN_BOOM.replace('name = "Twin-boom', f'name = "{quoted}'), "utf-8")

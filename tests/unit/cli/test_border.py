@@ -7,7 +7,7 @@ import io
 import re
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -15,6 +15,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from rich.console import Console
 from rich.text import Text
+from unit.cli.conftest import Cli
 
 import stoop
 import stoop_studies
@@ -161,9 +162,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory, examples: Path) -> Path:
         ("fleet @fleet.csv -o @fleet", 3),
     ],
 )
-def test_a_verb_prints_nasty_texts(
-    command: str, expected: int, folder: Path, cli: Callable[..., tuple[int, str, str]]
-) -> None:
+def test_a_verb_prints_nasty_texts(command: str, expected: int, folder: Path, cli: Cli) -> None:
     words = [str(folder / word[1:]) if word.startswith("@") else word for word in command.split()]
     code, out, err = cli(words)
     assert out + err

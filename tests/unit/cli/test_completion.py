@@ -6,11 +6,11 @@ import argparse
 import os
 import shutil
 import subprocess
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 import shtab
+from unit.cli.conftest import Cli
 
 from stoop.base.verbs import verbs
 from stoop.cli.completion import all_parsers
@@ -117,6 +117,6 @@ def test_every_argument_that_takes_a_path_completes_it_and_no_name_holds_a_colon
     assert not [a.metavar for a in every if ":" in (a.metavar or "")]
 
 
-def test_a_script_is_printed_as_it_is(scripts: Path, cli: Callable[..., tuple[int, str, str]]) -> None:
+def test_a_script_is_printed_as_it_is(scripts: Path, cli: Cli) -> None:
     for shell in SHELLS:
         assert cli(["completion", shell]) == (0, (scripts / shell).read_text("utf-8"), "")

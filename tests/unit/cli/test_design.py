@@ -5,11 +5,11 @@ from __future__ import annotations
 import json
 import re
 import shlex
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
+from unit.cli.conftest import Cli, Done
 
 from stoop.cli.main import main, parser_for
 from stoop.exporters.targets import flown_by
@@ -20,7 +20,6 @@ from stoop.workflow.design import DESIGN_FILES, known_before, maneuver_toml
 QUICK = shlex.split(
     "design twin-boom --duration 6 --evaluations 8 --shape square 3-2-1-1 --fix CLV CDV CmV CQV -o"
 )
-Cli = Callable[..., tuple[int, str, str]]
 
 
 @pytest.fixture(scope="module")
@@ -50,9 +49,7 @@ def test_writes_what_it_says(folder: Path) -> None:
     assert (folder / "design.json").read_bytes() == before
 
 
-def test_the_maneuver_is_what_the_table_says_and_can_be_flown(
-    folder: Path, tmp_path: Path, done: Callable[..., str]
-) -> None:
+def test_the_maneuver_is_that_of_the_table_and_can_be_flown(folder: Path, tmp_path: Path, done: Done) -> None:
     maneuver = load_maneuver(folder / "maneuver.toml")
     head, *rows = (folder / "maneuver.csv").read_text().splitlines()
     assert head == "time_s,elevator_rad,aileron_rad,rudder_rad"
@@ -80,9 +77,7 @@ def test_an_option_given_twice_counts_twice() -> None:
     assert parser_for(words).parse_args(words).amplitude == ["elevator=3", "rudder=5"]
 
 
-def test_ctrl_c_ends_all_families_and_writes_nothing(
-    tmp_path: Path, cli: Cli, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_ctrl_c_ends_all_families(tmp_path: Path, cli: Cli, monkeypatch: pytest.MonkeyPatch) -> None:
     def stop(setup: object, plan: object, family: str, callback: object) -> None:
         print(family)
         raise KeyboardInterrupt
@@ -93,7 +88,7 @@ def test_ctrl_c_ends_all_families_and_writes_nothing(
     assert not (tmp_path / "out").exists()
 
 
-def test_files_for_an_autopilot(tmp_path: Path, done: Callable[..., str]) -> None:
+def test_files_for_an_autopilot(tmp_path: Path, done: Done) -> None:
     out = tmp_path / "next"
     throws = ["--throw", "elevator=25", "aileron=20", "rudder=30"]
     assert "fly_px4.py" in done([*QUICK, out, "--for", "px4", *throws])
@@ -105,7 +100,7 @@ def test_files_for_an_autopilot(tmp_path: Path, done: Callable[..., str]) -> Non
     assert names(out) == {*DESIGN_FILES, "maneuver.lua", "ardupilot.param"}, "files of the first target go"
 
 
-def test_files_of_the_textbook_where_no_design_is_better(tmp_path: Path, done: Callable[..., str]) -> None:
+def test_files_of_the_textbook_where_no_design_is_better(tmp_path: Path, done: Done) -> None:
     out = tmp_path / "next"
     said = done(f"design twin-boom --duration 12 --evaluations 1 --shape doublet -o {out}")
     found, shown = json.loads((out / "design.json").read_text()), (out / "design.html").read_text()

@@ -8,11 +8,11 @@ import shlex
 import shutil
 import sys
 import tomllib
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
+from unit.cli.conftest import Done, Refused
 
 import stoop.data
 from stoop.base.atmosphere import SEA_LEVEL_DENSITY
@@ -25,7 +25,7 @@ from stoop.vehicle_draft.request import Evidence, Request
 from stoop.workflow import examples as listed
 
 
-def test_printed_written_and_read(tmp_path: Path, done: Callable[..., str]) -> None:
+def test_printed_written_and_read(tmp_path: Path, done: Done) -> None:
     t, log, target = 0.02 * np.arange(500), tmp_path / "f.csv", tmp_path / "m.toml"
     rows = np.column_stack([t, 20.0 * np.sin(t), 20.0 * np.cos(t)])
     np.savetxt(log, rows, delimiter=",", header="t_s,roll,roll_rate", comments="")
@@ -44,8 +44,8 @@ def test_printed_written_and_read(tmp_path: Path, done: Callable[..., str]) -> N
     done(["info", log, "--mapping", target])
 
 
-def test_without_the_package_the_files_are_written_all_the_same(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, done: Callable[..., str]
+def test_a_model_is_exported_without_jsbsim(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, done: Done
 ) -> None:
     monkeypatch.setitem(sys.modules, "jsbsim", None)
     said = done(f"export twin-boom --to jsbsim -o {tmp_path}")
@@ -62,10 +62,7 @@ def test_without_the_package_the_files_are_written_all_the_same(
 ROOT = Path(__file__).parents[3]
 
 
-def test_all_are_listed_and_their_files_copied(
-    done: Callable[..., str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_all_are_listed_and_their_files_copied(done: Done, here: Path) -> None:
     said, names = done("example"), listed.examples()
     assert {path.stem for path in (ROOT / "examples").glob("*.ipynb")} == set(names)
     assert all(name in said for name in names)
@@ -87,19 +84,16 @@ def test_all_are_listed_and_their_files_copied(
     assert Path("error_bars/maneuver_3211.toml").read_text() != "mine"
 
 
-def test_an_installation_without_examples_says_so(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, refused: Callable[..., str]
-) -> None:
-    monkeypatch.setattr(listed, "folder", lambda: tmp_path)
+def test_an_installation_without_examples_says_so(monkeypatch: pytest.MonkeyPatch, refused: Refused) -> None:
+    monkeypatch.setattr(listed, "folder", Path)
     assert "no examples" in refused("example")
 
 
-def test_commands_of_the_readme(examples: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_commands_of_the_readme(examples: Path, here: Path) -> None:
     text = (examples / "README.md").read_text()
     commands = [shlex.split(line) for line in re.findall(r"^\$ stoop (.*)$", text, re.MULTILINE)]
     assert {words[0] for words in commands} >= {"trim", "linearize", "simulate", "info"}
-    shutil.copytree(examples, tmp_path, dirs_exist_ok=True)
-    monkeypatch.chdir(tmp_path)
+    shutil.copytree(examples, here, dirs_exist_ok=True)
     for words in commands:
         assert main(words) == 0, words
 
@@ -107,7 +101,7 @@ def test_commands_of_the_readme(examples: Path, tmp_path: Path, monkeypatch: pyt
 DATA = Path(next(iter(stoop.data.__path__)))
 
 
-def test_listed_printed_and_written_as_they_stand(tmp_path: Path, done: Callable[..., str]) -> None:
+def test_listed_printed_and_written_as_they_stand(tmp_path: Path, done: Done) -> None:
     _, *lines, own, example = done("vehicle").splitlines()
     assert "stoop vehicle new LOG" in own
     assert [line.split()[0] for line in lines] == list(BUILT_IN)
@@ -136,7 +130,7 @@ def geometry(folder: Path) -> Path:
     return path
 
 
-def test_from_dimensions_or_a_geometry(tmp_path: Path, done: Callable[..., str]) -> None:
+def test_from_dimensions_or_a_geometry(tmp_path: Path, done: Done) -> None:
     target = tmp_path / "glider.toml"
     assert f"stoop trim {target}" in done(["vehicle", "new", *GIVEN, "-o", target])
     vehicle = resolve_vehicle(target)
@@ -166,12 +160,9 @@ def test_derivatives_of_a_geometry_by_the_vortex_lattice(tmp_path: Path) -> None
         assert vehicle.value(name) != pytest.approx(other[name].value, rel=1e-3)
 
 
-def test_without_the_vortex_lattice(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, refused: Callable[..., str]
-) -> None:
+def test_without_the_vortex_lattice(here: Path, monkeypatch: pytest.MonkeyPatch, refused: Refused) -> None:
     monkeypatch.setitem(sys.modules, "aerosandbox", None)
-    path = geometry(tmp_path)
-    command = f"vehicle new --geometry {path} --aerodynamics aerosandbox -o v.toml"
+    command = f"vehicle new --geometry {geometry(here)} --aerodynamics aerosandbox -o v.toml"
     assert "pip install '.[geometry]'" in refused(command)
 
 
@@ -180,14 +171,8 @@ def test_questions() -> None:
     answers = iter(["kite", "conventional", "eight", "8.5", "2.3", "0.28", ""])
     shown: list[str] = []
     told: list[str] = []
-
-    def ask(text: str) -> str:
-        shown.append(text)
-        return next(answers)
-
-    found = asked(Request(), Evidence(), ask, told.append)
+    found = asked(Request(), Evidence(), lambda text: shown.append(text) or next(answers), told.append)
     assert (found.template, found.mass, found.span, found.chord) == ("conventional", 8.5, 2.3, 0.28)
-    assert found.engine == "electric"
-    assert len(told) == 2
+    assert (found.engine, len(told)) == ("electric", 2)
     assert "usual" in shown[4]  # a span for this mass
     assert list(answers) == []

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
+from unit.cli.conftest import Refused
 
 import stoop
 from stoop.cli.main import main
@@ -103,7 +103,7 @@ def test_without_a_model(flown: Flight) -> None:
     assert not found.model
 
 
-def test_bad_input(flight: Path, refused: Callable[..., str]) -> None:
+def test_bad_input(flight: Path, refused: Refused) -> None:
     for more, words in {
         "--input rudder --vehicle twin-boom": "it does not move",
         "--input elevater --vehicle twin-boom": "did you mean elevator",

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import json
 import re
-import shutil
 import signal
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
+from unit.cli.conftest import Cli, Done
 
 import stoop
 from stoop.cli.main import main
@@ -26,8 +26,6 @@ from stoop.workflow.fit_result import fitted_model
 from stoop.workflow.fitted_model import FittedModel
 
 TWIN_BOOM = builtin_text("twin-boom")
-NOISE = "{},1e-4,1e-5,1e-4,0.01,0.04\n"
-Cli = Callable[..., tuple[int, str, str]]
 
 
 @pytest.fixture(scope="module")
@@ -37,27 +35,19 @@ def place(tmp_path_factory: pytest.TempPathFactory, flight: Flight) -> Path:
     text = TWIN_BOOM.replace("notes = [", 'model = { reduce = "longitudinal" }\nnotes = [')
     (folder / "v.toml").write_text(text)
     for name, variance in (("one", 0.04), ("two", 0.08)):
-        (folder / f"{name}.csv").write_text(NOISE.format(variance))
+        (folder / f"{name}.csv").write_text(f"{variance},1e-4,1e-5,1e-4,0.01,0.04\n")
     return folder
 
 
 def identify(place: Path, words: str, out: str = "out") -> list[str]:
-    return [
-        "identify",
-        str(place / "sim.nc"),
-        "--vehicle",
-        str(place / "v.toml"),
-        "-o",
-        str(place / out),
-        *words.split(),
-    ]
+    return f"identify {place / 'sim.nc'} --vehicle {place / 'v.toml'} -o {place / out} {words}".split()
 
 
 def result(place: Path, out: str) -> dict[str, Any]:
     return dict(json.loads((place / out / "result.json").read_text()))
 
 
-def test_identifies_and_tells(place: Path, done: Callable[..., str]) -> None:
+def test_identifies_and_tells(place: Path, done: Done) -> None:
     said = done(identify(place, "--maneuver 0:20 --validate 20:28", "whole"))
     lines, document = said.splitlines(), result(place, "whole")
     assert len(lines) <= 45
@@ -70,7 +60,7 @@ def test_identifies_and_tells(place: Path, done: Callable[..., str]) -> None:
     assert not (place / "whole" / "search.npz").exists()
 
 
-def test_options_windows_and_files_reach_the_result(place: Path, done: Callable[..., str]) -> None:
+def test_options_windows_and_files_reach_the_result(place: Path, done: Done) -> None:
     """A window slightly beyond the record is trimmed."""
     words = "--maneuver -0.5:20 --fix CLV --fix CDV --free mass.mass --budget 400 --generations 1 --verbose"
     said = done(identify(place, f"{words} --noise {place / 'one.csv'}", "freed"))
@@ -99,10 +89,8 @@ def test_numbers_that_are_freed(aircraft: Vehicle, capsys: pytest.CaptureFixture
     assert "added: [controls.aileron] lag = {value = 0.05, prior = 0.03}" in capsys.readouterr().err
     both = with_free(plane, ["controls.delay"], [])
     assert both.rows["controls.rudder.delay"] == both.rows["controls.elevator.delay"]
-    for name, words in (
-        ("nonsense", "no number is called 'nonsense'"),
-        ("controls.aileron.rate_limit", "write"),
-    ):
+    unknown = {"nonsense": "no number is called 'nonsense'", "controls.aileron.rate_limit": "write"}
+    for name, words in unknown.items():
         with pytest.raises(StoopError, match=words):
             with_free(plane, [name], [])
 
@@ -114,39 +102,6 @@ SHORT = "--maneuver 0:6 --optimizer de-rand-1-bin"
 def blank_page(monkeypatch: pytest.MonkeyPatch) -> None:
     """Write a short report."""
     monkeypatch.setattr("stoop.report.identification.render", lambda model: "<html></html>")
-
-
-@pytest.mark.usefixtures("blank_page")
-def test_a_search_that_ran_out_can_go_on_and_only_the_same(place: Path, cli: Cli) -> None:
-    first = f"{SHORT} --noise {place / 'one.csv'} --generations"
-    assert main(identify(place, f"{first} 2", "ran-out")) == 0
-    assert (place / "ran-out" / "search.npz").exists()
-    before = result(place, "ran-out")
-    assert before["status"] == "generations"
-    code, _, err = cli(identify(place, f"{SHORT} --noise {place / 'two.csv'} --resume", "ran-out"))
-    assert code == 2
-    assert "the interrupted search is another one" in err
-    assert main(identify(place, f"{first} 3 --resume", "ran-out")) == 0
-    assert result(place, "ran-out")["trajectories"] > before["trajectories"]
-
-
-@pytest.mark.usefixtures("blank_page")
-def test_a_folder_that_goes_away_ends_no_search(
-    place: Path, cli: Cli, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    keep = Checkpoint.keep
-
-    def removed(self: Checkpoint, state: State) -> None:
-        shutil.rmtree(place / "gone", ignore_errors=True)
-        keep(self, state)
-
-    monkeypatch.setattr("stoop.workflow.checkpoint.INTERVAL", 0.0)
-    monkeypatch.setattr(Checkpoint, "keep", removed)
-    code, _, err = cli(identify(place, f"{SHORT} --generations 3", "gone"))
-    assert code == 0
-    assert err.count("the search goes on") == 1
-    assert (place / "gone" / "result.json").exists()
-    assert (place / "gone" / "search.npz").exists()
 
 
 @pytest.mark.usefixtures("blank_page")
@@ -183,9 +138,7 @@ def pressing(times: int) -> Callable[..., FittedModel]:
 
 
 @pytest.mark.usefixtures("blank_page")
-def test_ctrl_c_after_the_search_waits_for_the_result_and_twice_stops(
-    place: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_ctrl_c_after_the_search_waits_and_twice_stops(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     words = "--maneuver 0:20"
     with monkeypatch.context() as patched:
         patched.setattr("stoop.workflow.identification.finish", pressing(1))
@@ -217,7 +170,7 @@ def test_demo(demo: tuple[Path, str], tmp_path: Path, cli: Cli, monkeypatch: pyt
     assert main(["demo", "-o", str(tmp_path)]) == 0
 
 
-def test_tables_page_and_json(fitted: Path, tmp_path: Path, done: Callable[..., str]) -> None:
+def test_tables_page_and_json(fitted: Path, tmp_path: Path, done: Done) -> None:
     page = tmp_path / "page.html"
     given = f"propagate {fitted} --draws 200 --expression ratio=Cmalpha/CLalpha -o {page}"
     printed = done(given)

@@ -5,10 +5,10 @@ from __future__ import annotations
 import json
 import re
 import shlex
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+from unit.cli.conftest import Done
 
 from stoop.cli.info import unmapped_lines
 from stoop.cli.main import parser_for
@@ -16,7 +16,7 @@ from stoop.flight import Maneuver, from_columns, save
 from stoop.flight.maneuvers import apart
 
 
-def test_describes_a_simulated_flight(flight_file: Path, done: Callable[..., str]) -> None:
+def test_describes_a_simulated_flight(flight_file: Path, done: Done) -> None:
     out = done(["info", flight_file, "--verbose"])
     assert out.splitlines()[0] == str(flight_file)
     assert "0.00 to 30.00 s on the log's own clock (30.00 s), 100 Hz grid" in out
@@ -37,9 +37,7 @@ def test_describes_a_simulated_flight(flight_file: Path, done: Callable[..., str
     assert (found["faults"], found["control_laws"]) == ([], [])
 
 
-def test_channels_without_a_value_are_only_named_and_what_shows_nothing_is_told(
-    tmp_path: Path, done: Callable[..., str]
-) -> None:
+def test_channels_without_a_value_and_what_shows_nothing_are_told(tmp_path: Path, done: Done) -> None:
     t = np.arange(500) / 100.0
     still = {f"motor_{n}": np.zeros(500) for n in range(1, 5)}
     save(
@@ -55,7 +53,7 @@ def test_channels_without_a_value_are_only_named_and_what_shows_nothing_is_told(
     assert "Channels" not in done(["info", tmp_path / "none.nc", "--verbose"])
 
 
-def test_csv_with_a_mapping(tmp_path: Path, done: Callable[..., str]) -> None:
+def test_csv_with_a_mapping(tmp_path: Path, done: Done) -> None:
     log, mapping = tmp_path / "log.csv", tmp_path / "columns.toml"
     mapping.write_text(
         '[time]\ncolumn = "t"\nunit = "s"\n[variables]\nq = { column = "p", unit = "rad/s" }\n'

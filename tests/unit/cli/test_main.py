@@ -12,13 +12,13 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from unit.cli.conftest import Cli
 
 from stoop.base.verbs import Verb
 from stoop.cli.main import VERBS
 from stoop.errors import StoopError
 
 HEAVY = set("numpy scipy sympy numba xarray pandas pydantic rich stoop.vehicle stoop.flight".split())  # noqa: SIM905
-Cli = Callable[..., tuple[int, str, str]]
 
 
 @pytest.fixture
@@ -87,9 +87,7 @@ ERRORS: list[tuple[BaseException, int, str, str]] = [
 ]  # fmt: skip
 
 
-def test_errors_are_one_line_and_a_bug_asks_for_a_report(
-    fake: Callable[..., None], cli: Cli, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_errors_and_bugs(fake: Callable[..., None], cli: Cli, monkeypatch: pytest.MonkeyPatch) -> None:
     fake(lambda _: 7)
     assert cli("fake").code == 7  # type: ignore[attr-defined]
     for error, code, out, err in ERRORS:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import shlex
 import struct
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
+from unit.cli.conftest import Done
 
 from stoop.exporters.log_bytes import ulog_dropout
 from stoop.vehicle import load_vehicle
@@ -51,10 +51,7 @@ def hover_thrust(vehicle: Path) -> float:
     return float(model.value("rotors.T1") * command + model.value("rotors.T2") * command**2)
 
 
-def test_from_a_log_to_a_model_that_predicts_another(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, done: Callable[..., str]
-) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_from_a_log_to_a_model_that_predicts_another(here: Path, done: Done) -> None:
     Path("truth.toml").write_text(QUAD + GUSTS)
     inputs = "".join(SHAPE.format(*one) for one in INPUTS)
     Path("m.toml").write_text(f"duration = 15.0\nrate = 100.0\nwind = [2.0, 1.0, 0.0]\n{inputs}")

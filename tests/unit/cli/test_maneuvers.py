@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from unit.cli.conftest import Cli, Done, Refused
 
 from stoop.base.arrays import FloatArray
 from stoop.flight import Flight, from_columns, load, save
@@ -18,7 +19,6 @@ from stoop.vehicle.builtin import builtin_text, resolve_vehicle
 
 MOTORS = tuple(f"motor_{n}" for n in range(1, 5))
 Columns = dict[str, FloatArray]
-Refused = Callable[..., str]
 
 
 @pytest.fixture(scope="module")
@@ -32,7 +32,7 @@ def columns_of(flight: Flight) -> Columns:
     return {n: flight.column(n) for n in names if n not in ("q0", "q1", "q2", "q3")}
 
 
-def test_known_maneuvers_are_proposed(hover_file: Path, tmp_path: Path, done: Callable[..., str]) -> None:
+def test_known_maneuvers_are_proposed(hover_file: Path, tmp_path: Path, done: Done) -> None:
     assert "next: stoop identify" in done(["maneuvers", hover_file, "-o", tmp_path / "w"])
     accepted = [e for e in read_windows(tmp_path / "w" / "windows.toml") if e.accept]
     assert any(e.start <= 10.0 and e.stop >= 11.05 for e in accepted)
@@ -94,9 +94,7 @@ def test_logs_that_tell_nothing(hover: Flight, refused: Refused) -> None:
         assert advice in refused(f"maneuvers {changed(hover, 'log', change)} {more} -o bad")
 
 
-def test_logs_of_other_vehicles_and_what_cannot_be_looked_for(
-    hover: Flight, hover_file: Path, flight_file: Path, refused: Refused
-) -> None:
+def test_logs_of_other_vehicles(hover: Flight, hover_file: Path, flight_file: Path, refused: Refused) -> None:
     nan = changed(hover, "nan", lambda x: {**x, "motor_2": np.nan * x["motor_2"]})
     Path("afile").touch()
     Path("none.toml").write_text(
@@ -123,11 +121,8 @@ def test_logs_of_other_vehicles_and_what_cannot_be_looked_for(
         assert said in refused(command), command
 
 
-def test_another_vehicles_motors_are_told_before_the_search_of_a_fit(
-    hover: Flight, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, cli: Callable[..., tuple[int, str, str]]
-) -> None:
+def test_another_vehicles_motors_are_told_before_a_search(hover: Flight, here: Path, cli: Cli) -> None:
     """The search is refused right after: what was told by then was told before it."""
-    monkeypatch.chdir(tmp_path)
     log = changed(
         hover, "hexa", lambda x: {**x, "motor_5": x["motor_1"], "motor_6": x["motor_2"], "az": -x["az"]}
     )

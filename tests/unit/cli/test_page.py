@@ -191,9 +191,7 @@ def test_a_terminal_shows_the_time_that_a_search_may_still_take(monkeypatch: pyt
     assert "at most 1:30 left" in terminal.getvalue()
 
 
-def test_speed_is_of_this_run_alone(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_speed_is_of_this_run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     now = iter([100.0, 110.0])
     monkeypatch.setattr(time, "perf_counter", lambda: next(now))
     watch = Watch()

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
+from unit.cli.conftest import Done, Refused
 
 from stoop.exporters.log_bytes import Event, crazyflie_bytes
 
@@ -41,10 +41,7 @@ def logs(tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("logs")
-def test_weak_rotor_is_named_and_a_healthy_flight_is_not(
-    tmp_path: Path, done: Callable[..., str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_weak_rotor_is_named_and_a_healthy_flight_is_not(here: Path, done: Done) -> None:
     said = done(f"rotors weak.usd fine.usd --healthy a.usd b.usd c.usd --vehicle {VEHICLE}")
     by_name = {line.split()[0]: line for line in said.splitlines() if line.strip()}
     assert "propeller or mass near M3" in by_name["weak"]
@@ -60,7 +57,7 @@ def test_weak_rotor_is_named_and_a_healthy_flight_is_not(
 
 
 @pytest.mark.usefixtures("logs")
-def test_what_cannot_be_done_is_said(refused: Callable[..., str]) -> None:
+def test_what_cannot_be_done_is_said(refused: Refused) -> None:
     for words, complaint in {
         f"a.usd --healthy a.usd --vehicle {VEHICLE}": "a.usd: given twice",
         f"weak.usd --healthy a.usd a.usd --vehicle {VEHICLE}": "a.usd: given twice",

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import re
 import shlex
-from collections.abc import Callable
 from importlib.resources import files
 from pathlib import Path
 
 import numpy as np
 import pytest
+from unit.cli.conftest import Done, Refused
 
 from stoop.cli.main import main, parser_for
 from stoop.cli.options import with_free
@@ -17,7 +17,6 @@ from stoop.flight import Flight, load
 from stoop.vehicle import load_vehicle
 
 TWIN_BOOM = (files("stoop.data") / "twin_boom.toml").read_text()
-Done = Callable[..., str]
 
 
 def fly(examples: Path, target: Path, *words: str) -> Flight:
@@ -88,15 +87,13 @@ def test_a_thrust_that_the_trim_set_is_fitted_or_to_be_written(
     assert any(line.startswith("first: write thrust = 220.8") for line in said) == first
 
 
-def test_input_that_a_flight_cannot_hold_is_refused(examples: Path, refused: Callable[..., str]) -> None:
+def test_input_that_a_flight_cannot_hold_is_refused(examples: Path, refused: Refused) -> None:
     Path("v.toml").write_text((examples / "vtail.toml").read_text().replace("control_pitch", "my_servo"))
     said = refused(f"simulate v.toml --maneuver {examples / 'maneuver_3211.toml'} -o a.nc")
     assert "v.toml: the input 'my_servo' is no variable of stoop" in said
 
 
-def test_a_quadrotor_hovers_and_is_to_be_identified_if_an_input_moves_it(
-    examples: Path, tmp_path: Path, done: Done
-) -> None:
+def test_a_quadrotor_is_identified_if_an_input_moves_it(examples: Path, tmp_path: Path, done: Done) -> None:
     target, file = tmp_path / "quad.nc", tmp_path / "hover.toml"
     wrote, after = done(
         f"simulate quad-x --maneuver {examples / 'maneuver_quad.toml'} -o {target}"

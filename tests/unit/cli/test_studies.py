@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import sqlite3
 import sys
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
 
 import pytest
+from unit.cli.conftest import Cli, Done, Refused
 
 from stoop.errors import StoopError
 from stoop.parallel import Plan, environment
@@ -20,12 +20,9 @@ from stoop_studies.reproduce.registry import EXPERIMENTS
 from stoop_studies.verify import study
 
 SMALL = "--optimizers ps-gde-lm,ps-gde --problems paper-N --seeds 1 --budget"
-Refused = Callable[..., str]
 
 
-def test_a_figure_is_page_and_table_and_the_same_bytes_again(
-    tmp_path: Path, done: Callable[..., str]
-) -> None:
+def test_a_figure_is_page_and_table_and_the_same_bytes_again(tmp_path: Path, done: Done) -> None:
     assert tuple(EXPERIMENTS) == NAMES
     folder = tmp_path / "new" / "folder"
     said = done(f"reproduce figure3 -o {folder}")
@@ -40,7 +37,7 @@ def test_a_figure_is_page_and_table_and_the_same_bytes_again(
     assert {p.name: p.read_bytes() for p in folder.iterdir()} == first
 
 
-def test_files_of_others_stay(refused: Refused, done: Callable[..., str]) -> None:
+def test_files_of_others_stay(refused: Refused, done: Done) -> None:
     for file, experiment in (("figure3.html", "figure3"), ("figure3.csv", "figure3"), ("index.html", "all"),
                              ("lateral-biases.csv", "lateral")):  # fmt: skip
         path = Path(file)
@@ -96,9 +93,7 @@ def test_every_experiment_is_found_and_named_alike() -> None:
         assert study.load_experiment(name).name == name
 
 
-def test_pages_and_a_missing_package(
-    tmp_path: Path, cli: Callable[..., tuple[int, str, str]], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_pages_and_a_missing_package(tmp_path: Path, cli: Cli, monkeypatch: pytest.MonkeyPatch) -> None:
     """One experiment that runs, and one whose package is missing."""
     module = ModuleType("quick_experiments")
     module.__dict__["EXPERIMENT"] = Quick()
@@ -128,9 +123,7 @@ def test_a_bug_inside_is_not_a_missing_package(monkeypatch: pytest.MonkeyPatch) 
         study.load_experiment("lame")
 
 
-def test_writes_tables_and_page_goes_on_and_refuses_another_plan(
-    done: Callable[..., str], refused: Refused
-) -> None:
+def test_writes_tables_and_page_goes_on_and_refuses_another_plan(done: Done, refused: Refused) -> None:
     Path("file").write_text("mine")
     assert "is a file" in refused(f"compare -o file {SMALL} 100")
     said = done(f"compare -o deep/out {SMALL} 100 --workers 1")

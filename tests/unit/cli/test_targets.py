@@ -5,17 +5,16 @@ from __future__ import annotations
 import os
 import socket
 import sys
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from unit.cli.conftest import Cli, Refused
 
 from stoop.base.verbs import verbs
 from stoop.cli.main import main
 from stoop_studies.cli.verbs import VERBS as STUDIES
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="no FIFOs, no devices")
-Refused = Callable[..., str]
 MANEUVER = "initial = { airspeed = 20.0 }\n"
 #: a command, and its input that an output names
 REPLACED = {
@@ -38,9 +37,8 @@ REPLACED = {
 
 
 @pytest.fixture
-def place(tmp_path: Path, flight_file: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def place(here: Path, flight_file: Path) -> Path:
     """Return the folder in which commands run, with a flight, a table, and files that are read as others."""
-    monkeypatch.chdir(tmp_path)
     assert main(["vehicle", "twin-boom", "-o", "V.toml"]) == 0
     for name in ("V.csv", "V.nc", "V.html"):
         Path(name).write_bytes(Path("V.toml").read_bytes())
@@ -52,7 +50,7 @@ def place(tmp_path: Path, flight_file: Path, monkeypatch: pytest.MonkeyPatch) ->
     Path("folder/mapping.toml").write_text('[time]\ncolumn = "t_s"\nunit = "s"\n')
     for name in ("M.toml", "W.toml", "Q.csv", "G.toml"):
         Path(name).write_text(MANEUVER)
-    return tmp_path
+    return here
 
 
 def test_nothing_that_is_read_is_replaced(place: Path, refused: Refused) -> None:
@@ -95,9 +93,7 @@ def unusual(target: Path, kind: str) -> None:
         target.symlink_to({"link": "V.toml", "dangling": "nowhere", "device": "/dev/full"}[kind])
 
 
-def test_nothing_but_a_regular_file_is_replaced(
-    place: Path, cli: Callable[..., tuple[int, str, str]], tmp_path: Path
-) -> None:
+def test_nothing_but_a_regular_file_is_replaced(place: Path, cli: Cli) -> None:
     def check(command: str, target: Path) -> None:
         before = state(target)
         code, _, error = cli(f"{command} --overwrite")
@@ -129,7 +125,7 @@ READ = (
 )
 
 
-def test_an_input_without_end_is_refused(place: Path, cli: Callable[..., tuple[int, str, str]]) -> None:
+def test_an_input_without_end_is_refused(place: Path, cli: Cli) -> None:
     names = [Path("endless.toml"), Path("folder/result.json")]
     for kind, commands in (("device", READ), ("fifo", READ[:3]), ("growing", READ[:2])):
         for name in names:

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from unit.cli.conftest import Done
 
 from stoop.base.numbers import without_rounding
 from stoop.cli.main import main
@@ -59,9 +60,7 @@ def test_options_reach_the_equations(trim: Callable[..., Any], tmp_path: Path) -
     assert thin["angles"]["alpha"] > standard["angles"]["alpha"] + 0.01
 
 
-def test_density_of_a_log_is_given_or_of_the_standard_atmosphere_at_the_altitude(
-    examples: Path, trim: Callable[..., Any], done: Done
-) -> None:
+def test_density_is_given_or_of_the_altitude(examples: Path, trim: Callable[..., Any], done: Done) -> None:
     at = f"{examples / 'vtail.toml'} --airspeed 20"
     assert trim(f"{at} --density 1.0")["inputs"]["density"] == 1.0
     page = done(f"trim {at} --altitude 2000")
@@ -104,9 +103,6 @@ def test_verbs_show_no_rounding(vehicle: str, forms: str, tmp_path: Path, done: 
     for name, text in texts.items():
         kept = [line for line in text.splitlines() if "residual" not in line]
         assert not [line for line in kept if TINY.search(line)], name
-
-
-Done = Callable[..., str]
 
 
 @pytest.mark.parametrize("more", ["", "--reduce longitudinal", "--reduce lateral"])

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from naive.closed_loops import asked_at_random, flown
+from unit.cli.conftest import Done, Refused
 from unit.tuning.test_flown_loops import px4_log
 
 import stoop
@@ -36,8 +36,6 @@ PHYSICS = {
 LOOP = 100.0  #: Hz
 THROW = {"elevator": ("pitch", -0.35), "aileron": ("roll", 0.35), "rudder": ("yaw", -0.35)}
 SERVO = "lag = 0.05\ndelay = 0.03\n"
-Done = Callable[..., str]
-Refused = Callable[..., str]
 
 
 def moved_by_commands(demo: Path, servo: str = "") -> FittedModel:
@@ -124,6 +122,12 @@ def test_bad_input_is_one_line(fitted: Path, refused: Refused) -> None:
     ):
         gains.write_text(content, encoding="utf-8")
         assert said in refused(f"tune {fitted} {gains}")
+
+
+def test_parameters_are_read_from_files_of_both_ground_stations(tmp_path: Path) -> None:
+    for text in ("RLL_RATE_P,0.08\nLOOP 50 # Hz\n", "# x\n1\t1\tRLL_RATE_P\t0.08\t9\n1 1 LOOP 50 6\n"):
+        (tmp_path / "a.parm").write_text(text, encoding="utf-8")
+        assert read_parameters(tmp_path / "a.parm") == {"RLL_RATE_P": 0.08, "LOOP": 50.0}
 
 
 @pytest.mark.parametrize("rate", [100.0, 400.0])
@@ -216,7 +220,7 @@ def test_a_proposal_and_the_physics_beside_it(with_servos: FittedModel, tmp_path
     assert main(command.split()) == 2, "files are not written over"
 
 
-def test_what_speaks_against_a_proposal_leaves_no_file(
+def test_what_speaks_against_gains_leaves_no_file(
     with_servos: FittedModel, refused: Refused, done: Done
 ) -> None:
     """A law with a feature that is not modeled; a band of the flight that ends below the crossover of what is proposed."""

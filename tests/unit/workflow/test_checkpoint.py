@@ -52,9 +52,7 @@ def test_one_file_holds_the_state_and_what_it_belongs_to(tmp_path: Path, state: 
     assert not told
 
 
-def test_a_search_that_ran_out_keeps_its_last_state(
-    tmp_path: Path, outcome: optimize.Outcome, state: optimize.State
-) -> None:
+def test_the_last_state_is_kept(tmp_path: Path, outcome: optimize.Outcome, state: optimize.State) -> None:
     checkpoint = Checkpoint(tmp_path, "this", pytest.fail)
     checkpoint.keep(replace(state, generation=0))
     checkpoint.keep(replace(state, generation=1))  # too soon after the first

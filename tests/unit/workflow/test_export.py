@@ -102,9 +102,7 @@ w = { intensity = { value = 0.6, free = true, bounds = [0.05, 6.0] }, length = 1
 """
 
 
-def test_gusts_that_were_estimated_stay_behind_with_what_is_known_of_them(
-    flight: Flight, tmp_path: Path
-) -> None:
+def test_gusts_that_were_estimated_stay_behind(flight: Flight, tmp_path: Path) -> None:
     """A result by filter error, an intensity among its estimates, one maneuver in a loading that names a length."""
     vehicle = parse_vehicle(builtin_text("twin-boom") + GUSTS, "gusty").reduced("longitudinal")
     few, options = with_few_free(vehicle, ("Cmq", "turbulence.w.intensity")), Options(method="filter-error")

@@ -69,9 +69,7 @@ def test_a_loaded_model_does_what_the_model_did_and_nothing_is_written_unasked(
     np.testing.assert_equal(found, expected)
 
 
-def test_a_loaded_model_is_saved_as_the_same_files(
-    folder: Path, again: stoop.FittedModel, tmp_path: Path
-) -> None:
+def test_a_loaded_model_saves_the_same_files(folder: Path, again: stoop.FittedModel, tmp_path: Path) -> None:
     copy = again.save(tmp_path / "copy")
     names = sorted(path.name for path in folder.iterdir())
     assert names == sorted(path.name for path in copy.iterdir())
@@ -162,9 +160,7 @@ def test_a_table_or_dataset_is_a_flight_everywhere(job: stoop.FittedModel) -> No
         stoop.check(table.drop(columns="time"))
 
 
-def test_names_are_looked_up_or_advised_and_exchanged_arguments_named(
-    job: stoop.FittedModel, wrong: stoop.Vehicle, flight: Flight
-) -> None:
+def test_names_are_looked_up_or_advised(job: stoop.FittedModel, wrong: stoop.Vehicle, flight: Flight) -> None:
     first, parameters = next(iter(job.parameters)), job.vehicle.parameters
     assert np.array_equal(flight["q"].to_numpy(), flight.column("q"))
     assert ("q" in flight, parameters[first].name) == (True, first)

@@ -94,9 +94,7 @@ def test_identified_file_keeps_priors_about_their_own_means(aircraft: Vehicle, f
     assert now.prior_mean == 4.6
 
 
-def test_windows_are_judged_before_the_search(
-    wrong: Vehicle, flight: Flight, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_windows_are_judged_first(wrong: Vehicle, flight: Flight, monkeypatch: pytest.MonkeyPatch) -> None:
     def never(*_: object) -> None:
         raise AssertionError("the search began")
 

@@ -51,9 +51,7 @@ def names(folder: Path) -> list[str]:
     return sorted(p.name for p in folder.iterdir())
 
 
-def test_writes_everything_reads_it_back_and_replaces_nothing_unasked(
-    job: FittedModel, tmp_path: Path
-) -> None:
+def test_all_is_written_and_read_back_and_nothing_replaced_unasked(job: FittedModel, tmp_path: Path) -> None:
     folder = job.save(tmp_path / "out")
     assert names(folder) == sorted(NAMES)
     assert read_result(folder / "result.json").parameters.keys() == job.result.parameters.keys()
@@ -67,7 +65,7 @@ def test_writes_everything_reads_it_back_and_replaces_nothing_unasked(
     job.save(folder, overwrite=True)
 
 
-def test_a_disk_that_is_full_at_the_last_file_leaves_nothing_behind(
+def test_a_full_disk_leaves_nothing(
     job: FittedModel, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def full(path: Path, content: bytes) -> None:
@@ -139,9 +137,7 @@ def test_a_result_that_came_meanwhile_stays_and_ours_lies_beside_it(job: FittedM
     assert names(aside) == sorted(NAMES)
 
 
-def test_an_old_mark_does_not_stand_beside_new_files(
-    job: FittedModel, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_old_mark_goes_first(job: FittedModel, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     job.save(tmp_path)
     move, moved = Path.replace, []
 
@@ -158,9 +154,7 @@ def test_an_old_mark_does_not_stand_beside_new_files(
     assert "result.json" not in moved, "it is written last"
 
 
-def test_flights_of_an_earlier_run_do_not_stand_beside_those_of_this_one(
-    job: FittedModel, tmp_path: Path
-) -> None:
+def test_flights_of_an_earlier_run_go(job: FittedModel, tmp_path: Path) -> None:
     (flight,) = job.flights
     older = replace(job, flights=(flight, replace(flight, name="unused", data=flight.data)))
     folder = older.save(tmp_path / "result")

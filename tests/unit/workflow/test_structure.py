@@ -129,7 +129,7 @@ def test_names_of_parameters() -> None:
     assert len(parameter_name("Cm", "+".join(["alpha"] * 30))) <= 40
 
 
-def test_the_verb_writes_what_identify_takes(
+def test_the_verb(
     aircraft: Vehicle, flight: Flight, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     source, log, out = tmp_path / "v.toml", tmp_path / "sim.nc", tmp_path / "out"

@@ -82,9 +82,7 @@ def test_a_flight_is_known_by_its_content(job: FittedModel, folder: Path, tmp_pa
     assert validate(folder, [moved]).record.maneuvers
 
 
-def test_without_the_fitted_flight_there_is_no_lag_and_a_note(
-    job: FittedModel, folder: Path, tmp_path: Path
-) -> None:
+def test_without_the_fitted_flight_there_is_no_lag(job: FittedModel, folder: Path, tmp_path: Path) -> None:
     for name in ("result.json", "vehicle.toml"):
         shutil.copy(folder / name, tmp_path / name)
     found = validate(tmp_path / "result.json", [replace(job.flights[0], name="elsewhere")], ["20:28"])
@@ -144,9 +142,7 @@ def test_what_is_missing_is_one_line(job: FittedModel, folder: Path) -> None:
         assert "\n" not in str(caught.value)
 
 
-def test_the_verb_writes_page_and_figures(
-    job: FittedModel, folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_verb(job: FittedModel, folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     save(job.flights[0], tmp_path / "next.nc")
     words = f"validate {folder} {tmp_path / 'next.nc'} --maneuver 20:28 -o {tmp_path / 'check'}".split()
     assert main(words) == 0
