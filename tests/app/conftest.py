@@ -38,8 +38,6 @@ RECORDED = {
 
 @dataclass
 class App:
-    """A running app."""
-
     folder: Path
     process: subprocess.Popen[str]
     address: str
@@ -75,7 +73,6 @@ def start_app(folder: Path, *words: str, cwd: Path | None = None) -> App:
 
 
 def end_steps(folder: Path) -> None:
-    """End what the app has started and nobody waits for."""
     for step in (s for kind in PRODUCTS for s in steps(folder, kind)):
         if step.running:
             os.killpg(int(step.file("process.txt").read_text()), signal.SIGKILL)
@@ -90,7 +87,6 @@ def ended(step: Step | None) -> Step:
 
 @pytest.fixture
 def app(tmp_path: Path) -> Iterator[Callable[..., App]]:
-    """Return what starts an app in a folder of the test."""
     started: list[App] = []
 
     def start(*words: str, folder: Path | None = None) -> App:
@@ -135,7 +131,6 @@ class Tab:
         self.clicks += 1
 
     def cell(self, row: str, column: str) -> Locator:
-        """Return a cell of a table of numbers or columns."""
         found = self.page.locator(".tabulator-row", has=self.page.get_by_text(row, exact=True)).first
         return found.locator(f'.tabulator-cell[tabulator-field="{column}"]')
 
@@ -146,7 +141,6 @@ class Tab:
         entry.press("Enter")
 
     def settled(self, what: Locator) -> dict[str, float]:
-        """Return where something is, once it stays there."""
         before: Any = None
         while (box := what.bounding_box()) != before or box is None:
             before = box
@@ -218,7 +212,6 @@ def ready(tmp_path_factory: pytest.TempPathFactory, hover: Path) -> Path:
 
 @pytest.fixture
 def quadrotor(tmp_path: Path, ready: Path) -> Path:
-    """Return such a folder for one test."""
     return Path(shutil.copytree(ready, tmp_path / "project"))
 
 

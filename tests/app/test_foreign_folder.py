@@ -23,7 +23,6 @@ pytestmark = [
 
 
 def snapshot(folder: Path, without: Path) -> dict[str, bytes | str | None]:
-    """Return every entry below a folder with its content, but for those below another."""
     return {
         str(p): str(p.readlink()) if p.is_symlink() else p.read_bytes() if p.is_file() else None
         for p in sorted(folder.rglob("*"))
@@ -43,7 +42,6 @@ def surroundings(tmp: Path) -> Path:
 
 
 def use(root: Path) -> str:
-    """Do what a person does with a folder; return what the page says."""
     said = []
     for what in (
         lambda: Page(Project(root)),

@@ -40,7 +40,6 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def project(flown: Path, tmp_path: Path) -> Project:
-    """Return the folder of the app, for this test alone."""
     return Project(Path(shutil.copytree(flown / "project", tmp_path / "project")))
 
 
@@ -55,7 +54,6 @@ def view_of(project: Project) -> GainsView:
 
 
 def text_of(view: GainsView) -> str:
-    """Return what a view shows as markup."""
     return "\n".join(str(pane.object) for pane in view.panel.select() if hasattr(pane, "object"))
 
 

@@ -19,7 +19,6 @@ from stoop.app.folder import MAPPING, Project
 
 @pytest.fixture(scope="module")
 def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[App]:
-    """Return one app for these tests."""
     one = start_app(tmp_path_factory.mktemp("gate") / "project", "--max-upload", "2")
     yield one
     one.kill()

@@ -77,6 +77,7 @@ def test_wrong_windows_and_values_and_a_vehicle_that_cannot_be_trimmed(app, tab,
     page.click("Save")
     page.wait("are reversed or empty")
     page.click("Discard edits")
+    page.wait("The form shows the file again")
     expect(page.cell("mass.mass", "low")).not_to_have_text("9")
     page.edit("mass.mass", "2.2")
     page.click("Save")

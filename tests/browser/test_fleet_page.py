@@ -20,7 +20,6 @@ PANELS, ROWS = ".panels > figure:not([hidden])", "tr.told:not([hidden])"
 
 @pytest.fixture(scope="module")
 def written(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, ToldAlarm]:
-    """Return the page of eight vehicles, of which one has a weak new part, and the alarm."""
     table, parts = fleet()
     worn = changed(table, "thrust", EXCHANGED, -0.15)
     found = analyze(worn, parts, 0.1)

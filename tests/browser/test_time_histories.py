@@ -33,7 +33,6 @@ class Seen:
         return self.page.evaluate(script)
 
     def box(self, panel: int, strip: int = 0) -> dict[str, float]:
-        """Return where a strip lies on the screen."""
         place = self.page.locator(".history").first.locator(".strips").nth(panel).locator("> div").nth(strip)
         place.scroll_into_view_if_needed()
         found = place.bounding_box()
@@ -41,7 +40,6 @@ class Seen:
         return dict(found)
 
     def drag(self, panel: int, start: float, stop: float) -> None:
-        """Drag over a strip between shares of its width."""
         at = self.box(panel)
         y = at["y"] + at["height"] / 2
         self.page.mouse.move(at["x"] + 70 + start * (at["width"] - 78), y)

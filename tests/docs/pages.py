@@ -28,18 +28,15 @@ class Table:
     rows: tuple[tuple[str, ...], ...]
 
     def column(self, name: str) -> list[str]:
-        """Return the cells under a head."""
         return [row[self.head.index(name)] for row in self.rows]
 
 
 def fences(page: Path) -> list[tuple[str, str]]:
-    """Return language and content of all fenced blocks, in order."""
     text = page.read_text(encoding="utf-8")
     return re.findall(r"^```(\w+)\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
 
 
 def blocks(page: Path, language: str) -> list[str]:
-    """Return the fenced blocks of a language."""
     return [content for kind, content in fences(page) if kind == language]
 
 
@@ -50,7 +47,6 @@ def commands(page: Path) -> list[str]:
 
 
 def tables(page: Path) -> list[Table]:
-    """Return all tables of a page."""
     found, heading = [], ""
     for part in _parts(page.read_text(encoding="utf-8")):
         if isinstance(part, str):
@@ -61,7 +57,6 @@ def tables(page: Path) -> list[Table]:
 
 
 def table(page: Path, heading: str, *head: str) -> Table:
-    """Return the table under a heading whose head begins with some names."""
     for t in tables(page):
         if t.heading == heading and t.head[: len(head)] == head:
             return t

@@ -35,13 +35,11 @@ PRINTED = {
 
 @pytest.fixture
 def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Return the empty folder in which commands run."""
     monkeypatch.chdir(tmp_path)
     return tmp_path
 
 
 def alike(shown: str, printed: str) -> bool:
-    """Return whether texts are the same but for the rounding of numbers."""
     a, b = shown.split(), printed.split()
     return len(a) == len(b) and all(map(same, a, b))
 
@@ -95,7 +93,6 @@ def test_models_fly_in_a_simulator_of_others_as_the_page_says(page: str, tmp_pat
 
 
 def test_the_page_of_fleets(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Its code makes the tables, its command prints what is shown, and all queries name the weak propeller first."""
     page = DOCS / "fleet.md"
     run_python(page, here)
     assert main(blocks(page, "text")[0].splitlines()[1].split()[1:]) == 3
@@ -129,7 +126,6 @@ def test_the_made_up_fleet(here: Path, capsys: pytest.CaptureFixture[str]) -> No
 
 
 def test_frequency_page_runs(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """From a log to a Bode plot: figures of flight and model are those of the page."""
     page = DOCS / "frequency.md"
     Path("sweep.toml").write_text(blocks(page, "toml")[0], encoding="utf-8")
     for command in commands(page):

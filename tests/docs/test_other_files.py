@@ -168,7 +168,6 @@ def minimal() -> str:
 
 
 def is_table(annotation: Any) -> bool:
-    """Return whether a field has a section of its own."""
     if isinstance(annotation, type) and issubclass(annotation, schema.Table):
         return True
     return any(is_table(a) for a in get_args(annotation) if a is not schema.Term)

@@ -25,10 +25,12 @@ def test_links_lead_somewhere() -> None:
         assert not [t for t in local if not (page.parent / t).exists()], page.name
 
 
-def test_rows_of_tables_are_as_wide_as_their_heads() -> None:
+def test_rows_of_tables_are_as_wide_as_their_heads_and_python_compiles() -> None:
     for page in PAGES:
         for one in tables(page):
             assert {len(row) for row in one.rows} <= {len(one.head)}, (page.name, one.head)
+        for block in blocks(page, "python"):
+            compile(block, page.name, "exec")
 
 
 def test_generated_tables_are_those_of_their_csv_files(capsys: pytest.CaptureFixture[str]) -> None:
@@ -36,14 +38,7 @@ def test_generated_tables_are_those_of_their_csv_files(capsys: pytest.CaptureFix
     assert script["main"](["--check"]) == 0, capsys.readouterr().out
 
 
-def test_python_of_the_pages_compiles() -> None:
-    for page in PAGES:
-        for block in blocks(page, "python"):
-            compile(block, page.name, "exec")
-
-
 def listed() -> list[str]:
-    """Return the names that the reference of the interface lists."""
     lists = re.compile(r"^\.\. autosummary::\n(?:   :.*\n)*\n((?:   \S+\n)+)", re.MULTILINE)
     return " ".join(lists.findall((DOCS / "api.md").read_text("utf-8"))).split()
 
@@ -54,7 +49,6 @@ def test_every_public_name_is_in_the_reference() -> None:
 
 
 def exists(name: str) -> bool:
-    """Return whether a dotted name is a module or an attribute of one."""
     module, _, attribute = name.rpartition(".")
     try:
         importlib.import_module(name)
@@ -64,7 +58,6 @@ def exists(name: str) -> bool:
 
 
 def names_of(tree: ast.AST) -> set[str]:
-    """Return the names of stoop that code imports or asks of the package."""
     found = set()
     for node in ast.walk(tree):
         if isinstance(node, ast.Import):

@@ -17,8 +17,6 @@ Cli, Done, Refused = Callable[..., tuple[int, str, str]], Callable[..., str], Ca
 
 
 class Answer(NamedTuple):
-    """What a command ends with and prints."""
-
     code: int
     out: str
     err: str
@@ -29,7 +27,6 @@ def words_of(command: str | Sequence[object]) -> list[str]:
 
 
 def contents(folder: Path) -> dict[str, bytes]:
-    """Return all entries below a folder, and the bytes of files."""
     return {str(p.relative_to(folder)): p.read_bytes() if p.is_file() else b"" for p in folder.rglob("*")}
 
 
@@ -52,8 +49,6 @@ def cli(capsys: pytest.CaptureFixture[str]) -> Callable[..., Answer]:
 
 @pytest.fixture
 def done(cli: Callable[..., Answer]) -> Callable[..., str]:
-    """Return what runs a command that succeeds, and gives what it prints."""
-
     def run(command: str | Sequence[object]) -> str:
         answer = cli(command)
         assert answer.code == 0, answer
@@ -64,7 +59,6 @@ def done(cli: Callable[..., Answer]) -> Callable[..., str]:
 
 @pytest.fixture
 def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Return the empty folder in which commands run."""
     monkeypatch.chdir(tmp_path)
     return tmp_path
 
@@ -119,5 +113,4 @@ def demo(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
 
 @pytest.fixture(scope="session")
 def fitted(demo: tuple[Path, str]) -> Path:
-    """Return the folder of a fitted model."""
     return demo[0]

@@ -34,11 +34,7 @@ PRINTS = re.compile(
 )
 
 
-# The rule, by the source: only the border prints.
-
-
 def printing_calls() -> Iterator[tuple[str, str, ast.Call]]:
-    """Return file, name and call of all that may print, of the files in which one of the words stands."""
     for package in (stoop, stoop_studies):
         for path in Path(package.__file__ or "").parent.rglob("*.py"):
             text = path.read_text(encoding="utf-8")
@@ -67,9 +63,6 @@ def test_only_the_border_prints_and_rich_is_given_texts() -> None:
         ("Console", "progress.py"), ("print", "progress.py"),
         ("input", "vehicle_new.py"),
     }  # fmt: skip
-
-
-# The border: any text.
 
 
 @settings(max_examples=40)
@@ -115,12 +108,8 @@ def test_every_part_of_a_page(text: str) -> None:
         assert sum(printable(text).strip() in line for line in lines) >= 5, "markup and emoji are text"
 
 
-# Verbs that print text of a file, given a file whose texts and name are nasty.
-
-
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory, examples: Path) -> Path:
-    """A vehicle, maneuver, log and flight whose names, notes and texts are nasty, in a folder whose name is."""
     from unit.logs.dataflash_case import tables
 
     from stoop.exporters.log_bytes import dataflash_bytes
@@ -171,7 +160,6 @@ def test_a_verb_prints_nasty_texts(command: str, expected: int, folder: Path, cl
 
 
 def test_objects_say_of_themselves_what_is_printable(folder: Path) -> None:
-    """In an interactive session the interpreter prints what `repr` returns."""
     vehicle, flight = load_vehicle(folder / "v.toml"), load(folder / "f.nc")
     for one in (vehicle, flight, *flight.notices):
         assert repr(one).isprintable()

@@ -142,7 +142,6 @@ def test_from_dimensions_or_a_geometry(tmp_path: Path, done: Done) -> None:
 
 
 def test_derivatives_of_a_geometry_by_the_vortex_lattice(tmp_path: Path) -> None:
-    """The file's derivatives are those of the method asked for, and it says so."""
     pytest.importorskip("aerosandbox")
     path = geometry(tmp_path)
     words = ["vehicle", "new", "-o", tmp_path / "v.toml", "--aerodynamics", "aerosandbox", "--geometry", path]

@@ -34,7 +34,6 @@ first = 5
 
 @pytest.fixture(scope="module")
 def flown() -> Flight:
-    """Return a flight of the built-in airplane with a moving elevator."""
     maneuver = parse_maneuver(MULTISINE.format(24.0, 50.0, "elevator", 22.0, 0.03, 3.0, "q"), "sweep")
     return simulate_flight(resolve_vehicle("twin-boom"), maneuver, name="sweep")
 
@@ -48,7 +47,6 @@ def flight(flown: Flight, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Pa
 
 
 def test_flight_against_model(flight: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Without noise to speak of the flight is the model; the page and the JSON hold both."""
     assert main(["frequency", str(flight), "--vehicle", "twin-boom", "-o", "f.html", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
     (q,) = [r for r in found["responses"] if r["output"] == "q"]

@@ -61,7 +61,6 @@ def test_identifies_and_tells(place: Path, done: Done) -> None:
 
 
 def test_options_windows_and_files_reach_the_result(place: Path, done: Done) -> None:
-    """A window slightly beyond the record is trimmed."""
     words = "--maneuver -0.5:20 --fix CLV --fix CDV --free mass.mass --budget 400 --generations 1 --verbose"
     said = done(identify(place, f"{words} --noise {place / 'one.csv'}", "freed"))
     document = result(place, "freed")
@@ -100,13 +99,11 @@ SHORT = "--maneuver 0:6 --optimizer de-rand-1-bin"
 
 @pytest.fixture
 def blank_page(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Write a short report."""
     monkeypatch.setattr("stoop.report.identification.render", lambda model: "<html></html>")
 
 
 @pytest.mark.usefixtures("blank_page")
 def test_ctrl_c_keeps_the_best_and_resume_goes_on(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Pressed when the second state has been kept."""
     keep, kept = Checkpoint.keep, []
 
     def pressed(self: Checkpoint, state: State) -> None:

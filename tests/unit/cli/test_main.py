@@ -23,8 +23,6 @@ HEAVY = set("numpy scipy sympy numba xarray pandas pydantic rich stoop.vehicle s
 
 @pytest.fixture
 def fake(monkeypatch: pytest.MonkeyPatch) -> Callable[[Callable[[object], int]], None]:
-    """Return what registers a verb called `fake`."""
-
     def register(run: Callable[[object], int]) -> None:
         module = types.ModuleType("fake_verb")
         module.run = run  # type: ignore[attr-defined]

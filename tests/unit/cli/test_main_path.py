@@ -45,7 +45,6 @@ def lose_data(log: Path) -> None:
 
 
 def hover_thrust(vehicle: Path) -> float:
-    """Return the thrust of a rotor, N, at the command at which the true vehicle hovers."""
     command = max(np.roots([6.0, 2.5, -1.5 * 9.80665 / 4.0]).real)
     model = load_vehicle(vehicle)
     return float(model.value("rotors.T1") * command + model.value("rotors.T2") * command**2)

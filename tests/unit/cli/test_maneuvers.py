@@ -27,7 +27,6 @@ def hover(hover_file: Path) -> Flight:
 
 
 def columns_of(flight: Flight) -> Columns:
-    """Return all channels but the quaternion, which follows from the angles."""
     names = [str(n) for n in flight.data.data_vars]
     return {n: flight.column(n) for n in names if n not in ("q0", "q1", "q2", "q3")}
 

@@ -173,7 +173,6 @@ def test_the_time_of_a_live_line_goes_on_by_itself(monkeypatch: pytest.MonkeyPat
 
 
 def event(generation: int, trajectories: float) -> SimpleNamespace:
-    """Return what a search tells after a generation."""
     kind = SimpleNamespace(kind="refinement")
     return SimpleNamespace(
         state=SimpleNamespace(generation=generation), trajectories=trajectories, cost=2.0, event=kind

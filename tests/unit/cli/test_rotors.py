@@ -22,7 +22,6 @@ LEVELS = {
 
 
 def hop(commands: tuple[float, ...], seed: int, volts: float = 3.6) -> bytes:
-    """A log of 14 s, the middle 10 s of it in the air, with 16-bit commands and a controller's noise."""
     rng = np.random.default_rng(seed)
     time = 5.0 + 0.01 * np.arange(1400)
     up = (time > 7.0) & (time < 17.0)

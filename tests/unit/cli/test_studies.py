@@ -74,8 +74,6 @@ def test_a_store_of_another_box_or_version_is_refused(refused: Refused) -> None:
 
 @dataclass(frozen=True)
 class Quick:
-    """An experiment without runs."""
-
     name: str = "quick"
     runs: int = 3
     parts: tuple[str, ...] = ()
@@ -94,7 +92,6 @@ def test_every_experiment_is_found_and_named_alike() -> None:
 
 
 def test_pages_and_a_missing_package(tmp_path: Path, cli: Cli, monkeypatch: pytest.MonkeyPatch) -> None:
-    """One experiment that runs, and one whose package is missing."""
     module = ModuleType("quick_experiments")
     module.__dict__["EXPERIMENT"] = Quick()
     monkeypatch.setitem(sys.modules, "quick_experiments", module)

@@ -38,7 +38,6 @@ REPLACED = {
 
 @pytest.fixture
 def place(here: Path, flight_file: Path) -> Path:
-    """Return the folder in which commands run, with a flight, a table, and files that are read as others."""
     assert main(["vehicle", "twin-boom", "-o", "V.toml"]) == 0
     for name in ("V.csv", "V.nc", "V.html"):
         Path(name).write_bytes(Path("V.toml").read_bytes())
@@ -144,7 +143,6 @@ def test_an_input_without_end_is_refused(place: Path, cli: Cli) -> None:
 
 
 def test_every_output_of_the_table_asks_for_overwrite() -> None:
-    """What an option writes is told from what it reads by its kind; nothing is written without --overwrite."""
     for verb in (*verbs().values(), *STUDIES.values()):
         if any(o.kind in ("output", "output-or-print", "page") for o in verb.options):
             assert any(option.key == "overwrite" for option in verb.options), verb.name

@@ -23,7 +23,6 @@ TINY = re.compile(r"-?\d[\d.]*e-(?:1[3-9]|[2-9]\d)\b|-0\.0\b")
 
 @pytest.fixture
 def trim(done: Done) -> Callable[[str], dict[str, Any]]:
-    """Return what trims and gives the JSON."""
     return lambda words: dict(json.loads(done(f"trim {words} --json")))
 
 

@@ -69,7 +69,6 @@ def judged(commanded: FittedModel) -> JudgedGains:
 
 
 def test_bands_hold_the_estimates_and_doubts_are_told(judged: JudgedGains, tmp_path: Path) -> None:
-    """The demonstration recorded q alone: the noise about the other axes is unknown."""
     assert [(one.axis, one.airspeed) for one in judged.axes[:3]] == [
         ("roll", 33.0), ("pitch", 33.0), ("yaw", 33.0),
     ]  # fmt: skip

@@ -22,7 +22,6 @@ from stoop.report.track import Track, projected
 
 
 def flown(seconds: float = 120.0, rate: float = 50.0) -> Flight:
-    """Return circles with three aileron doublets; psi turns."""
     time = np.arange(round(seconds * rate)) / rate
     turn, rng = 0.2 * time, np.random.default_rng(3)
     aileron = np.zeros(len(time))

@@ -26,8 +26,6 @@ VOID = {"meta", "line", "rect", "circle", "path", "br", "hr", "img", "link", "in
 
 
 class Page(HTMLParser):
-    """Collects elements, attributes and text, and checks that what opens is closed."""
-
     def __init__(self, html: str) -> None:
         super().__init__(convert_charrefs=True)
         self.open: list[str] = []
@@ -61,7 +59,6 @@ class Page(HTMLParser):
             self.words.append(data)
 
     def of(self, tag: str) -> list[str]:
-        """Return the contents of all scripts, or of all styles."""
         return [text for name, text in self.raw if name == tag]
 
     @property
@@ -158,7 +155,6 @@ def test_nothing_to_show_and_what_a_result_does_not_say(whole: Any) -> None:
 
 @pytest.mark.parametrize("fault", [np.nan, np.inf, 1e300, -1e17])
 def test_a_diverged_simulation_is_still_a_page(fault: float) -> None:
-    """So is a maneuver of one sample."""
     shown = fewer(example(("CL0", "CLalpha")))
     trace, late = shown.traces[0], np.arange(shown.traces[0].time.size) > 50
     channels = {

@@ -85,7 +85,6 @@ def test_links_lead_to_sections_and_no_two_are_alike() -> None:
 
 
 def test_a_long_last_column_stands_below_the_others_where_the_page_is_narrow() -> None:
-    """Beside two columns there is room."""
     for row, folds in (
         (("1", "roll", "2.1", LONG), True), (("1", "roll", LONG), False), (("1", "roll", "2.1", "short"), False),
         (("1", LONG, "2.1", LONG), False), (("1", LONG, "2.1", "4"), False),

@@ -19,5 +19,4 @@ def job(wrong: Vehicle, flight: Flight) -> FittedModel:
 
 @pytest.fixture(scope="session")
 def folder(job: FittedModel, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return the folder of the job; a test that changes a file copies it."""
     return job.save(tmp_path_factory.mktemp("job") / "result")

@@ -23,7 +23,6 @@ from stoop.workflow.checkpoint import Checkpoint, identity
 
 @pytest.fixture(scope="module")
 def outcome(wrong: Vehicle, flight: Flight) -> optimize.Outcome:
-    """Return how a search ended that ran out of generations."""
     options = Options("de-rand-1-bin", generations=2)
     return identify(wrong, flight, ["0:8"], options=options).estimate.outcome
 
@@ -81,7 +80,6 @@ def test_a_state_that_cannot_be_saved_is_told_once(
 
 
 def test_identity_is_of_everything_that_decides_the_search(wrong: Vehicle) -> None:
-    """Not of when to give up, nor of how the file is written."""
     noise = np.diag(np.arange(1.0, 7.0))
     basis = {
         "vehicle": wrong, "files": {"a.ulg": "1"}, "maneuvers": ["0:20"], "validate": ["20:28"],

@@ -44,7 +44,6 @@ def test_maneuvers_start_where_the_fit_found_them(job: FittedModel, model: Model
 
 
 def test_our_simulation_of_a_maneuver_is_the_one_of_the_report(job: FittedModel, model: ModelData) -> None:
-    """Its root mean square error is the figure in result.json."""
     from stoop.exporters.jsbsim_flight import differences, own_readings
 
     fitted = model.maneuvers[0]

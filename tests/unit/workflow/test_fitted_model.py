@@ -26,7 +26,6 @@ def again(folder: Path) -> stoop.FittedModel:
 
 
 def other(flight: Flight) -> Flight:
-    """Return another record."""
     moved = flight.data.assign_coords(time=flight.data["time"] + 50.0)
     return replace(flight, name="other", data=moved, path=None)
 

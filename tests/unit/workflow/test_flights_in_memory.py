@@ -94,7 +94,6 @@ def test_a_name_stays_within_its_folder() -> None:
 
 
 def turning() -> Columns:
-    """An airplane that turns about all axes in level flight: 30 s at 100 Hz, SI."""
     t = 0.01 * np.arange(3000)
     phi, theta, psi = 0.4 * np.sin(1.7 * t), 0.3 * np.sin(2.3 * t), 0.5 * np.sin(1.1 * t)
     dphi, dtheta, dpsi = 0.68 * np.cos(1.7 * t), 0.69 * np.cos(2.3 * t), 0.55 * np.cos(1.1 * t)

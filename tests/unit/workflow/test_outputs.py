@@ -43,7 +43,6 @@ NAMES = ("vehicle.toml", "flight.nc", "estimate.npz", "traces.npz", "report.html
 
 @pytest.fixture(autouse=True)
 def blank_page(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Write a short report, whose contents other tests check."""
     monkeypatch.setattr("stoop.report.identification.render", lambda model: "<html></html>")
 
 
@@ -183,7 +182,6 @@ def test_a_number_that_was_set_comes_back_with_the_same_bits(x: float, y: float)
 
 
 def test_a_written_estimate_stays_within_its_bounds() -> None:
-    """An estimate at a bound of more digits than are written is not rounded beyond it."""
     lower = -49.99999999996
     vehicle = builtin_vehicle("twin-boom")
     text = vehicle.text.replace("Cmq = -47.6", f"Cmq = {{ value = -40.0, bounds = [{lower}, 0.0] }}")

@@ -49,7 +49,6 @@ def flight(aircraft: Vehicle) -> Flight:
 
 
 def flown(vehicle: Vehicle, noise: dict[str, float], seed: int) -> Flight:
-    """Return 60 s of a multisine of the elevator."""
     shape = {"control": "elevator", "shape": "multisine", "start": 0.0, "duration": 60.0}
     table = shape | {"amplitude": 0.2, "band": 1.2, "first": 6}
     maneuver = Maneuver.model_validate({"duration": 60.0, "rate": 50.0, "input": [table], "noise": noise})

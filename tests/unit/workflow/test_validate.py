@@ -27,7 +27,6 @@ from stoop.workflow.validation import validate
 
 
 def moved_on(flight: Flight) -> Flight:
-    """Return a flight 100 s later: another record."""
     return replace(flight, data=flight.data.assign_coords(time=flight.data["time"] + 100.0))
 
 
