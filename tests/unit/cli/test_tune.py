@@ -62,16 +62,11 @@ def with_servos(fitted: Path) -> FittedModel:
     return moved_by_commands(fitted, SERVO)
 
 
-@pytest.fixture(scope="module")
-def judged(commanded: FittedModel) -> JudgedGains:
-    """Return gains with a feature of the law that is not modeled, judged at three airspeeds."""
-    return commanded.tune(GAINS | {"IMU_GYRO_DNF_EN": 1.0}, airspeed=(33.0, 38.0), draws=100)
-
-
-def test_bands_hold_the_estimates_and_doubts_are_told(judged: JudgedGains, tmp_path: Path) -> None:
-    assert [(one.axis, one.airspeed) for one in judged.axes[:3]] == [
-        ("roll", 33.0), ("pitch", 33.0), ("yaw", 33.0),
-    ]  # fmt: skip
+def test_bands_hold_the_estimates_and_doubts_are_told(commanded: FittedModel, tmp_path: Path) -> None:
+    """Of gains with a feature of the law that is not modeled."""
+    judged = commanded.tune(GAINS | {"IMU_GYRO_DNF_EN": 1.0}, airspeed=(33.0, 38.0), draws=100)
+    first = [(one.axis, one.airspeed) for one in judged.axes[:3]]
+    assert first == [(axis, 33.0) for axis in ("roll", "pitch", "yaw")]
     table = judged.to_dataframe().set_index(["axis", "airspeed", "figure"])
     finite = table[np.isfinite(table["p95"]) & np.isfinite(table["p5"])]
     assert len(finite) > 20
@@ -102,8 +97,12 @@ def test_command_line(commanded: FittedModel, tmp_path: Path, done: Done) -> Non
     command = f"tune {tmp_path / 'result'} {gains} --draws 100 --airspeed 33:34"
     printed = done(command)
     for words in (
-        "PX4 fixed wing", "100 draws from the covariance", "roll, 33 m/s", "phase margin", "disk margin",
-    ):  # fmt: skip
+        "PX4 fixed wing",
+        "100 draws from the covariance",
+        "roll, 33 m/s",
+        "phase margin",
+        "disk margin",
+    ):
         assert words in printed
     loops = json.loads(done(f"{command} --json"))["loops"]
     assert {one["axis"] for one in loops} == {"roll", "pitch", "yaw"}

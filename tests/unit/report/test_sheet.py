@@ -1,16 +1,21 @@
-"""Pages of studies: complete, self-contained, deaf to hostile text."""
+"""Pages of studies and plots: complete, self-contained, deaf to hostile text, data at the right pixels."""
 
 from __future__ import annotations
 
+import re
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
 
+from stoop.base.arrays import FloatArray
 from stoop.errors import OutputError
-from stoop.report.plots import plot
-from stoop.report.series import Series
+from stoop.report.plots import FLOOR, HEIGHT, LEFT, RIGHT, TOP, WIDTH, plot, stacked_plots
+from stoop.report.series import Series, Shade, Strip, thinned
 from stoop.report.sheet import (
     Code,
     Details,
@@ -124,3 +129,137 @@ def test_mathml_holds_nothing_but_mathematics() -> None:
         for forbidden in ("<script", "<img", "<a", "href=", "onerror=", "style=", "src="):
             assert forbidden not in made.replace("&lt;", ""), latex
     assert "a < b" not in str(mathml(r"\text{a < b}"))
+
+
+BOX = WIDTH - LEFT - RIGHT
+SVG = "{http://www.w3.org/2000/svg}"
+
+
+def tree(html: str) -> ET.Element:
+    return ET.fromstring(f'<div xmlns="http://www.w3.org/2000/svg">{html}</div>')  # noqa: S314 - our own
+
+
+def paths(html: str, color: str) -> list[FloatArray]:
+    """Return the points (k, 2) of each path of a color, px from the upper left corner of the box."""
+    found = [e for e in tree(html).iter(f"{SVG}path") if f"stroke: var(--{color})" in e.get("style", "")]
+    points = (np.array(re.findall(r"-?[\d.]+", e.get("d", "")), dtype=float).reshape(-1, 2) for e in found)
+    return [at - (LEFT, TOP) for at in points]
+
+
+def texts(html: str) -> list[str]:
+    return [e.text or "" for e in tree(html).iter(f"{SVG}text")]
+
+
+def keys(html: str) -> list[str]:
+    return ["".join(e.itertext()) for e in tree(html).iter(f"{SVG}li")]
+
+
+def test_points_are_where_the_axes_say() -> None:
+    one = Series("a", np.array([0.0, 5.0, 10.0]), np.array([0.0, 1.0, 3.0]))
+    (drawn,) = paths(plot([one], "x", "y", "d", x_range=(0.0, 10.0), y_range=(0.0, 4.0)), "hue0")
+    expected = np.array([[0.0, HEIGHT], [BOX / 2, 0.75 * HEIGHT], [BOX, HEIGHT / 4]])
+    assert drawn == pytest.approx(expected, abs=0.11)
+    one = Series("a", np.array([0.0, 1.0, 2.0]), np.array([0.0, 1.0, 1.0]), "steps")
+    (drawn,) = paths(plot([one], "x", "y", "d", x_range=(0.0, 2.0), y_range=(0.0, 1.0)), "hue0")
+    corners = [[0, HEIGHT], [BOX / 2, HEIGHT], [BOX / 2, 0], [BOX, 0]]
+    assert list(dict.fromkeys(map(tuple, drawn.tolist()))) == list(map(tuple, corners))
+
+
+def test_logarithmic_axes_give_every_decade_the_same_room() -> None:
+    one = Series("a", np.array([1.0, 10.0, 100.0, -1.0]), np.array([1e-6, 1e-3, 2.0, 1.0]))
+    html = plot([one], "x", "y", "d", log_x=True, log_y=True, x_range=(1.0, 100.0), y_range=(1e-6, 1.0))
+    (drawn,) = paths(html, "hue0")
+    assert drawn[:2] == pytest.approx(np.array([[0.0, HEIGHT], [BOX / 2, HEIGHT / 2]]), abs=0.11)
+    assert {"1", "10", "100", "10⁻³", "10⁻⁶"} <= set(texts(html))
+
+
+def test_twenty_series_all_look_different_and_are_named() -> None:
+    some = [Series(f"s{i}", np.arange(4.0), np.arange(4.0) + i) for i in range(20)]
+    html = plot(some, "x", "y", "twenty")
+    looks = [e.get("style") for e in tree(html).iter(f"{SVG}line")]
+    assert len(set(looks)) == 20
+    assert keys(html) == [f"s{i}" for i in range(20)]
+    dashes = {e.get("style", "") for e in tree(html).iter(f"{SVG}path") if "var(--hue" in e.get("style", "")}
+    assert len({re.sub("-0", "", dash) for dash in dashes}) == 20
+
+
+def test_hardly_any_data_and_a_range_that_is_no_interval_still_make_a_drawing() -> None:
+    for values in ([], [np.nan], [np.inf, 1.0], [3.0], [0.0, 0.0], [-1.0, 0.0], [1e300, 0.0]):
+        array = np.array(values)
+        for log in (False, True):
+            html = plot([Series("a", array, array, "steps")], "x", "y", "d", log_x=log, log_y=log).lower()
+            assert "nan" not in html
+            assert "inf" not in html
+    x = np.linspace(0.0, 1.0, 5)
+    series = [Series("power", x, x**2)]
+    usual = plot(series, "x", "y", "d")
+    for wished in ((0.0, -1.0), (0.0, np.nan), (0.0, np.inf), (-1e308, 1e308)):
+        assert plot(series, "x", "y", "d", x_range=wished, y_range=wished) == usual
+
+
+def test_no_text_becomes_markup_or_mathematics() -> None:
+    hostile = '<b>"$\\frac{$&amp;\x1b'
+    one = (Series(hostile, np.arange(3.0), np.arange(3.0)), Series("b", np.arange(3.0), np.arange(3.0)))
+    html = stacked_plots([Strip(hostile, one)], hostile, hostile, [Shade(0.0, 1.0, hostile, "fitted")])
+    assert "<b>" not in html
+    assert "\x1b" not in html
+    assert any("\\frac" in text for text in texts(html))
+
+
+def test_strips_share_one_axis_and_one_legend() -> None:
+    time = np.linspace(0.0, 30.0, 301)
+    both = (Series("measured", time, np.sin(time)), Series("simulated", time, np.cos(time)))
+    html = stacked_plots([Strip("V, m/s", both), Strip("q, deg/s", both[:1])], "time, s", "two strips")
+    assert {"V, m/s", "q, deg/s", "time, s"} <= set(texts(html))
+    assert len(paths(html, "hue0")) == 2
+    assert len(paths(html, "hue1")) == 1
+    assert keys(html) == ["measured", "simulated"]
+
+
+def test_every_stretch_has_its_edges_and_zero_is_in_sight_where_it_is_asked_for() -> None:
+    """On an axis of 0 to 10 with its margins of 4 %."""
+    one = (Series("a", np.array([0.0, 10.0]), np.array([4.0, 5.0])),)
+    shades = [Shade(0.0, 4.0, "1", "fitted"), Shade(2.0, 6.0, "2", "declined")]
+    html = stacked_plots([Strip("a", one)], "x", "d", shades)
+    for use, edges in (("fitted", (0.0, 4.0)), ("declined", (2.0, 6.0))):
+        places = [BOX * (v + 0.4) / 10.8 for v in edges]
+        assert [p[0, 0] for p in paths(html, f"{use}-edge")] == pytest.approx(places, abs=0.11)
+    one = (Series("a", np.array([0.0, 1.0]), np.array([4.0, 5.0])),)
+    for zero in (True, False):
+        assert ("0" in texts(stacked_plots([Strip("a", one, zero=zero)], "x, s", "d"))) == zero
+
+
+def test_ticks_stand_where_values_are() -> None:
+    lengths, floor = np.array([39.0, 41.0, 47.0]), TOP + HEIGHT
+    html = plot([Series("a", lengths, lengths)], "x", "y", "d", x_ticks=[39.0, 41.0, 47.0])
+    below = [e for e in tree(html).iter(f"{SVG}text") if floor < float(e.get("y", 0)) < floor + FLOOR - 15]
+    assert [e.text for e in below] == ["39", "41", "47"]
+
+
+def test_the_name_of_a_window_that_is_used_goes_before_one_that_is_declined() -> None:
+    x = np.linspace(0.0, 100.0, 5)
+    spans = (
+        (30.0, 52.0, "six", "declined"),
+        (40.0, 42.0, "seven", "fitted"),
+        (70.0, 80.0, "eight", "fitted"),
+    )
+    shades = [Shade(*span) for span in spans]
+    html = stacked_plots([Strip("a", (Series("s", x, x),))], "x", "d", shades)
+    assert set(texts(html)) & {"six", "seven", "eight"} == {"seven", "eight"}
+
+
+@given(
+    arrays(np.float64, st.integers(0, 400), elements=st.floats(-1e6, 1e6) | st.just(float("nan"))),
+    st.integers(5, 50),
+)
+def test_a_thinned_curve_keeps_its_extremes_its_ends_and_its_breaks(y: FloatArray, columns: int) -> None:
+    x = np.arange(len(y), dtype=np.float64)
+    kept, values, _ = thinned(Series("a", x, y), columns)
+    there = np.isfinite(y)
+    assert np.array_equal(values, y[kept.astype(int)], equal_nan=True)
+    assert len(np.flatnonzero(np.diff(np.isfinite(values)))) == len(np.flatnonzero(np.diff(there)))
+    pieces = 1 + np.count_nonzero(np.diff(there))
+    assert len(kept) <= max(2 * columns, 2 * columns + 6 * pieces + len(y) // columns * pieces)
+    if there.any():
+        assert np.nanmax(values) == y[there].max()
+        assert np.nanmin(values) == y[there].min()
