@@ -12,9 +12,7 @@ from pathlib import Path
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
 PAGES = (
-    ROOT / "README.md",
-    ROOT / "CONTRIBUTING.md",
-    ROOT / "examples" / "README.md",
+    *(ROOT / n for n in ("README.md", "CONTRIBUTING.md", "examples/README.md")),
     *sorted(DOCS.glob("*.md")),
 )
 

@@ -96,16 +96,3 @@ def test_every_picture_is_on_a_page_with_a_caption_and_a_text() -> None:
     assert {name for name, _, _ in shown} == set(known) == explained
     assert all(len(p.alternative) > 20 and p.alternative.endswith(".") for p in known.values())
     assert all(c.strip().endswith((".", ":")) for name, _, c in shown if not name.startswith("door-"))
-
-
-def test_a_picture_is_drawn_for_light_and_for_dark_pages_when_it_is_old(tmp_path: Path) -> None:
-    from pictures import registry
-    from pictures.sketch import PALETTES
-
-    one = registry.pictures()["deflection-elevator"]
-    assert one in registry.outdated(tmp_path)
-    assert registry.draw(one, tmp_path) == []
-    assert one not in registry.outdated(tmp_path)
-    light, dark = ((tmp_path / name).read_text("utf-8") for name in one.files())
-    back = dict(zip(PALETTES["dark"].values(), PALETTES["light"].values(), strict=True))
-    assert re.sub(r"#[0-9a-f]{6}", lambda m: back.get(m[0], m[0]), dark) == light != dark

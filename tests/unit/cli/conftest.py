@@ -22,10 +22,6 @@ class Answer(NamedTuple):
     err: str
 
 
-def words_of(command: str | Sequence[object]) -> list[str]:
-    return command.split() if isinstance(command, str) else [*map(str, command)]
-
-
 def contents(folder: Path) -> dict[str, bytes]:
     return {str(p.relative_to(folder)): p.read_bytes() if p.is_file() else b"" for p in folder.rglob("*")}
 
@@ -41,7 +37,7 @@ def cli(capsys: pytest.CaptureFixture[str]) -> Callable[..., Answer]:
 
     def run(command: str | Sequence[object]) -> Answer:
         capsys.readouterr()
-        code = main(words_of(command))
+        code = main(command.split() if isinstance(command, str) else [*map(str, command)])
         return Answer(code, *capsys.readouterr())
 
     return run

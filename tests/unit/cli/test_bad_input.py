@@ -74,14 +74,6 @@ SPOILED = (
     (INFO, "columns.toml", '"rad"', '"grad"', "did you mean rad"),
     (INFO, "columns.toml", "[time]", "[time", "not valid TOML"),
 )  # fmt: skip
-#: name of an output -> complaint
-OUTPUTS = {
-    "flight.txt": "end its name in .nc",
-    "flight": "end its name in .nc",
-    "": "this is a folder",
-    "nowhere/flight.nc": "there is no folder nowhere; make it first",
-    "folder.nc": "this is a folder",
-}
 
 
 @pytest.mark.parametrize(("command", "name", "old", "new", "complaint"), SPOILED)
@@ -105,7 +97,10 @@ def test_files_of_no_text_and_names_of_flights(refused: Refused) -> None:
     assert "none.toml: cannot read the mapping file" in refused("info log.csv --mapping none.toml")
     Path("m.toml").write_text(MANEUVER)
     Path("folder.nc").mkdir()
-    for name, complaint in OUTPUTS.items():
+    for name, complaint in (
+        ("flight.txt", "end its name in .nc"), ("flight", "end its name in .nc"), ("", "this is a folder"),
+        ("nowhere/flight.nc", "there is no folder nowhere; make it first"), ("folder.nc", "this is a folder"),
+    ):  # fmt: skip
         assert complaint in refused(["simulate", "twin-boom", "--maneuver", "m.toml", "-o", name]), name
 
 

@@ -139,18 +139,11 @@ def folder(tmp_path_factory: pytest.TempPathFactory, examples: Path) -> Path:
 @pytest.mark.parametrize(
     ("command", "expected"),
     [
-        ("info @log.bin", 0),
-        ("info @log.bin --json", 0),
-        ("info @a.csv", 0),
-        ("info @lost.ulg", 2),
-        ("map @log.bin", 0),
-        ("trim @v.toml", 0),
-        ("linearize @v.toml --json -", 0),
-        ("simulate @v.toml --maneuver @m.toml -o @f.nc", 2),
-        ("vehicle @none", 2),
-        ("fleet @fleet.csv -o @fleet", 3),
+        ("info @log.bin", 0), ("info @log.bin --json", 0), ("info @a.csv", 0), ("info @lost.ulg", 2), ("map @log.bin", 0),
+        ("trim @v.toml", 0), ("linearize @v.toml --json -", 0), ("simulate @v.toml --maneuver @m.toml -o @f.nc", 2),
+        ("vehicle @none", 2), ("fleet @fleet.csv -o @fleet", 3),
     ],
-)
+)  # fmt: skip
 def test_a_verb_prints_nasty_texts(command: str, expected: int, folder: Path, cli: Cli) -> None:
     words = [str(folder / word[1:]) if word.startswith("@") else word for word in command.split()]
     code, out, err = cli(words)

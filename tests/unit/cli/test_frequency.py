@@ -14,36 +14,28 @@ from stoop.cli.main import main
 from stoop.exporters.log_bytes import Event, crazyflie_bytes
 from stoop.flight import Flight, flight_bytes
 from stoop.simulation.fly import simulate_flight
-from stoop.simulation.maneuver import parse_maneuver
+from stoop.simulation.maneuver import Maneuver
 from stoop.vehicle.builtin import resolve_vehicle
 
-MULTISINE = """
-duration = {}
-rate = {}
-[[input]]
-control = "{}"
-shape = "multisine"
-start = 1.0
-duration = {}
-amplitude = {}
-band = {}
-first = 5
-[noise]
-{} = 0.002
-"""
+
+def multisine(
+    control: str, rate: float, duration: float, amplitude: float, band: float, noisy: str
+) -> Maneuver:
+    shape = {"control": control, "shape": "multisine", "start": 1.0, "duration": duration - 2.0, "first": 5}
+    table = shape | {"amplitude": amplitude, "band": band}
+    told = {"duration": duration, "rate": rate, "input": [table], "noise": {noisy: 0.002}}
+    return Maneuver.model_validate(told)
 
 
 @pytest.fixture(scope="module")
 def flown() -> Flight:
-    maneuver = parse_maneuver(MULTISINE.format(24.0, 50.0, "elevator", 22.0, 0.03, 3.0, "q"), "sweep")
+    maneuver = multisine("elevator", 50.0, 24.0, 0.03, 3.0, "q")
     return simulate_flight(resolve_vehicle("twin-boom"), maneuver, name="sweep")
 
 
 @pytest.fixture
-def flight(flown: Flight, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.chdir(tmp_path)
-    path = tmp_path / "sweep.nc"
-    path.write_bytes(flight_bytes(flown))
+def flight(flown: Flight, here: Path) -> Path:
+    (path := here / "sweep.nc").write_bytes(flight_bytes(flown))
     return path
 
 
@@ -68,7 +60,7 @@ def test_flight_against_model(flight: Path, capsys: pytest.CaptureFixture[str]) 
 def test_rotors_are_taken_by_the_axes_that_they_command() -> None:
     """The response of p to the commanded roll acceleration is a lag before an integrator, by the rotors' lag alone."""
     vehicle = resolve_vehicle("quad-x")
-    maneuver = parse_maneuver(MULTISINE.format(30.0, 100.0, "roll", 28.0, 8.0, 4.0, "p"), "hover")
+    maneuver = multisine("roll", 100.0, 30.0, 8.0, 4.0, "p")
     flight = simulate_flight(vehicle, maneuver, name="hover")
     found = stoop.frequency_responses(flight, "1:29", vehicle)
     assert "roll" in found.inputs
@@ -117,13 +109,9 @@ def test_bad_input(flight: Path, refused: Refused) -> None:
 
 VEHICLE = str(Path(__file__).parents[3] / "examples" / "crazyflie.toml")
 LEVELS = {
-    "a": (42000, 42300, 41800, 42100),
-    "b": (42200, 42100, 42000, 41900),
-    "c": (41900, 42000, 42150, 42050),
-    "fine": (42000, 42050, 42000, 42000),
-    "weak": (42000, 42050, 53000, 42000),
-    "low": (42000, 42050, 42000, 42000),
-}
+    "a": (42000, 42300, 41800, 42100), "b": (42200, 42100, 42000, 41900), "c": (41900, 42000, 42150, 42050),
+    "fine": (42000, 42050, 42000, 42000), "weak": (42000, 42050, 53000, 42000), "low": (42000, 42050, 42000, 42000),
+}  # fmt: skip
 
 
 def hop(commands: tuple[float, ...], seed: int, volts: float = 3.6) -> bytes:

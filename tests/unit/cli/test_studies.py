@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sqlite3
 import sys
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,8 +11,7 @@ import pytest
 from unit.cli.conftest import Cli, Done, Refused
 
 from stoop.errors import StoopError
-from stoop.parallel import Plan, environment
-from stoop.parallel.store import open_store
+from stoop.parallel import Plan
 from stoop_studies.cli.reproduce import NAMES
 from stoop_studies.findings import Findings, Results, Setting, holds
 from stoop_studies.reproduce.registry import EXPERIMENTS
@@ -50,26 +48,6 @@ def test_files_of_others_stay(refused: Refused, done: Done) -> None:
     done("reproduce figure3 -o . --overwrite")
     assert Path("figure3.csv").read_text() != "mine"
     assert path.read_text() == "mine"
-
-
-def store(path: Path) -> None:
-    """Make a store with one run in it: without any it would hold on to nothing."""
-    plan = EXPERIMENTS["noise"].plan(Setting(1, box="W"))
-    assert plan is not None
-    with open_store(path, plan, environment()) as made:
-        made.add(plan.runs[:1], ["null"])
-
-
-def test_a_store_of_another_box_or_version_is_refused(refused: Refused) -> None:
-    command = "reproduce noise -o . --runs 1 --workers 1"
-    store(Path("noise.sqlite"))
-    assert "noise.sqlite" in refused(f"{command} --box N")
-    with sqlite3.connect("noise.sqlite") as changed:
-        changed.execute("UPDATE meta SET value = replace(value, 'numpy', 'mumpy')")
-    assert "noise.sqlite" in refused(command)
-    with sqlite3.connect("noise.sqlite") as user:
-        user.execute("BEGIN EXCLUSIVE")
-        assert "cannot be removed" in refused("reproduce noise -o . --overwrite"), "it waits for nobody"
 
 
 @dataclass(frozen=True)

@@ -26,13 +26,6 @@ COMPLETED = ("data", "file", "folder", "output", "output-or-print", "page", "sou
 NOTHING = (None, "", (), {}, [], float("-inf"))  #: defaults by which nothing is given
 
 
-def inner(parser: argparse.ArgumentParser, name: str) -> argparse.ArgumentParser:
-    for action in parser._actions:
-        if isinstance(action, argparse._SubParsersAction):
-            return action.choices[name]
-    raise LookupError(name)
-
-
 def parameters(verb: Verb) -> dict[str, Any]:
     """Return the parameters of a verb's Python function and their defaults; a fit takes fields of its options too."""
     module, _, name = verb.python.partition(":")
@@ -62,7 +55,9 @@ def check_verb(name: str, verb: Verb, completed: argparse.ArgumentParser) -> Non
     assert f"{verb.summary[0].upper()}{verb.summary[1:]}." in told
     of_shell = completed
     for word in name.split():
-        of_shell = inner(of_shell, word)
+        (of_shell,) = (
+            a.choices[word] for a in of_shell._actions if isinstance(a, argparse._SubParsersAction)
+        )
     shells = {a.dest: a for a in of_shell._actions}
     for option in verb.options:
         action = actions[option.key]
