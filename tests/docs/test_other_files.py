@@ -137,21 +137,12 @@ def test_geometry_files() -> None:
 
 PAGE = DOCS / "vehicle-file.md"
 HEADINGS: dict[str, type[BaseModel]] = {
-    "Top level": schema.VehicleFile,
-    "[model]": schema.Model,
-    "[mass]": schema.Mass,
-    "[mass.inertia]": schema.Inertia,
-    "[reference]": schema.Reference,
-    "[environment]": schema.Environment,
-    "[aerodynamics]": schema.Aerodynamics,
-    "[rotors]": schema.Rotors,
-    "[rotor.NAME]": schema.Rotor,
-    "[body_drag]": schema.BodyDrag,
-    "[ground_effect]": schema.GroundEffect,
-    "[controls.NAME]": schema.Control,
-    "[sensors]": schema.Sensors,
+    "Top level": schema.VehicleFile, "[model]": schema.Model, "[mass]": schema.Mass, "[mass.inertia]": schema.Inertia,
+    "[reference]": schema.Reference, "[environment]": schema.Environment, "[aerodynamics]": schema.Aerodynamics,
+    "[rotors]": schema.Rotors, "[rotor.NAME]": schema.Rotor, "[body_drag]": schema.BodyDrag,
+    "[ground_effect]": schema.GroundEffect, "[controls.NAME]": schema.Control, "[sensors]": schema.Sensors,
     "[sensors.CHANNEL]": schema.Sensor,
-}
+}  # fmt: skip
 #: what a file with rotors needs
 LIFTED = '\n[rotors]\nT2 = 30.0\n[rotor.m1]\nchannel = "motor_1"\nposition = [0.1, 0.1, 0.0]\nspin = "cw"\n'
 THRUST = (schema.ConstantThrust, schema.ThrustChannel, schema.Propeller)

@@ -17,14 +17,12 @@ from unit.cli.conftest import Cli, Refused
 
 TWIN_BOOM = (files("stoop.data") / "twin_boom.toml").read_text()
 MANEUVER = (Path(__file__).parents[3] / "examples" / "maneuver_3211.toml").read_text()
-MAPPING = """
-[time]
-column = "t"
-unit = "s"
-[variables]
-q = { column = "q", unit = "rad/s" }
-theta = { column = "theta", unit = "rad" }
-"""
+VARIABLE = '{0} = {{ column = "{0}", unit = "{1}" }}\n'
+MAPPING = (
+    '[time]\ncolumn = "t"\nunit = "s"\n[variables]\n'
+    + VARIABLE.format("q", "rad/s")
+    + VARIABLE.format("theta", "rad")
+)
 
 
 #: name -> content, what the complaint of `stoop info` says

@@ -200,11 +200,9 @@ GUSTS = "\n[turbulence]\nairspeed = 5.0\n" + "".join(
 )
 SHAPE = '[[input]]\ncontrol = "{}"\nshape = "{}"\nstart = {}\nstep = {}\namplitude = {}\n'
 INPUTS = (
-    ("roll", "3-2-1-1", 2.0, 0.15, 15.0),
-    ("pitch", "3-2-1-1", 5.0, 0.15, 15.0),
-    ("yaw", "3-2-1-1", 8.0, 0.3, 1.0),
+    ("roll", "3-2-1-1", 2.0, 0.15, 15.0), ("pitch", "3-2-1-1", 5.0, 0.15, 15.0), ("yaw", "3-2-1-1", 8.0, 0.3, 1.0),
     ("roll", "doublet", 12.0, 0.3, 12.0),
-)
+)  # fmt: skip
 HEADER = 16  #: bytes of a ULog before its messages
 LOST = (0.76, 0.79)  #: shares of the log between which a busy card lost data
 
