@@ -123,6 +123,7 @@ def test_ctrl_c_keeps_the_best_and_resume_goes_on(place: Path, monkeypatch: pyte
     first = result(place, "long")
     assert first["status"] == "interrupted"
     assert first["parameters"]
+    assert main(identify(place, f"{SHORT} --generations 4 --seed 9 --resume", "long")) == 2, "another search"
     assert main(identify(place, f"{SHORT} --generations 4 --resume", "long")) == 0
     assert result(place, "long")["status"] == "generations"
 

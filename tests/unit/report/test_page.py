@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import base64
-import dataclasses
 import hashlib
 import re
+from dataclasses import replace
 from html.parser import HTMLParser
 from types import SimpleNamespace
 from typing import Any
@@ -136,7 +136,7 @@ def test_what_a_reader_looks_for_is_there(html: str, page: Page, whole: Any) -> 
 
 def test_nothing_to_show_and_what_a_result_does_not_say(whole: Any) -> None:
     result = whole.result
-    empty = dataclasses.replace(
+    empty = replace(
         result, parameters={}, covariance=type(result.covariance)((), np.empty((0, 0))), initial_states=(), biases=(),
         noise_covariance=type(result.noise_covariance)((), np.empty((0, 0))), wind=(), maneuvers=(), notices=(),
         versions={}, inputs={}, uncertainty={},
@@ -146,9 +146,9 @@ def test_nothing_to_show_and_what_a_result_does_not_say(whole: Any) -> None:
     assert "script" not in page.tags
     assert "contains no scripts" in page.text
     assert "Uncertainty, by method" not in page.text
-    seen = dataclasses.replace(result.identifiability, singular_values=())
-    less = dataclasses.replace(result, identifiability=seen)
-    html = render(dataclasses.replace(whole, result=less))
+    seen = replace(result.identifiability, singular_values=())
+    less = replace(result, identifiability=seen)
+    html = render(replace(whole, result=less))
     assert "The sensitivities to all unknowns have" not in html
     assert "With a multiple correlation of nearly 1" in html
 
@@ -164,7 +164,7 @@ def test_a_diverged_simulation_is_still_a_page(fault: float) -> None:
     channels["q"] = ChannelTrace(*2 * [np.full(late.size, np.nan)])
     one = ChannelTrace(np.array([0.1]), np.array([0.1]))
     short = ManeuverTrace(np.array([140.0]), {"p": one}, {"elevator": np.array([0.0])})
-    worse = dataclasses.replace(shown, traces=(ManeuverTrace(trace.time, channels, trace.inputs), short))
+    worse = replace(shown, traces=(ManeuverTrace(trace.time, channels, trace.inputs), short))
     page = Page(render(worse))
     assert not re.search(r"\b(nan|inf)\b", " ".join(page.words))
     assert not re.search(r"\b(NaN|Infinity)\b", " ".join(page.of("script")[:-3]))
@@ -197,8 +197,8 @@ def test_an_interval_that_is_not_given_is_drawn_as_wide_as_it_would_be(whole: An
     ends = {"ci95_lower": 2.0 - 0.5 * NORMAL_95, "ci95_upper": 2.0 + 0.5 * NORMAL_95}
     sure = ParameterEstimate(2.0, 0.5, **ends)
     drawn = []
-    for one in (sure, dataclasses.replace(sure, identifiable=False)):
-        result = dataclasses.replace(whole.result, parameters={"CL0": one})
-        table = estimates_section(dataclasses.replace(whole, result=result)).parts[-1]
+    for one in (sure, replace(sure, identifiable=False)):
+        result = replace(whole.result, parameters={"CL0": one})
+        table = estimates_section(replace(whole, result=result)).parts[-1]
         drawn.append(str(table.rows[0][4]).replace("unsure", "sure"))
     assert drawn[0] == drawn[1]

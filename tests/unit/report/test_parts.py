@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 import tomllib
+from dataclasses import replace
 from importlib.resources import files
 from typing import Any
 
@@ -117,9 +117,7 @@ def good() -> Result:
         ManeuverResult("f", 4.0, 5.0, "fit", (), figures),
     )
     parameters, tests = {"CL0": ParameterEstimate(1.0, 0.1)}, ExtensionTests(100, 0.01)
-    return dataclasses.replace(
-        whole, parameters=parameters, maneuvers=maneuvers, notices=(), extensions=tests
-    )
+    return replace(whole, parameters=parameters, maneuvers=maneuvers, notices=(), extensions=tests)
 
 
 def sentences(result: Result) -> str:
@@ -135,7 +133,7 @@ def test_a_good_verdict() -> None:
     sights = {"CL0": ParameterIdentifiability(0.1, 3.5, 0.9996, ("CLalpha",), notice("known-in-combination"))}
     for seen, words in ((sights, "estimated; 1 of them known only in combination with others."),
                         ({}, "1 parameter estimated, all of them identifiable.")):  # fmt: skip
-        one = dataclasses.replace(good(), identifiability=IdentifiabilityAnalysis(parameters=seen))
+        one = replace(good(), identifiability=IdentifiabilityAnalysis(parameters=seen))
         assert words in sentences(one)
 
 
@@ -145,8 +143,8 @@ def test_a_channel_in_which_only_noise_is_left_is_not_lost() -> None:
     for left, level in (("white", "good"), ("colored", "caution"), ("", "caution")):
         still = GoodnessOfFit(0.1, 0.65, 0.0, 0.63, whiteness=Whiteness(verdict=left))
         channels = {"p": moved, "r": still}
-        maneuvers = tuple(dataclasses.replace(m, channels=channels) for m in whole.maneuvers)
-        result = dataclasses.replace(whole, maneuvers=maneuvers)
+        maneuvers = tuple(replace(m, channels=channels) for m in whole.maneuvers)
+        result = replace(whole, maneuvers=maneuvers)
         assert verdict(result).level == level
         said = sentences(result)
         assert ("and leaves only noise in 2 more" in said) == (left == "white")
@@ -157,7 +155,7 @@ def test_a_channel_in_which_only_noise_is_left_is_not_lost() -> None:
 def test_verdicts() -> None:
     whole, unknown = good(), ParameterEstimate(1.0, identifiable=False)
     bounded = {"a": ParameterEstimate(1.0, at_bound=True), "b": ParameterEstimate(1.0)}
-    lost = dataclasses.replace(whole.maneuvers[1], channels={"r": GoodnessOfFit(0.1, 0.6, 0.1, 0.5)})
+    lost = replace(whole.maneuvers[1], channels={"r": GoodnessOfFit(0.1, 0.6, 0.1, 0.5)})
     fitted = whole.maneuvers[::2]
     cases: list[tuple[dict[str, Any], str, str]] = [
         ({"notices": (as_notice("pitot"),)}, "caution", ""),
@@ -173,7 +171,7 @@ def test_verdicts() -> None:
         ({"maneuvers": fitted}, "caution", "No window was held back"),
     ]
     for changes, level, said in cases:
-        result = dataclasses.replace(whole, **changes)
+        result = replace(whole, **changes)
         found = verdict(result)
         assert found.level == level, changes
         assert (found.level == "good") == (not found.against)
