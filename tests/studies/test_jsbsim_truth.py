@@ -28,11 +28,7 @@ def cessna() -> Aircraft:
 def test_inertia_is_the_one_that_jsbsim_turns_by(cessna: Aircraft) -> None:
     i = inertia(cessna)
     tensor = np.array(
-        [
-            [i["xx"], -i["xy"], -i["xz"]],
-            [-i["xy"], i["yy"], -i["yz"]],
-            [-i["xz"], -i["yz"], i["zz"]],
-        ]
+        [[i["xx"], -i["xy"], -i["xz"]], [-i["xy"], i["yy"], -i["yz"]], [-i["xz"], -i["yz"], i["zz"]]]
     )
     rates = cessna.read([f"velocities/{a}i-rad_sec" for a in "pqr"])
     turning = cessna.read([f"accelerations/{a}idot-rad_sec2" for a in "pqr"])

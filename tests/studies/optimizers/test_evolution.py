@@ -11,9 +11,7 @@ import pytest
 from stoop.optimize.population import binomial
 from stoop_studies.optimizers.compositions import ps_gde
 from stoop_studies.optimizers.evolution import chaos
-from stoop_studies.optimizers.mutation import (
-    distinct,
-)
+from stoop_studies.optimizers.mutation import distinct
 
 
 def test_a_generation_of_ps_gde_equals_its_naive_twin(oscillation: Callable[..., Any]) -> None:

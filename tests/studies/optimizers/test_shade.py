@@ -11,19 +11,9 @@ from naive.landscapes import Only, ellipsoid, rastrigin, rosenbrock, sphere
 from naive.shade import evaluations_to
 
 from stoop import optimize
-from stoop.optimize.population import (
-    ParameterMemory,
-    success_means,
-)
+from stoop.optimize.population import ParameterMemory, success_means
 from stoop_studies.optimizers.local_search import QuasiNewton
-from stoop_studies.optimizers.shade import (
-    JSO,
-    TERMINAL,
-    LShade,
-    OrderedShade,
-    keep_best,
-    linear_size,
-)
+from stoop_studies.optimizers.shade import JSO, TERMINAL, LShade, OrderedShade, keep_best, linear_size
 
 SCALES, RATES = np.array([0.2, 0.4, 0.9]), np.array([0.5, 0.0, 1.0])
 GAINS, WON = np.array([3.0, 1.0, np.inf]), np.array([True, True, False])

@@ -12,12 +12,7 @@ from stoop.flight import load
 from stoop.simulation import initial_states, parameter_rows
 from stoop.vehicle import parse_vehicle
 from stoop_studies.verify import instruments, truths
-from stoop_studies.verify.defaults import (
-    fly,
-    right,
-    scores,
-    spoiled,
-)
+from stoop_studies.verify.defaults import fly, right, scores, spoiled
 from stoop_studies.verify.defects import edited
 from stoop_studies.verify.made_up import made_up
 from stoop_studies.verify.truths import Deflection
