@@ -14,8 +14,7 @@ from pathlib import Path
 from typing import Any, Final
 from unittest import mock
 
-from studies.robustness.small_runs import STORES, reproducible_outputs, written
-from studies.robustness.verb_outputs import check_file
+from studies.robustness.small_runs import STORES, check_file, reproducible_outputs, written
 
 from stoop.base.files import SCRATCH
 from stoop.base.npz import read_arrays

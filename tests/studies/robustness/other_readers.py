@@ -1,4 +1,4 @@
-"""What independent readers find in a log: pyulog, pymavlink, Python's csv module, SciPy and h5py.
+"""Logs read by stoop and by independent readers (pyulog, pymavlink, Python's csv, SciPy, h5py): numbers agree to the bit.
 
 Each difference of convention to stoop's own readers is a small rule here, with its reason; nothing else is made alike.
 """
@@ -11,72 +11,48 @@ import io
 import math
 import os
 import re
-import signal
 import tomllib
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 from unittest import mock
 
+import h5py
 import numpy as np
-import numpy.typing as npt
+from pymavlink import DFReader
+from pyulog import ULog
+from scipy.io import netcdf_file
+from studies.robustness.readers import in_this_process
+from studies.robustness.trials import LISTED, READ, promise
 
-from stoop.base.arrays import FloatArray
+from stoop import logs
+from stoop.errors import StoopError
+from stoop.logs.recording import Defect, Recording
 
-SECONDS: Final = 0.15  #: of processor time that another reader may take
-DESCRIPTIVE: Final = frozenset({"FMT", "FMTU", "UNIT", "MULT", "PARM", "MSG", "VER"})
-DIVISORS: Final = {"c": 100.0, "C": 100.0, "e": 100.0, "E": 100.0, "L": 1e7}  #: of [ArduPilot's] letters
-EMPTY_CELLS: Final = frozenset(
+DESCRIPTIVE = frozenset({"FMT", "FMTU", "UNIT", "MULT", "PARM", "MSG", "VER"})
+EMPTY_CELLS = frozenset(
     (
         "", "#N/A", "#N/A N/A", "#NA", "-1.#IND", "-1.#QNAN", "-NaN", "-nan", "1.#IND", "1.#QNAN", "<NA>", "N/A", "NA", "NULL",
         "NaN", "None", "n/a", "nan", "null",
     )
 )  # fmt: skip  #: what tables write where there is no number, as pandas documents it
-
-
-class TooSlowError(BaseException):
-    """Another reader takes too long; no `Exception`, which the readers catch."""
+PACKING = ("_FillValue", "missing_value", "scale_factor", "add_offset")
+SAME = "same"  #: both read a log, and find the same
+Columns = Mapping[str, np.ndarray]
 
 
 @dataclass(frozen=True)
 class Samples:
     """Samples of a stream in the order of the file, or not `ordered`: their time (n,) [s] and columns (n,)."""
 
-    time: FloatArray
-    columns: Mapping[str, FloatArray]
+    time: np.ndarray
+    columns: Columns
     ordered: bool = True
 
 
-@dataclass(frozen=True)
-class Found:
-    """What another reader finds: streams of samples, or named arrays of numbers, each in every form that it may be read in."""
-
-    streams: Mapping[str, Samples] = field(default_factory=dict)
-    arrays: Mapping[str, FloatArray] = field(default_factory=dict)
-
-
-@contextmanager
-def limited() -> Iterator[None]:
-    """Give others' code some time of the processor, again and again where it goes on; its warnings are its own."""
-
-    def stop(*_: object) -> None:
-        raise TooSlowError
-
-    before = signal.signal(signal.SIGVTALRM, stop)
-    signal.setitimer(signal.ITIMER_VIRTUAL, SECONDS, 0.1)
-    try:
-        with warnings.catch_warnings(), np.errstate(all="ignore"):
-            warnings.simplefilter("ignore")
-            yield
-    finally:
-        signal.setitimer(signal.ITIMER_VIRTUAL, 0.0)
-        signal.signal(signal.SIGVTALRM, before)
-
-
-def floats(values: Sequence[Any]) -> FloatArray:
+def floats(values: Sequence[Any]) -> np.ndarray:
     """Return numbers as Python converts each of them; those beyond float64 are infinite, as in all readers."""
 
     def one(value: Any) -> float:
@@ -89,30 +65,33 @@ def floats(values: Sequence[Any]) -> FloatArray:
 
 
 def plain(name: str) -> str:
-    """Return a name as it is compared.
-
-    Stoop makes blanks of control characters, and pyulog ends names of fields at a blank.
-    """
+    """Return a name as it is compared: stoop makes blanks of control characters, and pyulog ends fields at a blank."""
     return re.sub(r" [^.\[]*", "", "".join(c if c.isprintable() else " " for c in name).strip())
 
 
-def by_plain_name(columns: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
+def by_plain_name(columns: Columns) -> dict[str, np.ndarray]:
     """Return columns by the names by which they are compared, without those of which two are then alike."""
     names = [plain(name) for name in columns]
-    return {
-        name: values for name, values in zip(names, columns.values(), strict=True) if names.count(name) == 1
-    }
+    return {name: x for name, x in zip(names, columns.values(), strict=True) if names.count(name) == 1}
 
 
-def ulog(path: Path, mapping: Path | None) -> Found:
-    """Read a ULog by pyulog; padding is no column, and one instance in two subscriptions is one stream."""
-    from pyulog import ULog
+def joined(parts: Mapping[str, list[Samples]]) -> dict[str, Samples]:
+    """Return streams of one or several parts."""
+    found = {}
+    for stream, (first, *more) in parts.items():
+        every = (first, *more)
+        names = set.intersection(*(set(part.columns) for part in every))
+        columns = {name: np.concatenate([part.columns[name] for part in every]) for name in names}
+        time = np.concatenate([part.time for part in every])
+        found[stream] = Samples(time, columns, first.ordered and not more)
+    return found
 
-    merged: dict[str, list[Samples]] = {}
+
+def by_pyulog(path: Path, _: Path | None) -> dict[str, Samples]:
+    """Padding is no column, and one instance in two subscriptions is one stream."""
+    parts: dict[str, list[Samples]] = {}
     for data in ULog(str(path)).data_list:
-        name = f"{data.name}/{data.multi_id}" if data.multi_id else data.name
         if "timestamp" in data.data:  # a stream of stoop has a time
-            time = data.data["timestamp"] * 1e-6
             # NumPy names what has no name by its place
             nameless = {f"f{k}" for k, field in enumerate(data.field_data) if not field.field_name}
             columns = {
@@ -120,28 +99,19 @@ def ulog(path: Path, mapping: Path | None) -> Found:
                 for key, values in data.data.items()
                 if key != "timestamp" and not key.rpartition(".")[2].startswith("_padding")
             }
-            merged.setdefault(plain(name), []).append(Samples(floats(time.tolist()), by_plain_name(columns)))
-    return Found({name: _joined(parts) for name, parts in merged.items()})
+            time = floats((data.data["timestamp"] * 1e-6).tolist())
+            name = f"{data.name}/{data.multi_id}" if data.multi_id else data.name
+            parts.setdefault(plain(name), []).append(Samples(time, by_plain_name(columns)))
+    return joined(parts)
 
 
-def _joined(parts: Sequence[Samples]) -> Samples:
-    """Return several parts of a stream as one."""
-    if len(parts) == 1:
-        return parts[0]
-    names = set.intersection(*(set(part.columns) for part in parts))
-    columns = {name: np.concatenate([part.columns[name] for part in parts]) for name in names}
-    return Samples(np.concatenate([part.time for part in parts]), columns, ordered=False)
-
-
-def dataflash(path: Path, mapping: Path | None) -> Found:
-    """Read a DataFlash log, binary or text, by pymavlink; kinds that describe the log are no streams."""
-    from pymavlink import DFReader
-
+def by_pymavlink(path: Path, _: Path | None) -> dict[str, Samples]:
+    """Binary or text; kinds that describe the log are no streams."""
     is_text = path.suffix == ".log"
     rows: dict[tuple[str, str], list[list[float]]] = {}
     split: set[str] = set()
     with (
-        mock.patch.dict(os.environ, {"PYMAVLINK_FAST_INDEX": "0"}),  # plain Python, which can be stopped
+        mock.patch.dict(os.environ, {"PYMAVLINK_FAST_INDEX": "0"}),  # plain Python
         (DFReader.DFReader_text if is_text else DFReader.DFReader_binary)(str(path), True) as reader,
     ):
         while (message := reader.recv_msg()) is not None:
@@ -154,26 +124,24 @@ def dataflash(path: Path, mapping: Path | None) -> Found:
             stream = kind.name
             if kind.instance_field:
                 stream += _instance(message, kind.colhash[kind.instance_field], is_text)
-            columns = zip(kind.columns, kind.msg_fmts, strict=True)
-            cells = [_cell(message, *column, is_text) for column in columns]
-            key = stream, f"{kind.format} {names}"
             if is_text and any("," in cell for cell in message._elements[:-1]):
                 split.add(stream)  # a comma ends a cell; for pymavlink, one with a blank
                 continue
-            rows.setdefault(key, []).append([x for cell in cells for x in cell])
-    merged: dict[str, list[Samples]] = {}
+            cells = [_cell(message, *one, is_text) for one in zip(kind.columns, kind.msg_fmts, strict=True)]
+            rows.setdefault((stream, f"{kind.format} {names}"), []).append([x for c in cells for x in c])
+    parts: dict[str, list[Samples]] = {}
     for (stream, layout), table in rows.items():
         kinds, _, names = layout.partition(" ")
-        labels = [
-            label
-            for letter, name in zip(kinds, names.split(","), strict=True)
-            for label in _labels(letter, name)
-        ]
+        labels: list[str] = []
+        for letter, name in zip(kinds, (n.strip() for n in names.split(",")), strict=True):
+            labels += (
+                [] if letter in "nNZ" else [f"{name}[{i}]" for i in range(32)] if letter == "a" else [name]
+            )
         block = dict(zip(labels, np.array(table, dtype=np.float64).T, strict=True))
         time = 1e-6 * block.pop("TimeUS")
-        samples = Samples(time, by_plain_name(block), ordered=stream not in split)
-        merged.setdefault(plain(stream), []).append(samples)
-    return Found({name: _joined(parts) for name, parts in merged.items()})
+        samples = Samples(time, by_plain_name(block), stream not in split)
+        parts.setdefault(plain(stream), []).append(samples)
+    return joined(parts)
 
 
 def _instance(message: Any, place: int, is_text: bool) -> str:
@@ -184,17 +152,6 @@ def _instance(message: Any, place: int, is_text: bool) -> str:
         return f"/{text}" if text else ""
     number = float(value) if is_text else value % 256 if letter == "M" else value
     return f"/{float(number):g}" if number else ""
-
-
-def _labels(letter: str, name: str) -> list[str]:
-    """Return the names of the numbers of a column: none of a text, 32 of an array."""
-    return (
-        []
-        if letter in "nNZ"
-        else [f"{name.strip()}[{i}]" for i in range(32)]
-        if letter == "a"
-        else [name.strip()]
-    )
 
 
 def _cell(message: Any, column: str, letter: str, is_text: bool) -> list[float]:
@@ -213,89 +170,186 @@ def _cell(message: Any, column: str, letter: str, is_text: bool) -> list[float]:
     return [float(value % 256 if letter == "M" else value)]
 
 
-def table(path: Path, mapping: Path | None) -> Found:
+def by_csv(path: Path, mapping: Path | None) -> dict[str, Samples]:
     """Read a table by Python's csv module and `float`; a cell that is empty or holds no number is NaN."""
     raw = gzip.decompress(path.read_bytes()) if path.suffix == ".gz" else path.read_bytes()
     lines = raw.decode("utf-8-sig")
-    end = lines.rfind("\n") + 1
-    if 0 < end < len(lines):  # a last line without an end is perhaps cut, and is dropped
-        lines = lines[:end]
+    lines = (
+        lines[: lines.rfind("\n") + 1] or lines
+    )  # a last line without an end is perhaps cut, and is dropped
     head, *cells = csv.reader(io.StringIO(lines, newline=""), strict=True)
-    names = [name.strip() for name in head]
     full = [row for row in cells if row]
     if any(len(row) > len(full[0]) for row in full):  # stoop refuses a table whose lines grow
         raise ValueError("more cells than columns")
-    columns: dict[str, FloatArray] = {}
-    for k, name in enumerate(names):
-        columns.setdefault(name, np.array([_number(row[k]) if k < len(row) else math.nan for row in full]))
-    clock = tomllib.loads(mapping.read_text())["time"]["column"] if mapping else names[0]
-    return Found({path.name: Samples(columns[clock], by_plain_name(columns))})
+    columns: dict[str, np.ndarray] = {}
+    for k, name in enumerate(head):
+        values = np.array([_number(row[k]) if k < len(row) else math.nan for row in full])
+        columns.setdefault(name.strip(), values)
+    clock = tomllib.loads(mapping.read_text())["time"]["column"] if mapping else head[0].strip()
+    return {path.name: Samples(columns[clock], by_plain_name(columns))}
 
 
 def _number(cell: str) -> float:
     """Return the number in a cell: ASCII digits without marks between them, as other readers of tables have it."""
     cell = cell.strip(" \t")
+    odd = cell in EMPTY_CELLS or "_" in cell or not (cell.isascii() and cell.isprintable())
     try:
-        return (
-            math.nan
-            if cell in EMPTY_CELLS or "_" in cell or not (cell.isascii() and cell.isprintable())
-            else float(cell)
-        )
+        return math.nan if odd else float(cell)
     except ValueError:
         return math.nan
 
 
-def _unpacked(values: npt.NDArray[Any], fill: Any, missing: Any, scale: Any, offset: Any) -> FloatArray:
-    """Return the numbers behind packed ones, one after the other: conventions CF, section 8.1."""
-    absent = [np.asarray(x).flat[0] for x in (fill, missing) if x is not None]
-    factor, shift = (
-        default if x is None else float(np.asarray(x).flat[0]) for x, default in ((scale, 1.0), (offset, 0.0))
-    )
-    packed = any(x is not None for x in (fill, missing, scale, offset))
-    numbers = floats(values.ravel().tolist())
-    if packed:
-        gone = [any(bool(x == no) for no in absent) for x in values.ravel()]
-        numbers = np.array(
-            [math.nan if no else x * factor + shift for x, no in zip(numbers.tolist(), gone, strict=True)]
-        )
-    return numbers.reshape(values.shape)
+def arrays_of(name: str, path: Path) -> dict[str, np.ndarray]:
+    """Return the arrays of numbers in a file, by SciPy or h5py; of packed ones what is behind them (conventions CF, 8.1)."""
+    found: dict[str, np.ndarray] = {}
 
+    def take(place: str, values: np.ndarray, packing: Mapping[str, Any]) -> None:
+        fill, missing, scale, offset = (packing.get(key) for key in PACKING)
+        numbers, raw = floats(values.ravel().tolist()), values.ravel()
+        if any(packing.get(key) is not None for key in PACKING):
+            factor, shift = (1.0 if scale is None else scale), (0.0 if offset is None else offset)
+            numbers = numbers * float(np.ravel(factor)[0]) + float(np.ravel(shift)[0])
+            for absent in (x for x in (fill, missing) if x is not None):
+                numbers[raw == np.ravel(absent)[0]] = math.nan
+        found[place] = numbers.reshape(values.shape)
 
-_PACKING: Final = ("_FillValue", "missing_value", "scale_factor", "add_offset")
-
-
-def netcdf(path: Path, mapping: Path | None) -> Found:
-    """Read a netCDF 3 file by SciPy."""
-    from scipy.io import netcdf_file
-
-    with netcdf_file(str(path), mmap=False) as file:
-        return Found(
-            arrays={
-                name: _unpacked(
-                    np.array(variable.data), *(vars(variable)["_attributes"].get(key) for key in _PACKING)
-                )
-                for name, variable in file.variables.items()
-                if np.asarray(variable.data).dtype.kind in "biuf"
-            }
-        )
-
-
-def hdf5(path: Path, mapping: Path | None) -> Found:
-    """Read an HDF5 file by h5py, each array once."""
-    import h5py
-
-    arrays: dict[str, FloatArray] = {}
-
-    def visit(name: str, item: Any) -> None:
+    def visit(place: str, item: Any) -> None:
         if isinstance(item, h5py.Dataset) and item.dtype.kind in "biuf" and item.shape is not None:
-            values = np.asarray(item[()])
-            arrays[name.replace("/", ".")] = _unpacked(values, *(item.attrs.get(key) for key in _PACKING))
+            take(place.replace("/", "."), np.asarray(item[()]), item.attrs)
 
-    with h5py.File(path, "r") as file:
-        file.visititems(visit)
-    return Found(arrays=arrays)
+    if name == "netcdf":
+        with netcdf_file(str(path), mmap=False) as file:
+            for place, variable in file.variables.items():
+                if np.asarray(variable.data).dtype.kind in "biuf":
+                    take(place, np.array(variable.data), variable._attributes)
+    else:
+        with h5py.File(path, "r") as file:
+            file.visititems(visit)
+    return found
 
 
-READERS = {
-    "ulog": ulog, "dataflash": dataflash, "dataflash-text": dataflash, "csv": table, "hdf5": hdf5, "netcdf": netcdf,
-}  # fmt: skip  #: format -> reader
+READERS = {"ulog": by_pyulog, "dataflash": by_pymavlink, "dataflash-text": by_pymavlink, "csv": by_csv}
+ARRAYS = ("hdf5", "netcdf")
+
+
+def compare(name: str, path: Path, mapping: Path | None) -> str:
+    """Read a log twice and compare; return the outcome. Numbers that differ, or are lost and not listed, are a broken promise."""
+    theirs: dict[str, Samples] = {}
+    arrays: dict[str, np.ndarray] = {}
+    try:
+        with warnings.catch_warnings(), np.errstate(all="ignore"):
+            warnings.simplefilter("ignore")
+            if name in ARRAYS:
+                arrays = arrays_of(name, path)
+            else:
+                theirs = READERS[name](path, mapping)
+        both = True
+    except Exception:
+        both = False
+    try:
+        with in_this_process():
+            ours = logs.read(path, mapping)
+    except StoopError as error:
+        there = [x.columns and longest_run(x.time) > 1 for x in theirs.values()]
+        there += [x.size > 1 and x.squeeze().ndim < 3 for x in arrays.values()]
+        promise(" (" in str(error) or not any(there), f"refused, and the other reads: {error}")
+        raise
+    if not both:
+        return READ
+    known = {plain(key): (stream.time, by_plain_name(stream.columns)) for key, stream in ours.streams.items()}
+    for key, other in theirs.items():
+        about = [d for d in ours.defects if plain(d.place) == key or d.place.startswith(path.name)]
+        if key in known and other.columns:  # texts make no stream
+            compare_samples(key, *known[key], other, about)
+        else:
+            lost = np.isfinite(other.time).any() and other.columns and not about
+            promise(not lost, f"the stream {key!r} is lost")
+    if arrays:
+        compare_arrays(ours, arrays)
+    return LISTED if ours.defects else SAME
+
+
+def same(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Return where numbers are the same to the bit; every NaN is like every other."""
+    return np.asarray((a.view(np.int64) == b.view(np.int64)) | (np.isnan(a) & np.isnan(b)))
+
+
+def compare_samples(
+    name: str, time: np.ndarray, columns: Columns, other: Samples, about: Sequence[Defect]
+) -> None:
+    """Compare a stream with the samples that another reader finds in it.
+
+    Where both have all samples they are compared one by one, else at the times that occur once in both. Stoop drops samples
+    whose time is not finite or does not grow; it keeps a longest run, and says how many it dropped.
+    """
+    lost = set(other.columns) - set(columns)
+    promise(about or not lost, f"{name} has lost the columns {sorted(lost)[:5]}")
+    if other.ordered and time.size == other.time.size and same(time, other.time).all():
+        here = there = np.arange(time.size)
+    else:
+        _, first, counts = np.unique(other.time, return_index=True, return_counts=True)
+        alone = first[counts == 1]
+        _, here, there = np.intersect1d(time, other.time[alone], return_indices=True)
+        there, kinds = alone[there], {defect.kind for defect in about}
+        kept = (np.isin(other.time, time) | ~np.isfinite(other.time)).all()
+        promise(kinds or kept, f"{name} has lost samples: {time.size} of {other.time.size}")
+        if kinds == {"time order"} and other.ordered:  # stoop had all samples, and kept as many as can be
+            texts = (re.search(r"of (\d+) samples dropped", d.message) for d in about)
+            had, most = next(int(match[1]) for match in texts if match), longest_run(other.time)
+            whole = had > other.time.size or (had == other.time.size and time.size == most)
+            promise(whole, f"{name} has {time.size} samples of {had}, not {most} of {other.time.size}")
+        if len(kinds) > 1 and "time order" in kinds:
+            return  # of samples at one time, of which some are damaged, each reader may keep another
+    damages = sum(defect.kind not in ("time order", "text") for defect in about)
+    for key in columns.keys() & other.columns.keys():
+        wrong = np.flatnonzero(~same(columns[key][here], other.columns[key][there]))
+        promise(
+            wrong.size <= damages, f"{name} {key} is not the same, samples {wrong[:9]}"
+        )  # each damages one at most
+
+
+def longest_run(time: np.ndarray) -> int:
+    """Return the size of a longest run of finite times that grows: by each, the longest that ends in it."""
+    finite = time[np.isfinite(time)]
+    best = np.zeros(finite.size, dtype=np.int64)
+    for i, value in enumerate(finite):
+        best[i] = 1 + best[:i][finite[:i] < value].max(initial=0)
+    return int(best.max(initial=0))
+
+
+def compare_arrays(recording: Recording, theirs: Columns) -> None:
+    """Each column is one row or column of the arrays of its name, without the samples dropped; no array is lost unlisted."""
+    seen: set[str] = set()
+    for name, stream in recording.streams.items():
+        dropped = any(d.kind == "time order" and d.place == name for d in recording.defects)
+        for column, values in stream.columns.items():
+            label = re.sub(r"\[\d+\]$", "", column).rpartition(".")[2]
+            candidates = {k: x for k, x in theirs.items() if k.rpartition(".")[2] == label}
+            fits = {k for k, x in candidates.items() if any(_holds(v, values, dropped) for v in vectors(x))}
+            promise(fits, f"{name} {column}: the numbers are not in the file")
+            seen |= fits
+    message = " ".join(map(str, recording.defects))
+    for place, values in theirs.items():
+        around = [
+            place[: match.start()] for match in re.finditer(r"[.\[']|$", place)
+        ]  # structures, and itself
+        listed = " more" in message or any(re.search(rf"\b{re.escape(word)}\b", message) for word in around)
+        promise(values.size < 2 or place in seen or listed, f"the array {place} of {values.shape} is lost")
+
+
+def vectors(values: np.ndarray) -> Iterator[np.ndarray]:
+    """Yield an array as vectors: itself, its columns, its rows."""
+    squeezed = values.squeeze()
+    if squeezed.ndim < 2:
+        yield np.atleast_1d(squeezed)
+    elif squeezed.ndim == 2:
+        yield from np.ascontiguousarray(squeezed.T)
+        yield from np.ascontiguousarray(squeezed)
+
+
+def _holds(vector: np.ndarray, values: np.ndarray, dropped: bool) -> bool:
+    """Return whether a vector holds values, all of them or some in their order."""
+    if vector.size == values.size:
+        return bool(same(np.ascontiguousarray(vector), values).all())
+    rest = iter(vector.view(np.int64).tolist())
+    return dropped and all(x in rest for x in values.view(np.int64).tolist())

@@ -8,10 +8,12 @@ from __future__ import annotations
 
 import contextlib
 import io
+import json
 import os
+import xml.etree.ElementTree as ET
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Executor, Future
-from contextlib import AbstractContextManager, ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from functools import cache
 from importlib import resources
@@ -21,10 +23,15 @@ from types import SimpleNamespace
 from typing import Any, Final
 from unittest import mock
 
-from studies.robustness.trials import lay_out
+from studies.robustness.trials import BrokenPromiseError, lay_out, promise
 
+from stoop.base.toml import parse_source
 from stoop.cli.main import main
-from stoop.parallel.pools import Given, Workers
+from stoop.errors import StoopError
+from stoop.flight import load
+from stoop.parallel.pools import Given
+from stoop.results.result import from_json, to_json
+from stoop.vehicle import load_vehicle
 
 MANEUVER: Final = """\
 format = "stoop-maneuver/1"
@@ -44,7 +51,6 @@ OUT: Final = "out"  #: where every verb writes
 TIMED: Final = ("bounds", "gusts", "run", "sensor_delays")  #: decisions whose seconds are in result.json
 STORES: Final = ".sqlite"  #: ending of stores, which hold what was done in the order in which it was done
 IDENTIFY: Final = ("identify", "sim.nc", "--vehicle", "v.toml", "--maneuver", "0:8")
-DIMENSIONS: Final = ("--template", "glider", "--mass", "2.1", "--span", "2.5", "--area", "0.4")
 TO: Final = ("-o", OUT)
 COMMANDS: Final[Mapping[str, tuple[str, ...]]] = {
     "identify": (*IDENTIFY, "--validate", "8:12", *TO),
@@ -58,7 +64,6 @@ COMMANDS: Final[Mapping[str, tuple[str, ...]]] = {
     "flight": ("simulate", "v.toml", "--maneuver", "m.toml", "-o", f"{OUT}/flight.nc"),
     "table": ("simulate", "v.toml", "--maneuver", "m.toml", "-o", f"{OUT}/flight.csv"),
     "map": ("map", "table.csv", "-o", f"{OUT}/map.toml"),
-    "vehicle new": ("vehicle", "new", *DIMENSIONS, "-o", f"{OUT}/v.toml"),
     "propagate": ("propagate", "model", "--draws", "100", "-o", f"{OUT}/propagation.html"),
     "look": ("look", "table.csv", "-o", f"{OUT}/look.html"),
     "compare": (
@@ -99,25 +104,20 @@ class AtOnce(Executor):
         return future
 
 
-def _here(_: object) -> AbstractContextManager[Workers]:
-    return Given(AtOnce(), 1).open()
-
-
 @contextmanager
 def reproducible_outputs(threads: int = 1) -> Iterator[None]:
     """Hold what differs by nature between runs: elapsed time and command; states are saved at each step, campaigns run here."""
     with ExitStack() as held:
-        clock = SimpleNamespace(perf_counter=float)
-        for name in (
-            "workflow.fit_result",
-            "workflow.identification",
-            *(f"strategy.{name}" for name in TIMED),
+        clock, pool = SimpleNamespace(perf_counter=float), Given(AtOnce(), 1)
+        timed = ("workflow.fit_result", "workflow.identification", *(f"strategy.{name}" for name in TIMED))
+        for patch in (
+            *(mock.patch(f"stoop.{name}.time", clock) for name in timed),
+            mock.patch("stoop.cli.options.command_line", return_value="stoop"),
+            mock.patch("stoop.workflow.checkpoint.INTERVAL", 0.0),
+            mock.patch("stoop.parallel.pools.LocalProcesses.open", side_effect=pool.open),
+            mock.patch.dict(os.environ, {"STOOP_THREADS": str(threads)}),
         ):
-            held.enter_context(mock.patch(f"stoop.{name}.time", clock))
-        held.enter_context(mock.patch("stoop.cli.options.command_line", return_value="stoop"))
-        held.enter_context(mock.patch("stoop.workflow.checkpoint.INTERVAL", 0.0))
-        held.enter_context(mock.patch("stoop.parallel.pools.LocalProcesses.open", _here))
-        held.enter_context(mock.patch.dict(os.environ, {"STOOP_THREADS": str(threads)}))
+            held.enter_context(patch)
         yield
 
 
@@ -167,3 +167,39 @@ def undisturbed(words: tuple[str, ...]) -> Mapping[str, bytes]:
         Path(OUT).mkdir()
         done(words)
         return {name: x for name, x in written(Path(OUT)).items() if not name.endswith(STORES)}
+
+
+def _no_number(word: str) -> float:
+    raise BrokenPromiseError(f"JSON holds {word}")
+
+
+def _read_result(path: Path) -> None:
+    text = path.read_text("utf-8")
+    json.loads(text, parse_constant=_no_number)
+    promise(to_json(from_json(text)) == text, "result.json reads as another result")
+
+
+def _read_page(path: Path) -> None:
+    text = path.read_text("utf-8").strip().lower()
+    promise(text.startswith("<!doctype html") and text.endswith("</html>"), f"{path.name} is cut off")
+
+
+READERS: Final[Mapping[str, Callable[[Path], Any]]] = {
+    "result.json": _read_result,
+    ".json": lambda path: json.loads(path.read_text("utf-8"), parse_constant=_no_number),
+    ".html": _read_page,
+    "vehicle.toml": load_vehicle,
+    "v.toml": load_vehicle,
+    ".toml": lambda path: parse_source(path.read_text("utf-8"), path.name, StoopError),
+    ".nc": load,
+    ".xml": ET.parse,
+}  #: name or ending -> how it is read
+
+
+def check_file(path: Path) -> None:
+    """Read an output by its own reader: it is whole, and JSON is without NaN and infinities."""
+    promise(not path.name.startswith(".") and path.stat().st_size, f"{path.name} was left behind or is empty")
+    try:
+        (READERS.get(path.name) or READERS.get(path.suffix, Path.read_bytes))(path)
+    except (StoopError, ET.ParseError, ValueError) as error:
+        raise BrokenPromiseError(f"{path.name} cannot be read: {error}") from error

@@ -1,24 +1,240 @@
-"""Names of vehicles, flights and columns that are code somewhere: in no output do they become more than text."""
+"""Names of vehicles, flights and columns that are code somewhere: in no output do they become more than text.
+
+A name becomes code where the same command with another name writes other code. So every output is read by the parser of its
+language, its comments and texts are taken out, and what is left must be that of a vehicle and a flight with plain names.
+"""
 
 from __future__ import annotations
 
+import ast
 import contextlib
 import csv
 import io
 import json
-from collections.abc import Mapping
-from pathlib import Path
+import re
+import tomllib
+import xml.etree.ElementTree as ET
+import zipfile
+from collections.abc import Callable, Mapping
+from html.parser import HTMLParser
+from pathlib import Path, PurePosixPath
 from tempfile import TemporaryDirectory
+from typing import Any
 
 import pytest
-from studies.robustness.hostile_names import PLAIN, SEVERAL, code, codes, renamed, with_name
+from scipy.io import loadmat
 from studies.robustness.small_runs import COMMANDS, OUT, inputs, run, written
-from studies.robustness.trials import BrokenPromiseError, lay_out
+from studies.robustness.trials import BrokenPromiseError, lay_out, promise
 
+from stoop.base.toml import quoted
 from stoop.exporters.exporter import ModelData
+from stoop.exporters.jsbsim_flight import file_name
+from stoop.exporters.matlab import identifier
 from stoop.exporters.targets import TARGETS
 from stoop.vehicle import parse_vehicle
 from stoop.vehicle.builtin import builtin_text
+
+PLAIN = "a name of plain letters, longer than the forty of an identifier"
+NAMES = {
+    "script": "</script><script>alert(1)</script>",
+    "attribute": "\"><img src=x onerror=alert(1)>' onload='x",
+    "quotes": "\"\"\" ''' ` \" '",
+    "lines": "a\nb\r\nc\u2028d\x85e\x0bf",
+    "backslashes": '\\" \\\n \\u0022 \\',
+    "sections": "]]> */ --> ]] ]=] --[[ {- <!-- <![CDATA[ /*",
+    "formula": "=cmd|' /C calc'!A0",
+    "sum": "@SUM(1+1)*cmd|' /C calc'!A0",
+    "call": "'); system('x'); ('",
+    "template": "${x} $name {name} {0} @NAME@ @EQUATIONS@ %s %(x)s {{7*7}} {% x %}",
+    "shell": "x\" $(touch x) `touch x` ; touch x & # ' | touch x",
+    "matlab": "x\n%{\nsystem('x') ... \n%}",
+    "markdown": "[x](javascript:alert(1)) ![x](http://x) <b> | x |\n# x\n```\n",
+    "mathematics": "$\\frac{$ a_b^{ $\\x$ \\input{x}",
+    "path": "../../../../x/../y",
+    "directions": "\u202ex\u2066\x1b[31m\x07\x00",
+    "keyword": "end",
+    "number": "1e5",
+    "letters": "\u0130\u00df\uff1cscript\uff1e\ufb01",
+}  #: kind -> a name
+
+
+SEVERAL = [NAMES["formula"], ""]  #: the names in a few, of as many letters as a vehicle and a file may have
+for hostile in NAMES.values():
+    if len((SEVERAL[-1] + hostile).encode()) > 190:
+        SEVERAL.append("")
+    SEVERAL[-1] += hostile
+STRING = r"\"(?:\\.|[^\"\\\n])*\""
+QUOTED = r"'(?:\\.|[^'\\\n])*'"
+TEXTS = {
+    ".c": rf"/\*.*?\*/|//[^\n]*|{STRING}|{QUOTED}",
+    ".lua": rf"--\[(=*)\[.*?\]\1\]|--[^\n]*|{STRING}|{QUOTED}|\[(=*)\[.*?\]\2\]",
+    ".m": r"^\s*%\{\s*$.*?^\s*%\}\s*$|%[^\n]*|\.\.\.[^\n]*|(?<![\w)\]}.'])'(?:''|[^'\n])*'|\"(?:\"\"|[^\"\n])*\"",
+    "": r"(?<!\S)#[^\n]*|'[^']*'|\"(?:\\.|[^\"\\])*\"",  # of a shell
+    ".parm": r"^#[^\n]*",
+    ".param": r"^#[^\n]*",
+    ".params": r"^#[^\n]*",
+}  #: ending -> comments and texts of a language
+VARIANTS = (file_name, identifier, lambda name: file_name(name).replace("-", "_"))
+PLACE = re.compile(r"[A-Za-z0-9_.-]+(/[A-Za-z0-9_.-]+)*")
+NUMBER = re.compile(r"\b22\d\d\d_")  #: of an airframe of PX4, which follows from the name
+
+
+class _Markup(HTMLParser):
+    """Elements with the names of their attributes, and the scripts."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.found: list[Any] = []
+        self._script = False
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        if tag != "code":  # text between backticks, which is set as such
+            self.found.append((tag, sorted(name for name, _ in attrs)))
+        self._script = tag in ("script", "style")
+        for name, text in attrs:
+            promise(not name.startswith("on"), f"an attribute {name} of <{tag}>")
+            link = name.endswith(("href", "src", "action", "style"))
+            promise(not (link and "javascript:" in (text or "").lower()), f"a script in {name} of <{tag}>")
+            if name == "srcdoc":
+                self.found.append(_html(text or ""))
+
+    def handle_endtag(self, tag: str) -> None:
+        if tag != "code":
+            self.found.append(tag)
+        self._script = False
+
+    def handle_comment(self, data: str) -> None:
+        self.found.append("comment")
+
+    def handle_data(self, data: str) -> None:
+        if self._script:
+            self.found.append(_json(data) if data.lstrip().startswith(("{", "[")) else data)
+
+
+def _html(text: str) -> Any:
+    parser = _Markup()
+    parser.feed(text)
+    parser.close()
+    return parser.found
+
+
+def _tree(node: Any) -> Any:
+    """Return a tree of values without its texts and numbers; keys stay, but for names of files."""
+    if isinstance(node, dict):
+        return {"file" if key.endswith((".nc", ".csv")) else key: _tree(x) for key, x in node.items()}
+    if isinstance(node, list):
+        kept = [_tree(x) for x in node]
+        return kept if any(isinstance(x, dict | list) for x in node) else [len(kept)]
+    return type(node).__name__
+
+
+def _json(text: str) -> Any:
+    return _tree(json.loads(text))
+
+
+def _xml(text: str) -> Any:
+    """Return the elements; not their order, which may be that of names."""
+    return sorted((one.tag, *sorted(one.attrib)) for one in ET.fromstring(text).iter())  # noqa: S314 - of our own
+
+
+def _python(text: str) -> Any:
+    tree = ast.parse(text)
+    for one in ast.walk(tree):
+        if isinstance(one, ast.Constant):
+            one.value = type(one.value).__name__
+    return ast.dump(tree)
+
+
+def _table(text: str) -> Any:
+    """Return the widths of the rows; no cell is a formula of a spreadsheet."""
+    rows = list(csv.reader(io.StringIO(text, newline="")))
+    for cell in (cell for row in rows for cell in row if re.match(r"[=+\-@\t\r]", cell)):
+        with contextlib.suppress(ValueError):
+            float(cell)
+            continue
+        promise(False, f"the formula {cell!r} in a table")
+    return [len(row) for row in rows]
+
+
+def _markdown(text: str) -> Any:
+    from markdown_it import MarkdownIt  # of the extra app
+
+    tokens = MarkdownIt("commonmark", {"html": True}).enable("table").parse(text)
+    every = [one for token in tokens for one in (token, *(token.children or ()))]
+    return [one.type for one in every if one.type not in ("text", "text_special")]
+
+
+PARSERS: dict[str, Callable[[str], Any]] = {
+    ".html": _html,
+    ".json": _json,
+    ".toml": lambda text: _tree(tomllib.loads(text)),
+    ".yaml": _json,  # of PyFlyt, in that part of the language
+    **dict.fromkeys((".xml", ".sdf", ".urdf", ".config"), _xml),
+    ".py": _python,
+    ".csv": _table,
+    ".md": _markdown,
+    ".txt": lambda text: len(text.splitlines()),
+}  #: ending -> the code of a file, or what stands for it
+
+
+def code(place: str, content: bytes) -> Any:
+    """Return the code of a file: what is neither comment nor text nor number of it."""
+    ending = PurePosixPath(place).suffix
+    if ending == ".fmu":
+        with zipfile.ZipFile(io.BytesIO(content)) as archive:
+            inside = {name: archive.read(name) for name in archive.namelist() if "binaries" not in name}
+        return codes(inside)
+    if ending == ".mat":
+        return sorted(loadmat(io.BytesIO(content)))
+    if ending in (".nc", ".npz", ".sqlite", ".ulg"):
+        return ""
+    text = content.decode("utf-8")
+    if ending in PARSERS:
+        return PARSERS[ending](text)
+    promise(ending in TEXTS, f"{place}: nobody knows this language")
+    left = re.sub(TEXTS[ending], '""', text, flags=re.DOTALL | re.MULTILINE)
+    return re.sub(r"\d+(\.\d+)?([eE][-+]?\d+)?", "0", left)
+
+
+def codes(files: Mapping[str, bytes]) -> dict[str, Any]:
+    """Return the code of files by their place, which stays below a folder."""
+    found = {NUMBER.sub("0_", place): code(place, content) for place, content in sorted(files.items())}
+    for place in found:
+        promise(PLACE.fullmatch(place) and ".." not in place, f"the place {place!r}")
+    return found
+
+
+def renamed(files: Mapping[str, bytes], name: str) -> dict[str, bytes]:
+    """Return what a plain name made, with the words for files and functions that are made of another name in their place."""
+    words = {variant(PLAIN): variant(name) for variant in VARIANTS}
+
+    def other(text: str) -> str:
+        for word in sorted(words, key=len, reverse=True):
+            text = text.replace(word, words[word])
+        return text
+
+    def content(place: str, given: bytes) -> bytes:
+        if place.endswith(".fmu"):
+            with (
+                zipfile.ZipFile(io.BytesIO(given)) as archive,
+                zipfile.ZipFile(out := io.BytesIO(), "w") as new,
+            ):
+                for inside in archive.namelist():
+                    new.writestr(other(inside), content(inside, archive.read(inside)))
+            return out.getvalue()
+        try:
+            return other(given.decode("utf-8")).encode()
+        except UnicodeDecodeError:
+            return given
+
+    return {other(place): content(place, given) for place, given in files.items()}
+
+
+def with_name(text: str, name: str) -> str:
+    """Return a vehicle file under another name, which is one of its notes, too."""
+    head = f"name = {quoted(name)}\nnotes = [{quoted(name)}]\n"
+    return head + re.sub(r"(?ms)^(name = [^\n]*|notes = \[.*?\])$", "", text)
+
 
 LEARNING = ("rotorpy", "mujoco", "pyflyt", "gym-pybullet-drones", "crazyflow", "isaac")
 WRITERS = (
@@ -114,9 +330,8 @@ def test_a_name_that_becomes_code_is_seen() -> None:
         assert code(place, plain) == code(place, other)
         assert code(place, plain) != code(place, hostile)
     code("a.csv", b"a,b\r\n-1.5,+2e3")
-    for cell in ("=1+1", "+x", "-x()", "@SUM(1)", "\tx"):
+    tables = [f"a,b\r\n1,{cell}" for cell in ("=1+1", "+x", "-x()", "@SUM(1)", "\tx")]
+    pages = ("<a href='javascript:x()'>", "<p onclick='x()'>")
+    for place, text in (*(("a.csv", x) for x in tables), *(("a.html", x) for x in pages)):
         with pytest.raises(BrokenPromiseError):
-            code("a.csv", f"a,b\r\n1,{cell}".encode())
-    for text in ("<a href='javascript:x()'>", "<p onclick='x()'>"):
-        with pytest.raises(BrokenPromiseError):
-            code("a.html", text.encode())
+            code(place, text.encode())

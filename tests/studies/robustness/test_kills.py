@@ -14,9 +14,17 @@ from studies.robustness import limited
 from studies.robustness.campaign import FACTOR, check
 from studies.robustness.kills import broken, differences, run_and_kill
 from studies.robustness.limited import MEMORY
-from studies.robustness.small_runs import COMMANDS, OUT, files_of_a_flight, inputs, run, undisturbed, written
+from studies.robustness.small_runs import (
+    COMMANDS,
+    OUT,
+    check_file,
+    files_of_a_flight,
+    inputs,
+    run,
+    undisturbed,
+    written,
+)
 from studies.robustness.trials import lay_out
-from studies.robustness.verb_outputs import check_file
 
 import stoop
 from stoop.cli.main import INTERRUPTED
