@@ -58,7 +58,7 @@ def ask_vehicle(path: Path, number: int) -> None:
     promise(all(math.isfinite(p.value) for p in numbers), "a number is not finite")
     promise(all(p.lower < p.upper for p in numbers if p.free), "the bounds of a free number are empty")
     promise(repr(vehicle).isprintable(), "the name steers a terminal")
-    _ = vehicle._repr_html_(), vehicle.structure, vehicle.states, vehicle.inputs, vehicle.outputs
+    _ = vehicle._repr_html_(), vehicle.structure, vehicle.outputs
     if number % 3 == 0:
         values = {p.name: p.value for p in numbers if p.free}
         same = {p.name: p.value for p in parse_vehicle(with_values(vehicle, values), "again").parameters}
@@ -81,11 +81,9 @@ def ask_mapping(path: Path, number: int) -> None:
 def ask_maneuver(path: Path, number: int) -> None:
     """Read a maneuver, make its inputs, and ask whether a vehicle can fly it."""
     maneuver = load_maneuver(path)
-    time, deflections = maneuver.time, maneuver.deflections().values()
+    time, inputs = maneuver.time, maneuver.deflections().values()
     promise((np.diff(time) > 0.0).all(), "the time does not grow")
-    promise(
-        all(x.shape == time.shape and np.isfinite(x).all() for x in deflections), "an input is not finite"
-    )
+    promise(all(x.shape == time.shape and np.isfinite(x).all() for x in inputs), "an input is not finite")
     check_maneuver(vehicles()[number // 17], maneuver)
 
 
@@ -93,11 +91,8 @@ def ask_windows(path: Path, number: int) -> None:
     """Read windows, write them, and read them again."""
     found, again = read_windows(path), path.with_name("again.toml")
     again.write_text(windows_text(found, "stoop \x1b", ("a\nb",)), encoding="utf-8")
-    same = [(one.flight, one.use, round(one.start, 6)) for one in found]
-    promise(
-        same == [(one.flight, one.use, round(one.start, 6)) for one in read_windows(again)],
-        "written and read differ",
-    )
+    was, now = ([(x.flight, x.use, round(x.start, 6)) for x in file] for file in (found, read_windows(again)))
+    promise(was == now, "written and read differ")
     expanded([str(path)], [])
 
 
@@ -110,7 +105,6 @@ def ask_geometry(path: Path, number: int) -> None:
 
 
 def ask_covariance(path: Path, number: int) -> None:
-    """Read a covariance."""
     matrix = read_covariance(path, ("p", "q", "r"))
     promise(matrix.shape == (3, 3) and np.linalg.eigvalsh(matrix)[0] > 0.0, "no covariance")
 
@@ -122,11 +116,8 @@ def ask_result(path: Path, number: int) -> None:
     promise(from_json(text).to_json() == text, "written and read differ")
     shown = [repr(result), *map(str, result.notices), *map(str, result.trust), *result.warnings]
     promise(all(one.isprintable() for one in shown), "a notice steers a terminal")
-    estimates_table(result.parameters)
-    methods_table(result)
-    figures_table(result.maneuvers)
-    repeatability_lines(result.repeatability)
-    advice_by_doubt(result.identifiability.parameters)
+    _ = estimates_table(result.parameters), methods_table(result), figures_table(result.maneuvers)
+    _ = repeatability_lines(result.repeatability), advice_by_doubt(result.identifiability.parameters)
     _ = result._repr_html_(), result.verdict.headline, result.extensions.standing
     if number < 5:
         bare = replace(result, maneuvers=())  # whose curves no file keeps
@@ -209,18 +200,10 @@ def vehicles() -> tuple:
 
 
 ASKS: dict[str, Callable[[Path, int], None]] = {
-    "vehicle": ask_vehicle,
-    "mapping table": ask_mapping,
-    "maneuver": ask_maneuver,
-    "windows": ask_windows,
-    "geometry": ask_geometry,
-    "covariance": ask_covariance,
-    "result": ask_result,
-    "identification": ask_identification,
-    "state": ask_state,
-    "store": ask_store,
-    "flight": ask_flight,
-}  #: kind of document -> what is asked of it; the number says what is asked in some cases only
+    "vehicle": ask_vehicle, "mapping table": ask_mapping, "maneuver": ask_maneuver, "windows": ask_windows,
+    "geometry": ask_geometry, "covariance": ask_covariance, "result": ask_result, "identification": ask_identification,
+    "state": ask_state, "store": ask_store, "flight": ask_flight,
+}  # fmt: skip  #: kind of document -> what is asked of it; the number says what is asked in some cases only
 
 
 def read_document(folder: Path, case: Case) -> str:
