@@ -42,21 +42,14 @@ def parquet_marks(data: bytes) -> list[int]:
     return [*range(0, min(begin, len(data)), 64), *range(begin, len(data), 8)]
 
 
-def found(pattern: bytes) -> Callable[[bytes], list[int]]:
-    """Return a function that finds the places of a pattern."""
-    expression = re.compile(pattern)
-    return lambda data: [match.start() for match in expression.finditer(data)]
+def found(pattern: bytes, every: int = 0) -> Callable[[bytes], list[int]]:
+    """Return a function that marks the places of a pattern, and pieces of one size."""
 
+    def marks(data: bytes) -> list[int]:
+        pieces = range(0, len(data), every) if every else ()
+        return sorted({*(match.start() for match in re.finditer(pattern, data)), *pieces})
 
-def each(size: int) -> Callable[[bytes], list[int]]:
-    """Return a function that marks pieces of one size."""
-    return lambda data: list(range(0, len(data), size))
-
-
-def hdf5_marks(data: bytes) -> list[int]:
-    """Return the marks of HDF5, and halves of a kilobyte."""
-    marks = re.finditer(rb"TREE|SNOD|HEAP|OHDR|OCHK|FRHP|BTHD|FSHD|GCOL", data)
-    return sorted({*(mark.start() for mark in marks), *range(0, len(data), 512)})
+    return marks
 
 
 def open_matlab(data: bytes) -> bytes:
@@ -76,6 +69,10 @@ def close_matlab(data: bytes) -> bytes:
     return data[:128] + struct.pack("<II", 15, len(body)) + body
 
 
+def close_crazyflie(data: bytes) -> bytes:
+    return data[:-4] + struct.pack("<I", zlib.crc32(data[:-4]))
+
+
 @dataclass(frozen=True)
 class Form:
     """How a log is built: where its pieces begin, the bytes that identify it, and how it is unpacked and packed again."""
@@ -86,118 +83,101 @@ class Form:
     close: Callable[[bytes], bytes] = bytes
 
 
+LINES = found(rb"(?m)^")
 FORMS = {
     "ulog": Form(ulog_marks, 7),
     "dataflash": Form(found(rb"\xa3\x95"), 3),
-    "lines": Form(found(rb"(?m)^"), 4),
-    "gzip": Form(
-        found(rb"(?m)^"), 3, lambda data: zlib.decompress(data, 31), lambda data: zlib.compress(data, 1, 31)
-    ),
-    "crazyflie": Form(
-        found(rb"(?<=\0)."), 3, close=lambda data: data[:-4] + struct.pack("<I", zlib.crc32(data[:-4]))
-    ),
+    "lines": Form(LINES, 4),
+    "gzip": Form(LINES, 3, lambda data: zlib.decompress(data, 31), lambda data: zlib.compress(data, 1, 31)),
+    "crazyflie": Form(found(rb"(?<=\0)."), 3, close=close_crazyflie),
     "blackbox": Form(found(rb"(?<=\n)H |[IPGSE]"), 18),
-    "matlab": Form(each(8), 128, open_matlab, close_matlab),
-    "hdf5": Form(hdf5_marks, 8),
+    "matlab": Form(found(rb"(?!)", 8), 128, open_matlab, close_matlab),
+    "hdf5": Form(found(rb"TREE|SNOD|HEAP|OHDR|OCHK|FRHP|BTHD|FSHD|GCOL", 512), 8),
     "parquet": Form(parquet_marks, 4),
-    "words": Form(each(8), 13),
-    "pages": Form(each(512), 16),
+    "words": Form(found(rb"(?!)", 8), 13),
+    "pages": Form(found(rb"(?!)", 512), 16),
 }  #: name -> form
 
 
 class Damager:
     """Ways to damage content of a form, perhaps with pieces of other content of that form."""
 
-    def __init__(self, draw, other: bytes, form: Form) -> None:
-        self.draw, self.other, self.form = draw, other, form
+    def __init__(self, draw, data: bytes, other: bytes, form: Form) -> None:
+        self.draw, self.data, self.other, self.form = draw, data, other, form
 
     def one(self, *options):
-        """Draw one of some."""
         return self.draw(st.sampled_from(options))
 
     def upto(self, most: int) -> int:
-        """Draw a number from zero to ``most``."""
         return self.draw(st.integers(0, max(most, 0)))
 
-    def span(self, data: bytes) -> tuple[int, int]:
+    def span(self) -> tuple[int, int]:
         """Draw a piece: its first byte, and the first after it."""
-        marks = [0, *self.form.marks(data), len(data)]
+        marks = [0, *self.form.marks(self.data), len(self.data)]
         at = self.upto(len(marks) - 2)
         return marks[at], max(marks[at + 1], marks[at])
 
-    def place(self, data: bytes) -> int:
+    def place(self) -> int:
         """Draw a place: anywhere, where a piece begins, or one of the first."""
-        return self.one(
-            self.upto(len(data)), self.span(data)[0], self.upto(min(len(data), 2 * self.form.head + 16))
-        )
+        size = len(self.data)
+        return self.one(self.upto(size), self.span()[0], self.upto(min(size, 2 * self.form.head + 16)))
 
-    def cut(self, data: bytes) -> bytes:
-        at = min(self.place(data) + self.upto(2), len(data))
-        return self.one(data[:at], data[:at], data[:at], data[at:])
+    def cut(self) -> bytes:
+        at = self.place()
+        return self.one(self.data[:at], self.data[:at], self.data[:at], self.data[at:])
 
-    def flip(self, data: bytes) -> bytes:
-        out = bytearray(data)
+    def flip(self) -> bytes:
+        out = bytearray(self.data)
         for _ in range(self.one(1, 2, 8, 40) if out else 0):
-            out[min(self.place(data), len(out) - 1)] ^= 1 << self.upto(7)
+            out[min(self.place(), len(out) - 1)] ^= 1 << self.upto(7)
         return bytes(out)
 
-    def overwrite(self, data: bytes) -> bytes:
-        at, size = self.place(data), self.one(1, 2, 8, 64, 512)
+    def overwrite(self) -> bytes:
+        at, size = self.place(), self.one(1, 2, 8, 64, 512)
         fill = self.one(self.draw(st.binary(max_size=64)), bytes(size), b"\xff" * size)
-        return (data[:at] + fill + data[at + len(fill) :])[: len(data)]
+        return (self.data[:at] + fill + self.data[at + len(fill) :])[: len(self.data)]
 
-    def blow_up(self, data: bytes) -> bytes:
-        out = bytearray(data)
+    def blow_up(self) -> bytes:
+        out = bytearray(self.data)
         for _ in range(self.one(1, 1, 2, 5)):
-            at, width, order = self.place(data), self.one(1, 2, 4, 8), self.one("little", "big")
-            value = self.one(*EXTREMES, len(data), self.upto(255)) & (1 << 8 * width) - 1
-            out[at : at + width] = value.to_bytes(width, order)
+            at, width = self.place(), self.one(1, 2, 4, 8)
+            value = self.one(*EXTREMES, len(out), self.upto(255)) & (1 << 8 * width) - 1
+            out[at : at + width] = value.to_bytes(width, self.one("little", "big"))
         return bytes(out)
 
-    def resize(self, data: bytes) -> bytes:
-        at = self.span(data)[0] + self.upto(7)
-        if at >= len(data):
-            return data
-        return data[:at] + bytes([(data[at] + self.one(-3, -1, 1, 2, 16)) % 256]) + data[at + 1 :]
+    def erase(self) -> bytes:
+        (begin, end), at = self.span(), self.place()
+        lost = self.one(1, 3, 16, 100, 1000)
+        return self.one(self.data[:begin] + self.data[end:], self.data[:at] + self.data[at + lost :])
 
-    def erase(self, data: bytes) -> bytes:
-        begin, end = self.span(data)
-        at = self.place(data)
-        return self.one(data[:begin] + data[end:], data[:at] + data[at + self.one(1, 3, 16, 100, 1000) :])
+    def repeat(self) -> bytes:
+        (begin, end), at = self.span(), self.span()[0]
+        return self.data[:at] + self.data[begin:end] * self.one(1, 2, 50, 1000) + self.data[at:]
 
-    def repeat(self, data: bytes) -> bytes:
-        (begin, end), at = self.span(data), self.span(data)[0]
-        return data[:at] + data[begin:end] * self.one(1, 2, 50, 1000) + data[at:]
+    def splice(self) -> bytes:
+        return self.data[: self.place()] + self.other[self.upto(len(self.other)) :]
 
-    def swap(self, data: bytes) -> bytes:
-        (a, b), (c, d) = sorted((self.span(data), self.span(data)))
-        return data[:a] + data[c:d] + data[b:c] + data[a:b] + data[d:] if b <= c else data
-
-    def splice(self, data: bytes) -> bytes:
-        return data[: self.place(data)] + self.other[self.place(self.other) :]
-
-    def shuffle(self, data: bytes) -> bytes:
-        marks = self.form.marks(data)
+    def shuffle(self) -> bytes:
+        marks = self.form.marks(self.data)
         begin = self.upto(len(marks) - 1)
-        some = [*marks[begin : begin + 12], len(data)]
-        pieces = [data[a:b] for a, b in pairwise(some)][:-1]
-        if not pieces:
-            return data
-        return data[: some[0]] + b"".join(self.draw(st.permutations(pieces))) + data[some[-2] :]
+        some = [*marks[begin : begin + 12], len(self.data)]
+        pieces = [self.data[a:b] for a, b in pairwise(some)][:-1]
+        mixed = b"".join(self.draw(st.permutations(pieces)))
+        return self.data[: some[0]] + mixed + self.data[some[-2] :] if pieces else self.data
 
-    def garbage(self, data: bytes) -> bytes:
-        return data[: self.form.head] + self.draw(st.binary(max_size=300))
+    def garbage(self) -> bytes:
+        return self.data[: self.form.head] + self.draw(st.binary(max_size=300))
 
-    def words(self, data: bytes) -> bytes:
-        matches = list(NUMBER.finditer(data)) or list(re.finditer(rb"\w+", data))
+    def words(self) -> bytes:
+        data, matches = self.data, list(NUMBER.finditer(self.data)) or list(re.finditer(rb"\w+", self.data))
         for match in self.draw(st.lists(st.sampled_from(matches), max_size=3)) if matches else ():
             data = data[: match.start()] + self.one(*ODD_WORDS) + data[match.end() :]
         return data
 
 
-DAMAGES = (
-    Damager.cut, Damager.flip, Damager.overwrite, Damager.blow_up, Damager.resize, Damager.erase, Damager.repeat,
-    Damager.swap, Damager.splice, Damager.shuffle, Damager.garbage, Damager.words,
+WAYS = (
+    Damager.cut, Damager.flip, Damager.overwrite, Damager.blow_up, Damager.erase, Damager.repeat, Damager.splice,
+    Damager.shuffle, Damager.garbage, Damager.words,
 )  # fmt: skip
 
 
@@ -208,6 +188,6 @@ def damaged(draw, data: bytes, other: bytes, kind: str) -> bytes:
     inside = draw(st.booleans())
     if inside:
         data, other = form.open(data), form.open(other)
-    for damage in draw(st.lists(st.sampled_from(DAMAGES), min_size=1, max_size=2)):
-        data = damage(Damager(draw, other, form), data)[:most]
+    for way in draw(st.lists(st.sampled_from(WAYS), min_size=1, max_size=2)):
+        data = way(Damager(draw, data, other, form))[:most]
     return form.close(data) if inside else data

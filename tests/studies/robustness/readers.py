@@ -37,6 +37,12 @@ def read_case(folder: Path, case: Case) -> str:
         return LISTED if ask(*case.write(folder), case.way) else READ
 
 
+def ask_apart(folder: Path, case: Case) -> str:
+    """Read a log as users do, code of others in a process of its own."""
+    ask(*case.write(folder), case.way)
+    return READ
+
+
 def ask(path: Path, mapping: Path | None, way: str) -> frozenset[str]:
     """Read a log as a recording or to a flight; return its defects.
 

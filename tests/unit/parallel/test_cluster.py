@@ -33,14 +33,13 @@ class Cluster:
     def address(self) -> str:
         return f"tcp://127.0.0.1:{self.port}"
 
-    def scheduler(self) -> None:
-        self.start((), "scheduler", "--host", "127.0.0.1", "--port", str(self.port))
-
-    def worker(self, *, path: str = str(TESTS), python: tuple[str, ...] = ()) -> subprocess.Popen[bytes]:
+    def worker(self, *python: str, path: str = str(TESTS)) -> subprocess.Popen[bytes]:
         words = ("--no-nanny", "--nthreads", "2", "--local-directory", ".")
-        return self.start(python, "worker", self.address, *words, path=path)
+        return self.start("worker", self.address, *words, python=python, path=path)
 
-    def start(self, python: tuple[str, ...], *words: str, path: str = str(TESTS)) -> subprocess.Popen[bytes]:
+    def start(
+        self, *words: str, python: tuple[str, ...] = (), path: str = str(TESTS)
+    ) -> subprocess.Popen[bytes]:
         command = [sys.executable, *python, "-m", "dask", *words, "--no-dashboard"]
         environment = {**os.environ, "PYTHONPATH": path}
         process = subprocess.Popen(command, cwd=self.folder, env=environment, stderr=subprocess.DEVNULL)
@@ -86,19 +85,15 @@ def stranger(says: bytes, hangs_up: bool = False) -> Iterator[str]:
         caller.close()
 
 
-def out_of_reach(folder: Path, address: str) -> None:
-    with pytest.raises(CampaignError, match=f"^scheduler {re.escape(address)}: cannot be reached") as caught:
-        execute(walks(folder / "log", 1), folder / "s", Dask(address, timeout=0.3))
-    assert "\n" not in caught.value.args[0]
-
-
 def test_a_scheduler_out_of_reach(tmp_path: Path) -> None:
     """Nobody, something else that hangs up, and something else that says nothing; then the right command is taken."""
-    for address in ("tcp://127.0.0.1:1", "tls://[::1]:1", "tcp://no.such.host.invalid:8786"):
-        out_of_reach(tmp_path, address)
-    for hangs_up in (True, False):
-        with stranger(b"", hangs_up) as address:
-            out_of_reach(tmp_path, address)
+    nobody = ("tcp://127.0.0.1:1", "tls://[::1]:1", "tcp://no.such.host.invalid:8786")
+    with stranger(b"", True) as rude, stranger(b"") as silent:
+        for address in (*nobody, rude, silent):
+            told = f"^scheduler {re.escape(address)}: cannot be reached"
+            with pytest.raises(CampaignError, match=told) as caught:
+                execute(walks(tmp_path / "log", 1), tmp_path / "s", Dask(address, timeout=0.3))
+            assert "\n" not in caught.value.args[0]
     other = replace(walks(tmp_path / "log", 1), settings={"map": "tent"})
     assert list(execute(other, tmp_path / "s", LocalProcesses(1))) == ["000/None"]
 
@@ -127,29 +122,23 @@ def test_without_the_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
         execute(walks(tmp_path / "log", 1), tmp_path / "s", Dask("tcp://127.0.0.1:1"))
 
 
-def without_stoop(folder: Path) -> str:
-    """Return a path on which everything is but stoop."""
-    import distributed
-
-    for place in Path(distributed.__file__).parents[1].iterdir():
-        if "stoop" not in place.name and place.suffix != ".pth":
-            (folder / place.name).symlink_to(place)
-    return str(folder)
-
-
 def test_one_cluster_from_its_beginning_to_its_end(tmp_path: Path) -> None:
     """In one test, for a cluster takes its time to start."""
+    import distributed
+
     log, bare = tmp_path / "log", tmp_path / "bare"
     bare.mkdir()
+    for place in Path(distributed.__file__).parents[1].iterdir():
+        if "stoop" not in place.name and place.suffix != ".pth":
+            (bare / place.name).symlink_to(place)
     plan = walks(log, 10, (3, None))
     reference = execute(walks(log, 10, (3, None)), tmp_path / "reference", LocalProcesses(1))
     log.unlink()
     with cluster(tmp_path) as c:
-        c.scheduler()
-        unfit = c.worker(path=without_stoop(bare), python=("-S",))
-        with pytest.raises(
-            CampaignError, match=r"^run .*: its worker has no stoop, .*; install the same as here"
-        ):
+        c.start("scheduler", "--host", "127.0.0.1", "--port", str(c.port))
+        unfit = c.worker("-S", path=str(bare))
+        told = r"^run .*: its worker has no stoop, .*; install the same as here"
+        with pytest.raises(CampaignError, match=told):
             execute(plan, tmp_path / "s", Dask(c.address))
         assert unfit.poll() is None, "it can be used for other things"
         unfit.kill()
@@ -167,13 +156,10 @@ def test_one_cluster_from_its_beginning_to_its_end(tmp_path: Path) -> None:
         assert len(log.read_text().splitlines()) == 10
         with pytest.raises(CampaignError, match=r"^run bad: ValueError: first;"):
             execute(failing("plain", log), tmp_path / "f", Dask(c.address))
-        lose_scheduler(c, tmp_path)
 
+        def lose(tally: Tally) -> None:
+            if tally.done:
+                c.processes[0].kill()
 
-def lose_scheduler(c: Cluster, folder: Path) -> None:
-    def watch(tally: Tally) -> None:
-        if tally.done:
-            c.processes[0].kill()
-
-    with pytest.raises(CampaignError, match=rf"^scheduler {c.address}: lost"):
-        execute(walks(folder / "other", 5000), folder / "lost", Dask(c.address), watch)
+        with pytest.raises(CampaignError, match=rf"^scheduler {c.address}: lost"):
+            execute(walks(tmp_path / "other", 5000), tmp_path / "lost", Dask(c.address), lose)

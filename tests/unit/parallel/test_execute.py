@@ -11,7 +11,6 @@ from collections.abc import Callable
 from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor
 from contextlib import closing, contextmanager, suppress
 from dataclasses import replace
-from itertools import pairwise
 from pathlib import Path
 from types import FrameType
 from typing import Any
@@ -62,16 +61,10 @@ def lines(log: Path) -> list[str]:
     return sorted(log.read_text().splitlines()) if log.exists() else []
 
 
-@contextmanager
-def threads():  # type: ignore[no-untyped-def]
-    with ThreadPoolExecutor(3) as executor:
-        yield Given(executor)
-
-
 def test_whoever_does_it_the_bytes_are_the_same(tmp_path: Path, log: Path) -> None:
     plan, tables = walks(log, 4, (None, 3, 7)), []
-    with threads() as given:
-        pools: list[Pool] = [Here(), given, LocalProcesses(2)]
+    with ThreadPoolExecutor(3) as executor:
+        pools: list[Pool] = [Here(), Given(executor), LocalProcesses(2)]
         texts = [str(list(execute(plan, tmp_path / f"{i}.sqlite", p).items())) for i, p in enumerate(pools)]
     assert len(set(texts)) == 1
     assert texts[0].startswith("[('000/3', {'step': 3, 'x': ")
@@ -96,19 +89,6 @@ def test_a_prefix_is_computed_once_and_more_runs_extend_a_store(tmp_path: Path, 
     with pytest.raises(Exception, match="other settings"):
         execute(replace(walks(log, 2), settings={"map": "tent"}), tmp_path / "t", idle)
     assert not idle.submitted
-
-
-def test_tallies(tmp_path: Path, log: Path) -> None:
-    execute(walks(log, 2), tmp_path / "s", Here())
-    seen: list[Tally] = []
-    execute(walks(log, 12), tmp_path / "s", Here(), seen.append)
-    first, *others = seen
-    assert (first.done, first.total, first.restored, first.seconds_left) == (2, 12, 2, None)
-    assert len(others) > 3
-    assert all(a.done <= b.done and a.seconds <= b.seconds for a, b in pairwise(seen))
-    for tally in others:  # at the pace of those that were done now
-        pace = tally.seconds / (tally.done - 2) if tally.done > 2 else None
-        assert tally.seconds_left == (pace and pytest.approx(pace * (12 - tally.done)))
 
 
 def test_few_tasks_are_under_way_at_once(tmp_path: Path, log: Path) -> None:
@@ -177,6 +157,11 @@ class Unsettled(Here):
         return self.future
 
 
+def enough(tally: Tally) -> None:
+    if tally.done:
+        raise StopIteration  # the campaign has waited once
+
+
 def test_ctrl_c_at_any_moment_leaves_no_lock_behind(tmp_path: Path) -> None:
     """At each line and at each return of the standard library's code that takes locks."""
     plan = walks(tmp_path / "log", 2)
@@ -191,20 +176,11 @@ def test_ctrl_c_at_any_moment_leaves_no_lock_behind(tmp_path: Path) -> None:
             return press
 
         pool = Unsettled(lambda press=press: sys.settrace(press))  # type: ignore[misc]
-        with pytest.raises((KeyboardInterrupt, EnoughError)):
+        with pytest.raises((KeyboardInterrupt, StopIteration)):
             execute(plan, tmp_path / f"{moment}.sqlite", pool, enough)
         if next(moments) <= moment:
             break
     assert moment > 30
-
-
-class EnoughError(Exception):
-    """The campaign has waited once."""
-
-
-def enough(tally: Tally) -> None:
-    if tally.done:
-        raise EnoughError
 
 
 def test_a_failure_names_the_run_and_costs_nothing_else(tmp_path: Path, log: Path) -> None:
@@ -230,8 +206,7 @@ def test_a_worker_with_another_library_is_refused(tmp_path: Path, log: Path) -> 
     class Elsewhere(Here):
         def submit(self, task: Task) -> Future[Report]:
             future = super().submit(task)
-            report = future.result()
-            report["environment"] = {**environment(), "numpy": "0.1"}
+            future.result()["environment"] = {**environment(), "numpy": "0.1"}
             return future
 
     with pytest.raises(CampaignError, match=r"^worker process \d+ on .*numpy .* here, 0.1 there"):
@@ -251,10 +226,8 @@ def test_lost_tasks_are_done_again_and_a_hopeless_one_ends_it(tmp_path: Path, lo
             return future
 
     lost: list[str] = []
-    dying = Dying()
-    with pytest.raises(CampaignError, match=f"^run bad: its worker died {MAX_LOSSES} times") as caught:
-        execute(failing("die", log, 6), tmp_path / "s", dying)
-    assert "(died)" in str(caught.value)
+    with pytest.raises(CampaignError, match=rf"^run bad: its worker died {MAX_LOSSES} times .*\(died\)"):
+        execute(failing("die", log, 6), tmp_path / "s", Dying())
     assert len(lines(log)) == 6, "the others came first"
     assert len(lost) >= 6 + MAX_LOSSES
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import struct
 from typing import Any
 
 import numpy as np
@@ -19,10 +18,9 @@ def test_stops_of_one_prefix_are_one_task_the_earliest_first() -> None:
     runs = [
         Run(f"{seed}/{stop}", "m:f", {"seed": seed}, stop) for stop in (None, 2000, 500) for seed in (1, 2)
     ]
-    first, second = tasks([*runs, Run("other", "m:g", {"seed": 1}, 500)])[:2]
+    first, second, _ = tasks([*runs, Run("other", "m:g", {"seed": 1}, 500)])
     assert (first.text, first.stops) == ('{"seed":1}', [500, 2000, None])
     assert [run.key for run in second.runs] == ["2/500", "2/2000", "2/None"]
-    assert len(tasks([*runs, Run("other", "m:g", {"seed": 1}, 500)])) == 3
 
 
 def test_order_of_arguments_and_places_of_inputs_do_not_matter() -> None:
@@ -48,14 +46,12 @@ values = st.recursive(leaves, lambda v: st.lists(v) | st.dictionaries(st.text(),
 
 
 def bits(value: Any) -> Any:
-    """Return a value in which floats are their bytes; there is one nan."""
-    if isinstance(value, float):
-        return "nan" if math.isnan(value) else struct.pack(">d", value)
+    """Return a value in which floats are their digits in hexadecimal; there is one nan."""
     if isinstance(value, list):
         return [bits(v) for v in value]
     if isinstance(value, dict):
         return {k: bits(v) for k, v in value.items()}
-    return (type(value), value)
+    return (type(value), value.hex() if isinstance(value, float) else value)
 
 
 @given(values)
@@ -66,13 +62,9 @@ def test_round_trip(value: Any) -> None:
     assert to_text(from_text(text), "value") == text
 
 
-def test_order_of_keys_does_not_matter() -> None:
-    ours = [0.1, np.float64(-0.0), math.inf]
-    for value in ({"b": 1, "a": ours}, {"a": ours, "b": 1}):
-        assert to_text(value, "") == '{"a":[0.1,-0.0,Infinity],"b":1}'
-
-
 def test_anything_else_is_refused() -> None:
+    for value in ({"b": 1, "a": [0.1, np.float64(-0.0), math.inf]}, {"a": [0.1, -0.0, math.inf], "b": 1}):
+        assert to_text(value, "") == '{"a":[0.1,-0.0,Infinity],"b":1}'
     circle: list[Any] = []
     circle.append(circle)
     array = r"it\['a'\]\[1\]: a ndarray is not JSON; make it a list or number with .tolist\(\)"

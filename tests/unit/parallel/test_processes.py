@@ -9,6 +9,7 @@ import subprocess
 import sys
 import threading
 import time
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -24,11 +25,8 @@ def test_one_thread_each_and_the_driver_keeps_its_own(tmp_path: Path) -> None:
     runs = tuple(Run(str(i), f"{HERE}:threads", {"i": i}) for i in range(4))
     found = execute(Plan("t", {}, runs), tmp_path / "s", LocalProcesses(2))
     for each in found.values():
-        assert isinstance(each, dict)
-        assert each["kernels"] == 1
-        assert set(each["blas"]) == {1}  # type: ignore[arg-type]
-        assert each["pid"] != os.getpid()
-        assert each["env"] == "1"
+        assert (each["kernels"], {*each["blas"]}, each["env"]) == (1, {1}, "1")  # type: ignore[call-overload,index]
+        assert each["pid"] != os.getpid()  # type: ignore[call-overload,index]
     assert dict(os.environ) == before
     assert not multiprocessing.active_children()
 
@@ -56,19 +54,16 @@ def test_a_failure_ends_the_workers_at_once(tmp_path: Path) -> None:
 
 
 SCRIPT = """
-import sys
 from pathlib import Path
 from stoop.parallel import LocalProcesses, Plan, Run, execute
-runs = tuple(Run(str(i), "unit.parallel.works:sleep", {"seconds": 0.2, "i": i}) for i in range(200))
-execute(Plan("t", {}, runs), Path(sys.argv[1]), LocalProcesses(2))
+execute(Plan("t", {}, (Run("a", "unit.parallel.works:sleep", {"seconds": 0.2}),)), Path("s"), LocalProcesses(2))
 """
 
 
 def test_a_script_without_a_guard_is_told(tmp_path: Path) -> None:
-    script = tmp_path / "script.py"
-    script.write_text(SCRIPT)
-    command = [sys.executable, str(script), str(tmp_path / "s")]
-    done = subprocess.run(command, env=ENVIRONMENT, capture_output=True, text=True)
+    (tmp_path / "script.py").write_text(SCRIPT)
+    command = [sys.executable, "script.py"]
+    done = subprocess.run(command, cwd=tmp_path, env=ENVIRONMENT, capture_output=True, text=True)
     assert done.returncode == 1
     assert "__name__ == '__main__'" in done.stderr.splitlines()[-1]
 
@@ -85,14 +80,6 @@ add_options(parser, (shared_options()["workers"], shared_options()["scheduler"])
 runs = tuple(Run(str(i), "unit.parallel.works:sleep", {"seconds": 0.1, "i": i}) for i in range(200))
 run_campaign(parser.parse_args(["--workers", "2"]), Plan("naps", {}, runs), Path(sys.argv[1]))
 """
-
-
-def group_lives(group: int) -> bool:
-    try:
-        os.killpg(group, 0)
-    except ProcessLookupError:
-        return False
-    return True
 
 
 def test_ctrl_c_of_a_whole_group_says_one_line_and_leaves(tmp_path: Path) -> None:
@@ -112,11 +99,12 @@ def test_ctrl_c_of_a_whole_group_says_one_line_and_leaves(tmp_path: Path) -> Non
             pass  # no run is done yet, on a busy machine
         assert said.startswith("naps: ")
         os.killpg(driver.pid, signal.SIGINT)
-        last = driver.stderr.read().splitlines()
+        *progress, line = driver.stderr.read().splitlines()
         assert driver.wait() == 130
-    *progress, line = last
     assert line.startswith("stoop: interrupted; ")
     assert "give the same command to " in line
     assert all(p.startswith("naps: ") for p in progress), "no tracebacks of workers"
-    while group_lives(driver.pid):
-        time.sleep(0.01)
+    with suppress(ProcessLookupError):
+        while True:  # until no process of the group lives
+            os.killpg(driver.pid, 0)
+            time.sleep(0.01)
