@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -27,8 +26,8 @@ from stoop.checks.motors import rotor_edits
 from stoop.cli.options import windows
 from stoop.estimate.filter_gains import Gains
 from stoop.estimate.filter_likelihood import Innovations
+from stoop.exporters import jsbsim_model
 from stoop.exporters.bullet_and_isaac import INTERVAL
-from stoop.exporters.jsbsim_model import air_density
 from stoop.exporters.pyflyt import PyFlyt
 from stoop.fleet.changes import Change, Readings, sizes
 from stoop.flight.faults import Fault, without_faulty
@@ -44,7 +43,7 @@ from stoop.propagation.wing_figures import full_deflection
 from stoop.reconstruction.compatibility import corrected_flight
 from stoop.report.charts import correlation_map
 from stoop.report.sheet import mathml
-from stoop.simulation import parameter_rows, trajectories
+from stoop.simulation import loads, parameter_rows, trajectories
 from stoop.simulation.linearize import LinearModel
 from stoop.simulation.rotors import channel_range, effects
 from stoop.strategy.extensions import Trial
@@ -71,10 +70,15 @@ lift = 0.4
 """
 
 
+def twin_boom(more: str = "", density: str = "1.20165") -> Any:
+    """Return the twin-boom aircraft with more lines and another density."""
+    text = resolve_vehicle("twin-boom").text.replace("density = 1.20165", f"density = {density}")
+    return parse_vehicle(text + more, "test")
+
+
 def airplane() -> Any:
     """Return the twin-boom aircraft with a propeller and a ground effect."""
-    text = resolve_vehicle("twin-boom").text
-    head, rest = text.split("[propulsion]")
+    head, rest = resolve_vehicle("twin-boom").text.split("[propulsion]")
     return parse_vehicle(head + PROPELLER + rest[rest.index("[aerodynamics") :], "test")
 
 
@@ -105,12 +109,10 @@ def test_the_covariance_of_scores_is_that_of_each_pair_of_windows() -> None:
     rng = np.random.default_rng(0)
     residuals, S = rng.standard_normal((7, 4)), rng.standard_normal((7, 4, 3))
     total = np.zeros((3, 3))
-    for v in range(7):
-        for w in range(7):
-            if abs(v - w) <= NEIGHBORS:
-                first = range(max(0, v - w), 7 - max(0, w - v))
-                scores = [np.outer(residuals[g] @ S[v], residuals[g + w - v] @ S[w]) for g in first]
-                total += (1.0 - abs(v - w) / (NEIGHBORS + 1.0)) * np.sum(scores, axis=0)
+    for v, w in ((v, w) for v in range(7) for w in range(7) if abs(v - w) <= NEIGHBORS):
+        first = range(max(0, v - w), 7 - max(0, w - v))
+        scores = [np.outer(residuals[g] @ S[v], residuals[g + w - v] @ S[w]) for g in first]
+        total += (1.0 - abs(v - w) / (NEIGHBORS + 1.0)) * np.sum(scores, axis=0)
     np.testing.assert_allclose(window_scatter(residuals, S), total / 7.0)
 
 
@@ -128,22 +130,22 @@ def test_the_information_about_a_standard_deviation_is_two_a_sample(samples: int
 
 def test_an_extension_falls_for_a_significantly_worse_prediction_only() -> None:
     test: Any = SimpleNamespace(name="n", line="l")
-    rows = {  # rise of the likelihood, gain ahead, and its spread -> whether it is kept
-        (1.0, 1.0, 1.0): True, (1.0, -1.0, 1.0): True, (1.0, -3.0, 1.0): False, (-1.0, 5.0, 1.0): False,
-    }  # fmt: skip
-    for row, kept in rows.items():
-        assert (Trial(test, test, *row).decided(True).code == "extension-kept") is kept, row
+    # rise of the likelihood, gain ahead -> whether it is kept
+    for row, kept in {(1.0, 1.0): True, (1.0, -1.0): True, (1.0, -3.0): False, (-1.0, 5.0): False}.items():
+        assert (Trial(test, test, *row, 1.0).decided(True).code == "extension-kept") is kept, row
     assert Trial(test, test, 1.0, -9.0, 1.0).decided(False).code == "extension-kept-unchecked"
 
 
 def test_colors_of_correlations_are_those_of_their_signs() -> None:
     drawn = str(correlation_map(["a", "b"], np.array([[1.0, -0.8], [-0.8, 1.0]])))
-    assert 'class="below"' in drawn
-    assert 'class="above"' not in drawn
+    assert ('class="below"' in drawn, 'class="above"' in drawn) == (True, False)
 
 
-def test_text_within_formulas_is_text() -> None:
+def test_text_within_formulas_and_tables_is_text() -> None:
     assert "<mo>&lt;</mo>" in mathml("a < b")
+    page = table("<i>", ("<u>",), [("<b>&",)])
+    assert not any(tag in page for tag in ("<i>", "<u>", "<b>"))
+    assert "&lt;b&gt;&amp;" in page
 
 
 def test_a_result_is_moved_into_place_after_what_it_describes(
@@ -210,9 +212,11 @@ def test_calibrated_readings_are_the_truth() -> None:
 
 def test_jsbsim_has_the_density_of_the_standard_atmosphere() -> None:
     """0.0023769 slugs a cubic foot at sea level."""
-    text = resolve_vehicle("twin-boom").text.replace("density = 1.20165", 'density = "standard"')
-    (factor,) = (float(one.text or "") for one in air_density(parse_vehicle(text, "test")).iter("value"))
+    standard = twin_boom(density='"standard"')
+    (factor,) = (float(one.text or "") for one in jsbsim_model.air_density(standard).iter("value"))
     assert 0.0023768924 * factor == pytest.approx(1.225, rel=1e-4)
+    high: Any = SimpleNamespace(start={"h": 2000.0})  # ISA: 1.00649 kg/m3 at a geometric altitude of 2000 m
+    assert loads.air_density(standard, high) == pytest.approx(1.00655, rel=1e-4)
 
 
 @pytest.mark.parametrize("angle", [-170.0, 170.0, -120.0])
@@ -232,30 +236,23 @@ def test_a_drift_begins_at_the_last_flight_before_it() -> None:
 
 def test_a_gust_has_the_intensity_of_its_axis_and_begins_as_it_goes_on() -> None:
     """Variances of the shaping filters by Lyapunov's equation; the start has their covariance."""
-    table = {a: {"intensity": s, "length": 30.0} for a, s in zip("uvw", (1.0, 2.0, 3.0), strict=True)}
-    rows = "".join(f"{a} = {{ intensity = {t['intensity']}, length = 30.0 }}\n" for a, t in table.items())
-    vehicle = parse_vehicle(resolve_vehicle("twin-boom").text + f"\n[turbulence]\n{rows}", "test")
+    rows = "".join(f"{a} = {{ intensity = {s}.0, length = 30.0 }}\n" for s, a in enumerate("uvw", 1))
+    vehicle = twin_boom(f"\n[turbulence]\n{rows}")
     n, names = frames.Numbers(vehicle), [s for a in "uvw" for s in frames.GUST_STATES[a]]
     states = {s: sp.Symbol(s) for s in names}
     noise = {frames.noise_input(a): sp.Symbol(f"w{a}") for a in "uvw"}
     rates = frames.gust_rates(n, states, noise)
     known = {s: vehicle.value(s.name) for s in n.symbols}
-    slopes = [
-        [sp.diff(rates[s], x).xreplace(known) for x in (*states.values(), *noise.values())] for s in names
-    ]
-    both = np.array(slopes, dtype=float)
-    A, B = both[:, : len(names)], both[:, len(names) :]
+    jacobian = sp.Matrix([rates[s] for s in names]).jacobian([*states.values(), *noise.values()])
+    A, B = np.split(np.array(jacobian.xreplace(known), dtype=float), [len(names)], axis=1)
     P = solve_continuous_lyapunov(A, -B @ B.T)
-    read = [[sp.diff(g, x) for x in states.values()] for g in frames.gust(n, states)]
-    C = np.array(read, dtype=float)
+    C = np.array(sp.Matrix(frames.gust(n, states)).jacobian(list(states.values())), dtype=float)
     np.testing.assert_allclose(np.sqrt(np.diag(C @ P @ C.T)), [1.0, 2.0, 3.0], rtol=1e-9)
     for axis in "uvw":
         own = [names.index(s) for s in frames.GUST_STATES[axis]]
         columns = []
         for unit in np.eye(len(own)):
-            rng: Any = SimpleNamespace(
-                standard_normal=lambda size, e=unit: e[:size] if size == len(e) else np.zeros(size)
-            )
+            rng: Any = SimpleNamespace(standard_normal=lambda n, e=unit: e if n == len(e) else np.zeros(n))
             start = trajectories.gust_start(vehicle, rng)
             columns.append([start[s] for s in frames.GUST_STATES[axis]])
         root = np.array(columns).T
@@ -265,8 +262,7 @@ def test_a_gust_has_the_intensity_of_its_axis_and_begins_as_it_goes_on() -> None
 def test_readings_of_a_mounted_instrument_are_those_of_its_axes() -> None:
     """Angles in the order of yaw, pitch and roll turn the body axes into those of the instrument."""
     angles, body = np.array([0.3, -0.2, 0.5]), np.array([1.0, -2.0, 3.0])
-    text = resolve_vehicle("twin-boom").text + f"\n[sensors]\nimu_alignment = {angles.tolist()}\n"
-    vehicle = parse_vehicle(text, "test")
+    vehicle = twin_boom(f"\n[sensors]\nimu_alignment = {angles.tolist()}\n")
     read = frames.along_imu(frames.Numbers(vehicle), tuple(body))
     turned = Rotation.from_euler("ZYX", angles[::-1]).inv().apply(body)
     np.testing.assert_allclose(numbers(vehicle, read), turned, rtol=1e-7)
@@ -275,8 +271,7 @@ def test_readings_of_a_mounted_instrument_are_those_of_its_axes() -> None:
 def test_the_error_by_a_prior_alone_is_its_distance_from_the_estimate() -> None:
     vehicle = resolve_vehicle("twin-boom").with_numbers({"Cm0": {"free": True, "prior": 0.1, "mean": 0.3}})
     layout = Layout.of(vehicle, ())
-    unknowns = {u.name: u for u in unknowns_of(layout, layout.start)}
-    own = unknowns["Cm0"]
+    own = next(u for u in unknowns_of(layout, layout.start) if u.name == "Cm0")
     square = norm.expect(lambda x: (x - own.estimate) ** 2, loc=0.3, scale=0.1)
     assert own.prior_error == pytest.approx(math.sqrt(square), rel=1e-6)
 
@@ -305,13 +300,11 @@ def test_the_power_of_level_flight_is_that_of_an_ideal_propeller() -> None:
 
 
 def test_full_deflection_is_counted_from_the_center_of_the_channel() -> None:
-    text = resolve_vehicle("twin-boom").text + (
+    vehicle = twin_boom(
         "\n[controls.aileron]\n[controls.rudder]\n[controls.elevator]\nmix = { servo_1 = 0.4, pwm_2 = -0.001 }\n"
         "center = { servo_1 = 0.1, pwm_2 = 1550.0 }\n"
     )
-    vehicle = parse_vehicle(text, "test")
-    found = full_deflection(vehicle, parameter_rows(vehicle), "elevator")
-    assert found is not None
+    found: Any = full_deflection(vehicle, parameter_rows(vehicle), "elevator")
     assert found[0] == pytest.approx(0.4 * 0.9 + 0.001 * 450.0)
 
 
@@ -321,20 +314,17 @@ def test_a_rotor_that_turns_the_other_way_yaws_the_other_way() -> None:
     inputs[area.columns] = 0.6
     moments = effects(vehicle, {}, inputs, {})[:3]
     torque = moments - effects(vehicle, {}, inputs, {"rotors.torque_ratio": 0.0})[:3]
-    turned = {
-        one.lines[0]: one.apply(moments) for one in rotor_edits(vehicle, torque, area) if one.kind == "spin"
-    }
+    edits = rotor_edits(vehicle, torque, area)
+    turned = {one.lines[0]: one.apply(moments) for one in edits if one.kind == "spin"}
     for k, rotor in enumerate(vehicle.file.rotor):
         expected = moments * np.where(np.arange(len(area.names)) == k, [[1.0], [1.0], [-1.0]], 1.0)
         np.testing.assert_allclose(turned[f"rotor.{rotor}"], expected, atol=1e-6 * np.abs(moments).max())
 
 
 def test_a_vehicle_that_the_app_replaces_is_kept(tmp_path: Path) -> None:
-    project = Project(tmp_path)
-    project.take_vehicle("old")
-    project.take_vehicle("new")
-    kept = {place.read_text("utf-8") for place in tmp_path.glob("vehicle-*.toml")}
-    assert kept == {"old"}
+    for text in ("old", "new"):
+        Project(tmp_path).take_vehicle(text)
+    assert {place.read_text("utf-8") for place in tmp_path.glob("vehicle-*.toml")} == {"old"}
     assert (tmp_path / VEHICLE).read_text("utf-8") == "new"
 
 
@@ -342,9 +332,9 @@ def test_pages_of_a_project_are_strangers_to_the_app() -> None:
     """A page that shared the origin of the app could steer it by the address, which holds the key."""
     assert FILE_POLICY.partition(";")[0].split() == ["sandbox", "allow-scripts", "allow-downloads"]
     gate = Gate(None, "key", 5010)
-    right = HTTPHeaders({"Host": "127.0.0.1:5010"})
+    hosts = ("127.0.0.1:5010", "127.0.0.1:5011", "127.0.0.1", "", "evil.example:5010")
+    right, *wrong = (HTTPHeaders({"Host": host}) for host in hosts)
     assert gate.refusal("/key/page", right) == ""
-    wrong = (HTTPHeaders({"Host": host}) for host in ("127.0.0.1:5011", "127.0.0.1", "", "evil.example:5010"))
     assert all(gate.refusal("/key/page", one) for one in wrong)
     assert gate.refusal("/other/page", right)
 
@@ -366,17 +356,16 @@ def test_positions_go_on_across_the_date_line() -> None:
 
 def test_rotors_damp_every_rotation() -> None:
     """What turns downward meets air from below: thrust grows with the inflow, and drag opposes the motion."""
-    vehicle = resolve_vehicle("quad-x").with_numbers(
-        {"rotors.inflow": {"value": 0.5}, "rotors.drag": {"value": 0.2}}
-    )
-    n, spins = frames.Numbers(vehicle), dict.fromkeys(vehicle.rotors, 0.6)
-    for axis, omega in enumerate(np.eye(3)):
-        around = forces.Surroundings(n, frames.air((1.0, 0.0, 0.0)), 1.225, tuple(omega), {}, {}, spins=spins)
-        at_rest = replace(around, omega=frames.ZERO)
-        moment = numbers(vehicle, forces.rotors(around).moment) - numbers(
-            vehicle, forces.rotors(at_rest).moment
-        )
-        assert moment[axis] < 0.0, "pqr"[axis]
+    changes = {"rotors.inflow": {"value": 0.5}, "rotors.drag": {"value": 0.2}}
+    vehicle = resolve_vehicle("quad-x").with_numbers(changes)
+    n, air, spins = frames.Numbers(vehicle), frames.air((1.0, 0.0, 0.0)), dict.fromkeys(vehicle.rotors, 0.6)
+
+    def moment(omega: Any) -> np.ndarray:
+        around = forces.Surroundings(n, air, 1.225, tuple(omega), {}, {}, spins=spins)
+        return numbers(vehicle, forces.rotors(around).moment)
+
+    damping = [moment(omega)[axis] - moment(frames.ZERO)[axis] for axis, omega in enumerate(np.eye(3))]
+    assert max(damping) < 0.0
 
 
 def test_mixed_inputs_come_as_late_as_the_channels_that_are_mixed() -> None:
@@ -398,12 +387,6 @@ def test_momentum_drag_is_that_at_sea_level(monkeypatch: pytest.MonkeyPatch) -> 
     thin: Any = SimpleNamespace(vehicle=None, density_ratio=0.64, steady=lambda: hover)
     found = physical_formulas.momentum_drag(math.sqrt, thin)
     np.testing.assert_allclose(found * math.sqrt(0.64), 0.3)
-
-
-def test_cells_of_a_table_are_text() -> None:
-    page = table("<i>", ("<u>",), [("<b>&",)])
-    assert not any(tag in page for tag in ("<i>", "<u>", "<b>"))
-    assert "&lt;b&gt;&amp;" in page
 
 
 def test_the_variance_of_white_noise_is_seen_beside_a_trend() -> None:
@@ -449,12 +432,9 @@ def test_the_drag_of_a_draft_is_a_polar() -> None:
     body = SimpleNamespace(width=0.15, height=0.2, length=1.1)
     geometry: Any = SimpleNamespace(wing=wing, fuselage=body, tail=None, fin=None)
     slope, step = 4.5, 1e-3
-    at = {da: _drag(geometry, 18.0, 0.4 + slope * da, slope) for da in (-step, 0.0, step)}
-    rise = (at[step]["CD0"] - at[-step]["CD0"]) / (2.0 * step)
-    assert at[0.0]["CDalpha"] == pytest.approx(rise, rel=1e-6)
-    assert at[0.0]["CDalpha2"] == pytest.approx(
-        (at[step]["CDalpha"] - at[-step]["CDalpha"]) / (4.0 * step), rel=1e-6
-    )
+    low, at, high = (_drag(geometry, 18.0, 0.4 + slope * da, slope) for da in (-step, 0.0, step))
+    assert at["CDalpha"] == pytest.approx((high["CD0"] - low["CD0"]) / (2.0 * step), rel=1e-6)
+    assert at["CDalpha2"] == pytest.approx((high["CDalpha"] - low["CDalpha"]) / (4.0 * step), rel=1e-6)
 
 
 def test_ranges_for_training_hold_nineteen_draws_of_twenty() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from concurrent.futures import Future
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -22,6 +22,7 @@ from stoop.estimate.regression.least_squares import Priors, Rows, solve
 from stoop.estimate.regression.recursive import RealTime
 from stoop.exporters.jsbsim_loads import _LOADS
 from stoop.fleet.mixed_model import Design, fit_robust_model
+from stoop.flight.flight import from_columns
 from stoop.flight.instrument_errors import RATES_DELAY, InstrumentError
 from stoop.optimize.levenberg_marquardt import NielsenDamping
 from stoop.parallel import Plan, Run, execute
@@ -35,7 +36,6 @@ from stoop.report import charts, estimates
 from stoop.results.result import Covariance, ParameterEstimate, ProcessNoise
 from stoop.results.verdict import Need, Use
 from stoop.simulation import initial_states, parameter_rows
-from stoop.simulation.loads import air_density
 from stoop.tuning.gain_search import Specification
 from stoop.vehicle import parse_vehicle
 from stoop.vehicle.builtin import resolve_vehicle
@@ -116,36 +116,11 @@ def test_damping_is_updated_as_nielsen_has_it() -> None:
         assert NielsenDamping(1.0).relaxed(ratio) == pytest.approx(factor), ratio
 
 
-class Voltage:
-    """A table that holds a voltage alone, without the package of tables of flights."""
-
-    def __init__(self, values: np.ndarray) -> None:
-        self.values, self.attrs = values, dict[str, str]()
-
-    def __getitem__(self, name: str) -> Voltage:
-        return self
-
-    def assign(self, voltage: tuple[str, np.ndarray, dict[str, str]]) -> Voltage:
-        return Voltage(voltage[1])
-
-
-@dataclass(frozen=True)
-class Recorded:
-    """A flight of that table."""
-
-    data: Voltage
-    rate: float = 100.0
-    names: tuple[str, ...] = ("voltage",)
-
-    def column(self, name: str) -> np.ndarray:
-        return self.data.values
-
-
 def test_an_average_voltage_is_centered() -> None:
     text = resolve_vehicle("quad-x").text.replace("[rotors]", "[rotors]\nvoltage_average = 0.4")
     vehicle, time = parse_vehicle(text, "test"), 0.01 * np.arange(200)
-    flight: Any = Recorded(Voltage(16.0 - time))
-    averaged = with_average_voltage(vehicle, flight).data.values
+    flight = from_columns("a", time, {"voltage": 16.0 - time})
+    averaged = with_average_voltage(vehicle, flight).column("voltage")
     np.testing.assert_allclose(averaged[50:150], 16.0 - time[50:150], rtol=1e-12)
 
 
@@ -258,13 +233,6 @@ def test_gains_are_proposed_for_nineteen_draws_of_twenty() -> None:
     estimate, drawn = Specification(gain=6.0).left([one])
     assert estimate[0, 0] == pytest.approx(0.5)
     assert drawn[0, 0] == pytest.approx(np.quantile(draws, 0.05) / 6.0 - 1.0)
-
-
-def test_the_standard_atmosphere_thins_with_height() -> None:
-    """ISA: 1.00649 kg/m3 at a geometric altitude of 2000 m."""
-    text = resolve_vehicle("twin-boom").text.replace("density = 1.20165", 'density = "standard"')
-    at: Any = SimpleNamespace(start={"h": 2000.0})
-    assert air_density(parse_vehicle(text, "test"), at) == pytest.approx(1.00655, rel=1e-4)
 
 
 @pytest.mark.parametrize(("reversed_bits", "stop", "full"), [(0, 1100.0, 1900.0), (1, 1900.0, 1100.0)])

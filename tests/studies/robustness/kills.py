@@ -15,6 +15,7 @@ from typing import Any, Final
 from unittest import mock
 
 from studies.robustness.small_runs import STORES, check_file, reproducible_outputs, written
+from studies.robustness.trials import promise
 
 from stoop.base.files import SCRATCH
 from stoop.base.npz import read_arrays
@@ -30,15 +31,9 @@ def run_and_kill(words: tuple[str, ...], folder: Path, change: int = 0, kind: in
 
     Return its exit code, or minus the signal that it died of; the number of changes of a whole run is in the file ``changes``.
     """
-    child = os.fork()
-    if child == 0:
-        _work(words, folder, change, kind)  # never comes back
-    return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
-
-
-def _work(words: tuple[str, ...], folder: Path, change: int, kind: int) -> None:
-    """Run a verb as a process of its own would; then end, whatever happens."""
-    code = 1
+    child, code = os.fork(), 1
+    if child:
+        return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
     try:
         os.chdir(folder)
         sys.stdout = (folder / "stdout").open("w", encoding="utf-8")
@@ -46,29 +41,23 @@ def _work(words: tuple[str, ...], folder: Path, change: int, kind: int) -> None:
         os.dup2(sys.stderr.fileno(), 2)
         signal.signal(signal.SIGTERM, signal.SIG_DFL)
         signal.signal(signal.SIGINT, signal.default_int_handler)
-        count = count_changes(change, kind)
+        count = 0
+
+        def note(event: str, given: tuple[Any, ...]) -> None:
+            nonlocal count
+            writes = event == "open" and isinstance(given[2], int) and given[2] & (os.O_WRONLY | os.O_RDWR)
+            count += bool(writes or event in CHANGES)
+            if (writes or event in CHANGES) and count == change:
+                os.kill(os.getpid(), kind)
+
+        sys.addaudithook(note)
         with reproducible_outputs(), mock.patch.object(sys, "argv", ["stoop", *words]):
             code = main()
         for stream in (sys.stdout, sys.stderr):
             stream.flush()
-        (folder / "changes").write_text(str(count[0]))
+        (folder / "changes").write_text(str(count))
     finally:
         os._exit(code)
-
-
-def count_changes(change: int, kind: int) -> list[int]:
-    """Count the changes of files from now on, in a list of one number; signal this process before one of them."""
-    count = [0]
-
-    def note(event: str, given: tuple[Any, ...]) -> None:
-        writes = event == "open" and isinstance(given[2], int) and given[2] & (os.O_WRONLY | os.O_RDWR)
-        if writes or event in CHANGES:
-            count[0] += 1
-            if count[0] == change:
-                os.kill(os.getpid(), kind)
-
-    sys.addaudithook(note)
-    return count
 
 
 def differences(expected: Mapping[str, bytes], out: Path) -> str:
@@ -84,22 +73,20 @@ def differences(expected: Mapping[str, bytes], out: Path) -> str:
 
 def _check_table(path: Path) -> None:
     text = path.read_text(encoding="utf-8")
-    if len({len(row) for row in csv.reader(io.StringIO(text))}) != 1 or not text.endswith("\n"):
-        raise ValueError("cut")
+    promise(len({*map(len, csv.reader(io.StringIO(text)))}) == 1 and text.endswith("\n"), "cut")
 
 
 def _check_store(path: Path) -> None:
     with contextlib.closing(sqlite3.connect(path)) as store:
-        if store.execute("PRAGMA integrity_check").fetchall() != [("ok",)]:
-            raise ValueError("damaged")
+        promise(store.execute("PRAGMA integrity_check").fetchall() == [("ok",)], "damaged")
 
 
-def _check_archive(path: Path) -> object:
+def _check_archive(path: Path) -> None:
     """Read the state of a search, or the arrays of a result."""
     if path.name == "search.npz":
-        return load_state(path)
+        load_state(path)
     with path.open("rb") as file:
-        return read_arrays(file, 2**31)
+        read_arrays(file, 2**31)
 
 
 CHECKS: Final = {".csv": _check_table, ".npz": _check_archive, STORES: _check_store}

@@ -53,12 +53,7 @@ class Run:
         return Ended("crash" if self.code < 0 else "fault", f"code {self.code}: {self.errors[-600:]}")
 
 
-def run(
-    words: Sequence[str],
-    folder: Path,
-    limits: Mapping[int, int] | None = None,
-    environment: Mapping[str, str] | None = None,
-) -> Run:
+def run(words: Sequence[str], folder: Path, limits: Mapping[int, int] | None = None) -> Run:
     """Run a command in a folder under limits (of `resource`), 1.5 GB of memory unless others are given."""
     bounds = {resource.RLIMIT_AS: MEMORY} if limits is None else limits
     out, errors, memory = (folder.parent / f"{folder.name}.{name}" for name in ("out", "err", "memory"))
@@ -67,7 +62,7 @@ def run(
     with out.open("wb") as one, errors.open("wb") as two:
         child = subprocess.Popen(
             [sys.executable, "-c", script, *words], cwd=folder, stdout=one, stderr=two, stdin=subprocess.DEVNULL,
-            env={**os.environ, "STOOP_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", **(environment or {})},
+            env={**os.environ, "STOOP_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"},
         )  # fmt: skip
         ended = threading.Timer(WALL, child.kill)
         ended.start()

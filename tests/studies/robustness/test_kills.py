@@ -33,9 +33,7 @@ from stoop.fleet.store import STATE
 from stoop.flight import from_columns
 
 LONG = ("identify", "search", "bootstrap", "compare", "verify")  #: verbs that save what they have
-LOGS, FIRST, CHANGED, WORN = 24, 10, 3, 8
-ALARM = "a battery.resistance: step"
-DONE = (0, 3)
+LOGS, FIRST, CHANGED, DONE = 24, 10, 3, (0, 3)
 OPTIONS = ("--flights", "flights.csv", "--parts", "parts.csv", "-o", OUT)
 NIGHTS = (
     ("fleet", *(f"f{i}.csv" for i in range(FIRST)), *OPTIONS),
@@ -99,14 +97,13 @@ def fleet_logs(folder: Path) -> Path:
     (folder / "second").mkdir()
     for i in (*range(LOGS), CHANGED):
         vehicle, flight = "ab"[i % 2], i // 2
-        ohm = 0.07 if vehicle == "a" and flight >= WORN else 0.05
+        ohm = 0.07 if vehicle == "a" and flight >= 8 else 0.05
         current = 15.0 + 3.0 * rng.standard_normal(t.size)
         voltage = 16.8 - 0.006 * t - ohm * current + 0.05 * rng.standard_normal(t.size)
         changed = len(flights) > LOGS
         target = folder / "second" if changed else folder
-        save_flight_as(
-            from_columns(f"f{i}", t, {"voltage": voltage, "current": current}), target / f"f{i}.csv"
-        )
+        flown = from_columns(f"f{i}", t, {"voltage": voltage, "current": current})
+        save_flight_as(flown, target / f"f{i}.csv")
         flights += [] if changed else [f"f{i},{vehicle},2026-01-{1 + flight:02}T0{i % 2}:00"]
     (folder / "flights.csv").write_text("\n".join(flights))
     parts = ["vehicle,part,serial,from,to", "a,battery,B0,,2026-01-05", "a,battery,B1,2026-01-05,"]
@@ -124,11 +121,17 @@ def test_the_store_of_a_fleet_survives_kills(tmp_path: Path) -> None:
     for words in NIGHTS:
         assert run_and_kill(words, whole) in DONE, (whole / "stderr").read_text()
         changes.append(int((whole / "changes").read_text()))
-    assert ALARM in (whole / "stdout").read_text()
+    alarm = "a battery.resistance: step"
+    assert alarm in (whole / "stdout").read_text()
     expected = {name: x for name, x in written(whole / OUT).items() if not name.endswith(".sqlite")}
-    assert {STATE, "fleet.html", "parts.csv", "absent.csv", "dates.csv", "figures/logs.parquet"} == set(
-        expected
-    )
+    assert {*expected} == {
+        STATE,
+        "fleet.html",
+        "parts.csv",
+        "absent.csv",
+        "dates.csv",
+        "figures/logs.parquet",
+    }
     told = ""
     for words, count in zip(NIGHTS, changes, strict=True):
         for last in (2, 1):
@@ -140,7 +143,7 @@ def test_the_store_of_a_fleet_survives_kills(tmp_path: Path) -> None:
             assert len([*(killed / OUT).glob(".stoop-unfinished-*")]) <= 1, "what is left over piles up"
         assert run_and_kill(words, killed) in DONE
         told += (killed / "stdout").read_text()
-    assert ALARM in told
+    assert alarm in told
     assert differences(expected, killed / OUT) == ""
 
 

@@ -25,13 +25,10 @@ from stoop.errors import StoopError
 
 REFUSED, LISTED, READ = "refused", "listed", "read"
 BAD = ("fault", "crash", "hang", "memory")  #: outcomes that are failures
-STATM, PAGE = Path("/proc/self/statm"), 4096
 MAX_FILE = 2**28  #: bytes of a file that may be written
 
 
 class Ended(NamedTuple):
-    """The outcome of a case, and its message."""
-
     outcome: str
     message: str = ""
 
@@ -83,11 +80,8 @@ def try_case(work: Callable[..., str], folder: Path, *given: object) -> Ended:
             "fault", f"{type(error).__name__} at {place.filename}:{place.lineno}: {str(error)[:200]!r}"
         )
     finally:
-        for entry in folder.iterdir():
-            if entry.is_dir() and not entry.is_symlink():
-                shutil.rmtree(entry, ignore_errors=True)
-            else:
-                entry.unlink()
+        shutil.rmtree(folder, ignore_errors=True)
+        folder.mkdir()
 
 
 class Child:
@@ -145,11 +139,12 @@ class Child:
             self._limit()
             while True:
                 given = pipe.recv()
-                before, used = _peak(), resource.getrusage(resource.RUSAGE_SELF)
+                used = resource.getrusage(resource.RUSAGE_SELF)
                 soft = int(used.ru_utime + used.ru_stime) + self._bounds.seconds + 1
                 resource.setrlimit(resource.RLIMIT_CPU, (soft, resource.RLIM_INFINITY))
                 ended = try_case(self._work, Path(self._place.name), *given)
-                if (more := _peak() - before) > self._bounds.memory:
+                more = 1024 * (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - used.ru_maxrss)
+                if more > self._bounds.memory:
                     ended = Ended("memory", f"{more >> 20} MiB; {ended.message}")
                 pipe.send(tuple(ended))
         finally:
@@ -162,17 +157,14 @@ class Child:
             os.dup2(nowhere, stream)
         for one in (signal.SIGINT, signal.SIGXCPU):
             signal.signal(one, signal.SIG_DFL)
-        size = int(STATM.read_text().split()[0]) * PAGE + self._bounds.address_space
+        pages = int(Path("/proc/self/statm").read_text().split()[0])
+        size = pages * resource.getpagesize() + self._bounds.address_space
         for limit, most in (
             (resource.RLIMIT_AS, size), (resource.RLIMIT_CORE, 0), (resource.RLIMIT_FSIZE, MAX_FILE),
         ):  # fmt: skip
             resource.setrlimit(limit, (most, most))
         warnings.simplefilter("error")  # a user would see them
         notices.detector_failed = _raised  # a user would have its notice
-
-
-def _peak() -> int:
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
 
 
 def _raised(detector: str, error: Exception) -> notices.Notice:
