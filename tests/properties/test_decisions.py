@@ -27,7 +27,6 @@ from stoop.vehicle.builtin import builtin_vehicle
 from stoop.vehicle.document import with_entries
 from stoop.vehicle.load import parse_vehicle
 
-DOUBLET = {"control": "elevator", "shape": "doublet", "start": 0.5, "step": 0.5, "amplitude": 0.05}
 WINDOWS = Window("a", 0.0, 5.0), Window("b", 0.0, 5.0)
 FREE = ("Cmalpha", "Cmq", "Cmelevator")
 Case = tuple[Vehicle, Mapping[str, Flight]]
@@ -36,8 +35,7 @@ Case = tuple[Vehicle, Mapping[str, Flight]]
 @cache
 def whole() -> Vehicle:
     """Return an airplane with three free numbers, and a servo without lag."""
-    vehicle = with_entries(builtin_vehicle("twin-boom"), {("controls", "elevator", "lag"): 0.0})
-    return freed(vehicle)
+    return freed(with_entries(builtin_vehicle("twin-boom"), {("controls", "elevator", "lag"): 0.0}))
 
 
 @cache
@@ -45,17 +43,21 @@ def known() -> Vehicle:
     return whole().reduced("longitudinal")
 
 
-def freed(vehicle: Vehicle, *more: str) -> Vehicle:
-    return vehicle.with_numbers(
-        {p.name: {"free": p.name in (*FREE, *more)} for p in vehicle.parameters if p.free or p.name in more}
+def freed(vehicle: Vehicle) -> Vehicle:
+    return vehicle.with_numbers({p.name: {"free": p.name in FREE} for p in vehicle.parameters if p.free})
+
+
+def flown(vehicle: Vehicle, duration: float = 5.0, amplitude: float = 0.05) -> Mapping[str, Flight]:
+    given = {"control": "elevator", "shape": "doublet", "start": 0.5, "step": 0.5, "amplitude": amplitude}
+    maneuver = Maneuver.model_validate(
+        {"duration": duration, "rate": 50.0, "altitude": 200.0, "input": [given]}
     )
+    return {name: simulate_flight(vehicle, maneuver, seed=i, name=name) for i, name in enumerate("ab")}
 
 
 @cache
 def flights(reduced: bool = True) -> Mapping[str, Flight]:
-    maneuver = Maneuver.model_validate({"duration": 5.0, "rate": 50.0, "altitude": 200.0, "input": [DOUBLET]})
-    vehicle = known() if reduced else whole()
-    return {name: simulate_flight(vehicle, maneuver, seed=i, name=name) for i, name in enumerate("ab")}
+    return flown(known() if reduced else whole())
 
 
 def changed(
@@ -64,9 +66,8 @@ def changed(
     """Return the flights with one channel of some of them changed."""
     out = dict(flights())
     for k, name in enumerate(names):
-        column = change(out[name].column(channel).copy(), k)
-        data = out[name].data.assign({channel: ("time", column, out[name].data[channel].attrs)})
-        out[name] = replace(out[name], data=data)
+        data, column = out[name].data, change(out[name].column(channel).copy(), k)
+        out[name] = replace(out[name], data=data.assign({channel: ("time", column, data[channel].attrs)}))
     return out
 
 
@@ -90,53 +91,37 @@ def gusty() -> Mapping[str, Flight]:
     return changed("alpha", lambda y, k: y + 0.03 * lfilter([0.2], [1.0, -0.98], random(y, k)))
 
 
-def of_pitch(share: float, **numbers: object) -> Vehicle:
+def of_pitch(share: float) -> Vehicle:
     """Return a vehicle whose inertia in pitch is free, from a share of the truth."""
-    truth = known().value("mass.inertia.yy")
-    held = known().with_numbers({n: {"free": False} for n in FREE})
-    return held.with_numbers({"mass.inertia.yy": {"value": share * truth, "free": True, **numbers}})
+    inertia = {"value": share * known().value("mass.inertia.yy"), "free": True}
+    return known().with_numbers({**{n: {"free": False} for n in FREE}, "mass.inertia.yy": inertia})
 
 
 def of_no_body(scale: float) -> Vehicle:
     """Return a vehicle whose elevator turns it more than the true one, its inertia free."""
-    held = known().with_numbers({"Cmelevator": {"value": scale * known().value("Cmelevator"), "free": False}})
-    return held.with_numbers({"mass.inertia.yy": {"free": True}})
+    turn = {"value": scale * known().value("Cmelevator"), "free": False}
+    return known().with_numbers({"Cmelevator": turn, "mass.inertia.yy": {"free": True}})
 
 
 def with_prior(share: float) -> Vehicle:
     """Return a vehicle whose static stability has a prior of 10 % about a share of the truth."""
     truth = known().value("Cmalpha")
-    return known().with_numbers(
-        {"Cmalpha": {"value": share * truth, "prior": 0.1 * abs(truth), "free": True}}
-    )
-
-
-def late(samples: int) -> Mapping[str, Flight]:
-    return changed("alpha", lambda y, k: np.concatenate([np.full(samples, y[0]), y[: len(y) - samples]]))
-
-
-def without_lift_of_the_elevator() -> Vehicle:
-    return known().with_numbers({"CLelevator": {"value": 0.0, "free": False}})
+    prior = {"value": share * truth, "prior": 0.1 * abs(truth), "free": True}
+    return known().with_numbers({"Cmalpha": prior})
 
 
 def of_plain_thrust() -> Vehicle:
     """Return a vehicle whose file does not say how well its thrust is known."""
-    text = known().text
-    assert "thrust = { value = 220.87, free = false }" in text
-    return freed(parse_vehicle(text.replace("{ value = 220.87, free = false }", "220.87"), "plain")).reduced(
-        "longitudinal"
-    )
+    text = known().text.replace("thrust = { value = 220.87, free = false }", "thrust = 220.87")
+    assert text != known().text
+    return freed(parse_vehicle(text, "plain")).reduced("longitudinal")
 
 
 @cache
 def unstable() -> Case:
     """Return a vehicle without static stability, and its flights of 3 s, in which errors grow by four powers of ten."""
     vehicle = known().with_numbers({"Cmalpha": {"value": 4.0}})
-    small = DOUBLET | {"amplitude": 1e-3}
-    maneuver = Maneuver.model_validate({"duration": 3.0, "rate": 50.0, "altitude": 200.0, "input": [small]})
-    return vehicle, {
-        name: simulate_flight(vehicle, maneuver, seed=i, name=name) for i, name in enumerate("ab")
-    }
+    return vehicle, flown(vehicle, 3.0, 1e-3)
 
 
 OF_SEVERAL = ("maneuver-noise",)  #: decisions that compare flights; one is enough for the others
@@ -151,9 +136,9 @@ CASES: dict[str, Callable[[], Case]] = {
     "maneuver-noise": lambda: (known(), changed("q", lambda y, k: y + 0.02 * random(y, 1), "b")),
     "noise-color": lambda: (
         known(), changed("theta", lambda y, k: y + 0.003 * lfilter([1.0], [1.0, -0.95], random(y, k)))),
-    "sensor-delays": lambda: (known(), late(3)),
+    "sensor-delays": lambda: (known(), changed("alpha", lambda y, k: np.r_[[y[0]] * 3, y[:-3]])),
     "priors": lambda: (with_prior(0.5), flights()),
-    "extensions": lambda: (without_lift_of_the_elevator(), flights()),
+    "extensions": lambda: (known().with_numbers({"CLelevator": {"value": 0.0, "free": False}}), flights()),
     "method": lambda: (builtin_vehicle("quad-x"), {}),
     "instability": unstable,
     "gusts": lambda: (known(), gusty()),
@@ -192,17 +177,14 @@ def test_method_or_model_change_before_a_fit_where_the_data_call_for_it(
     monkeypatch.setattr("stoop.strategy.extensions.MAX_RIVALS", 0)
     (decision,) = (one for one in DECISIONS if one.name == name)
     assert decision.problem is not None
-    for vehicle, flown in (CASES[name](), (known(), flights())):
-        windows = [Window(n, 0.0, float(one.time[-1])) for n, one in flown.items()]
-        setup = setup_of(Strategy.only(name), vehicle, flown, windows[: 1 + (name in CHOICES[:3])])
+    for vehicle, logs in (CASES[name](), (known(), flights())):
+        windows = [Window(n, 0.0, float(one.time[-1])) for n, one in logs.items()]
+        setup = setup_of(Strategy.only(name), vehicle, logs, windows[: 1 + (name in CHOICES[:3])])
         change = decision.problem(setup)
-        if flown is flights() and vehicle is known():
-            assert change is None
-        elif name == "extensions":
-            assert change is not None
+        assert (change is None) == (logs is flights() and vehicle is known())
+        if change is not None and name == "extensions":
             assert change.done == "CLalphaelevator added"
-        else:
-            assert change is not None
+        elif change is not None:
             assert change.setup.options.method != setup.options.method
 
 

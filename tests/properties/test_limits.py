@@ -63,9 +63,8 @@ def lacks(moved: float, error: float = 0.01) -> Result:
 
 
 def colored(p_value: float) -> Result:
-    figures = InnovationFigures(
-        1.0, 0.95, Whiteness(0.0, 20.0, 20, p_value, "white" if p_value > 0.05 else "colored")
-    )
+    white = Whiteness(0.0, 20.0, 20, p_value, "white" if p_value > 0.05 else "colored")
+    figures = InnovationFigures(1.0, 0.95, white)
     return result({c: replace(GOOD, innovations=figures) for c in ("p", "V")})
 
 
@@ -96,11 +95,8 @@ def by_priors(share: float) -> Result:
     return result(parameters=parameters)
 
 
-def chance_of_scatter() -> int:
-    """Return the least number of 20 comparisons at 5 % that are no chance at 1 %."""
-    return next(k for k in range(20) if binom.sf(k - 1, 20, 0.05) < 0.01)
-
-
+#: least number of 20 comparisons at 5 % that are no chance at 1 %
+NO_CHANCE = next(k for k in range(20) if binom.sf(k - 1, 20, 0.05) < 0.01)
 Row = tuple[Any, str, Any, str]  #: within and its grade, beyond and its grade
 ROWS: dict[str, Row] = {
     "error 0.2": (lambda: grade(result(parameters={"Clp": ParameterEstimate(-0.5, 0.0999)})), TRUSTED,
@@ -122,8 +118,8 @@ ROWS: dict[str, Row] = {
     "size 1000": (lambda: grade(result({"V": replace(GOOD, rmse=1000.0)})), TRUSTED,
                   lambda: grade(result({"V": replace(GOOD, rmse=1000.1)})), REFUSED),
     "chance 0.01 of innovations": (lambda: grade(colored(0.0101)), TRUSTED, lambda: grade(colored(0.0099)), USABLE),
-    "chance 0.01 of scatter": (lambda: grade(scattered(chance_of_scatter() - 1)), TRUSTED,
-                               lambda: grade(scattered(chance_of_scatter())), USABLE),
+    "chance 0.01 of scatter": (lambda: grade(scattered(NO_CHANCE - 1)), TRUSTED,
+                               lambda: grade(scattered(NO_CHANCE)), USABLE),
     "error 0.2 of a response": (
         lambda: grade(result(response_misfits=(ResponseMisfit("aileron", "p", 3.0, 30.0, 0.9, 0.3, 0.2),))), TRUSTED,
         lambda: grade(result(response_misfits=(ResponseMisfit("aileron", "p", 3.0, 30.0, 0.9, 0.3, 0.2001),))), REFUSED),
@@ -142,14 +138,11 @@ def conflicts(offsets: list[float], information: float) -> int:
     names = [f"C{i}" for i in range(count)]
     priors = [Parameter(n, 0.0, -99.0, 99.0, True, 1.0, "1") for n in names]
     estimates = {n: x * information / precise for n, x in zip(names, offsets, strict=True)}
-    fit: Any = SimpleNamespace(
-        problem=SimpleNamespace(layout=SimpleNamespace(parameters=priors)), estimates=estimates
-    )
-    inverse = np.eye(count) / precise
+    problem, inverse = SimpleNamespace(layout=SimpleNamespace(parameters=priors)), np.eye(count) / precise
+    fit: Any = SimpleNamespace(problem=problem, estimates=estimates)
     found = SimpleNamespace(information=precise * np.eye(count), corrected=inverse, cramer_rao=inverse)
-    return len(
-        prior_tests(fit, SimpleNamespace(free=np.arange(count), uncertainty=found, scatter=None)).conflicts
-    )  # type: ignore[arg-type]
+    bars: Any = SimpleNamespace(free=np.arange(count), uncertainty=found, scatter=None)
+    return len(prior_tests(fit, bars).conflicts)
 
 
 def test_a_prior_contradicts_the_flight_from_one_percent_on() -> None:
