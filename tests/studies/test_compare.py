@@ -16,31 +16,21 @@ from stoop_studies.compare.page import STORE, conclude
 from stoop_studies.compare.race import race
 from stoop_studies.problems import pose
 
-COMMAND = "stoop compare -o out"
+FIELD = Field(
+    optimizers=("ps-gde-lm", "ps-gde", "de-rand-1-bin"), problems=("paper-N", "bbob-01"), seeds=range(5, 7), budget=400.0
+)  # fmt: skip
 
 
-def field(**changes: object) -> Field:
-    given = {
-        "optimizers": ("ps-gde-lm", "ps-gde", "de-rand-1-bin"),
-        "problems": ("paper-N", "bbob-01"),
-        "seeds": range(5, 7),
-        "budget": 400.0,
-    }
-    return Field(**{**given, **changes})  # type: ignore[arg-type]
-
-
-def run(it: Field, folder: Path) -> list[dict[str, str]]:
+def run(folder: Path) -> None:
     with ThreadPoolExecutor(1) as threads:
-        results = execute(it.plan(), folder / STORE, Given(threads))
-    conclude(it, results, folder, COMMAND)
-    with (folder / "compare.csv").open(encoding="utf-8", newline="") as file:
-        return list(csv.DictReader(file))
+        results = execute(FIELD.plan(), folder / STORE, Given(threads))
+    conclude(FIELD, results, folder, "stoop compare -o out")
 
 
 @pytest.fixture(scope="module")
 def out(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("compare") / "out"
-    run(field(), folder)
+    run(folder)
     return folder
 
 
@@ -50,11 +40,10 @@ def rows(path: Path) -> list[dict[str, str]]:
 
 
 def test_whoever_needs_residuals_is_left_out_where_there_are_none() -> None:
-    assert field().impossible == [("bbob-01", "ps-gde-lm")]
-    assert ("bbob-01", "ps-gde-lm") not in field().pairs
-    assert len(field().pairs) == 5
-    assert field().baseline("paper-N") == "ps-gde-lm"
-    assert field().baseline("bbob-01") == "ps-gde"
+    assert FIELD.impossible == [("bbob-01", "ps-gde-lm")]
+    assert ("bbob-01", "ps-gde-lm") not in FIELD.pairs
+    assert len(FIELD.pairs) == 5
+    assert [FIELD.baseline(name) for name in ("paper-N", "bbob-01")] == ["ps-gde-lm", "ps-gde"]
 
 
 def test_a_run_is_timed_on_its_way_to_the_target() -> None:
@@ -62,12 +51,8 @@ def test_a_run_is_timed_on_its_way_to_the_target() -> None:
     (found,) = race(arguments, [None])
     assert isinstance(found, dict)
     posed = pose("paper-N", 5)
-    seen = optimize.minimize(
-        optimize.create(),
-        posed.problem,
-        seed=5,
-        stop=optimize.Stop(generations=10**9, budget=400.0, target_cost=posed.target),
-    )
+    stop = optimize.Stop(generations=10**9, budget=400.0, target_cost=posed.target)
+    seen = optimize.minimize(optimize.create(), posed.problem, seed=5, stop=stop)
     assert found["status"] == "target"
     assert found["hit"] == seen.trajectories == found["evaluations"]
     times = np.array(found["hits"], dtype=float)
@@ -90,8 +75,8 @@ def test_tables_agree_with_each_other(out: Path) -> None:
 
 def test_the_same_command_gives_the_same_bytes_and_runs_nothing_again(out: Path, tmp_path: Path) -> None:
     before = {p.name: p.read_bytes() for p in out.iterdir() if p.suffix != ".sqlite"}
-    run(field(), out)
-    run(field(), tmp_path / "elsewhere")
+    run(out)
+    run(tmp_path / "elsewhere")
     for name, content in before.items():
         assert (out / name).read_bytes() == content
         assert (tmp_path / "elsewhere" / name).read_bytes() == content

@@ -6,24 +6,9 @@ import numpy as np
 import pytest
 
 from stoop.simulation import initial_states, parameter_rows
-from stoop.vehicle import Vehicle
 from stoop_studies.verify import multirotor
 from stoop_studies.verify.jsbsim_flight import Recording
-from stoop_studies.verify.multirotor import (
-    FOOT_POUND,
-    KNOWN,
-    LIFTS,
-    MOTORS,
-    RATE,
-    SPEEDS,
-    TURNS,
-    TWISTS,
-    Quadrotor,
-    fly,
-    motor_curve,
-    truth,
-    vehicle_of,
-)
+from stoop_studies.verify.multirotor import FOOT_POUND, KNOWN, LIFTS, RATE, TURNS, TWISTS, Quadrotor
 
 MORE = {
     **{f"{a}_dot": (f"accelerations/{a}idot-rad_sec2", 1.0) for a in "pqr"},
@@ -43,14 +28,7 @@ def flown() -> Recording:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(multirotor, "DURATION", 6.0)
         patch.setattr(multirotor, "READ", {**multirotor.READ, **MORE})
-        return fly(Quadrotor())
-
-
-def short_case(craft: Quadrotor, flown: Recording, recorded: str) -> tuple[Vehicle, dict[str, float]]:
-    middle = float(np.mean([flown.columns[c].mean() for c in MOTORS]))
-    motor = None if recorded == SPEEDS else motor_curve(craft, middle)
-    found = truth(craft, flown, motor)
-    return vehicle_of(craft, flown, found, motor), found
+        return multirotor.fly(Quadrotor())
 
 
 def test_balances_are_at_the_arms(craft: Quadrotor, flown: Recording) -> None:
@@ -67,9 +45,9 @@ def test_balances_are_at_the_arms(craft: Quadrotor, flown: Recording) -> None:
 
 def test_equations_agree_at_the_states_flown(craft: Quadrotor, flown: Recording) -> None:
     """No fit: with JSBSim's numbers our equations give JSBSim's accelerations at its own states."""
-    vehicle, found = short_case(craft, flown, SPEEDS)
+    found = multirotor.truth(craft, flown, None)
     known, true = flown.columns, {n: {"value": v} for n, v in found.items() if n not in KNOWN}
-    vehicle = vehicle.with_numbers(true)
+    vehicle = multirotor.vehicle_of(craft, flown, found, None).with_numbers(true)
     rows = parameter_rows(vehicle, {}, len(flown.time))
     turns = np.stack([known[c] for c in TURNS])
     told = np.vstack([turns, np.gradient(turns, 1.0 / RATE, axis=1)])

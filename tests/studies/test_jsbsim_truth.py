@@ -38,9 +38,8 @@ def test_inertia_is_the_one_that_jsbsim_turns_by(cessna: Aircraft) -> None:
 
 
 def test_moment_at_the_reference_point_is_the_sum_of_the_tables(cessna: Aircraft) -> None:
-    sums = [
-        sum(cessna[f"aero/coefficient/{name}"] for name in names) for names in (ROLLING, PITCHING, YAWING)
-    ]
+    axes = (ROLLING, PITCHING, YAWING)
+    sums = [sum(cessna[f"aero/coefficient/{name}"] for name in names) for names in axes]
     assert moment_at_reference(cessna) == pytest.approx(sums, rel=1e-9)
 
 

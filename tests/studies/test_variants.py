@@ -13,30 +13,21 @@ from stoop_studies.optimizers.mutation import unordered
 from stoop_studies.variants import build
 
 
-def test_a_name_is_the_optimizer_itself() -> None:
-    assert build("de-rand-1-bin") == create("de-rand-1-bin")
-    assert build("ps-gde:scale=0.6") == create("ps-gde")
-
-
 def test_a_variant_exchanges_pieces() -> None:
-    wild = build("ps-gde:mutation=unordered:initialization=uniform:search=none")
-    assert wild == ps_gde(unordered, uniform, None)
-    assert build("ps-gde:scale=0.5:rate=0.8:members=30") == ps_gde(scale=0.5, rate=0.8, members=30)
-    levenberg = build("ps-gde:search=levenberg:period=5:share=0.1")
-    assert levenberg == ps_gde(prey=PreySchedule(LevenbergMarquardt(), 5, 0.1))
-    printed = build("ps-gde:swapped=yes")
-    assert printed == ps_gde(prey=PreySchedule(SteepestDescent(), swapped=True))
-
-
-@pytest.mark.parametrize(
-    ("name", "words"),
-    [
+    for words, made in (
+        ("", create("ps-gde")),
+        (":scale=0.6", create("ps-gde")),
+        (":mutation=unordered:initialization=uniform:search=none", ps_gde(unordered, uniform, None)),
+        (":scale=0.5:rate=0.8:members=30", ps_gde(scale=0.5, rate=0.8, members=30)),
+        (":search=levenberg:period=5:share=0.1", ps_gde(prey=PreySchedule(LevenbergMarquardt(), 5, 0.1))),
+        (":swapped=yes", ps_gde(prey=PreySchedule(SteepestDescent(), swapped=True))),
+    ):
+        assert build(f"ps-gde{words}") == made
+    for name, told in (
         ("ga:scale=0.5", "there are variants of ps-gde only"),
         ("ps-gde:speed=2", "no speed can be chosen"),
         ("ps-gde:scale=fast", "scale is a number, not 'fast'"),
         ("ps-gde:mutation=magic", "no mutation magic; use one of ordered, unordered"),
-    ],
-)
-def test_what_there_is_not_is_said(name: str, words: str) -> None:
-    with pytest.raises(IdentificationError, match=words):
-        build(name)
+    ):
+        with pytest.raises(IdentificationError, match=told):
+            build(name)

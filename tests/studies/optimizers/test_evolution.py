@@ -40,8 +40,7 @@ def test_local_search_replaces_every_twentieth_generation(oscillation: Callable[
     """Three prey of fifty; each takes D for the gradient, four for the search, one for its end."""
     problem, optimizer = oscillation(), ps_gde()
     state = optimizer.init(problem, 1, np.empty((0, 4)))
-    spent = [state.evaluations.trajectories]
-    kinds = []
+    spent, kinds = [state.evaluations.trajectories], []
     for _ in range(40):
         before = state
         state, event = optimizer.step(state, problem)

@@ -20,12 +20,12 @@ def coarse(X: np.ndarray) -> np.ndarray:
     return sphere(X).round(3)
 
 
-def theirs(cost: Any, dimension: int, seed: int, generations: int) -> Any:
+def theirs(cost: Any, seed: int, generations: int) -> Any:
     """Return pymoo's GA after some generations, drawing from our stream."""
 
     class Box(Problem):
         def __init__(self) -> None:
-            super().__init__(n_var=dimension, n_obj=1, xl=np.zeros(dimension), xu=np.ones(dimension))
+            super().__init__(n_var=6, n_obj=1, xl=np.zeros(6), xu=np.ones(6))
 
         def _evaluate(self, x: np.ndarray, out: dict[str, Any], *_: Any, **__: Any) -> None:
             out["F"] = cost(x)[:, None]
@@ -40,10 +40,8 @@ def theirs(cost: Any, dimension: int, seed: int, generations: int) -> Any:
 
 @pytest.mark.parametrize("cost", [sphere, coarse, rosenbrock, rastrigin])
 def test_members_are_those_of_pymoo_to_the_last_bit(cost: Any) -> None:
-    generations = 40
-    stop = optimize.Stop(generations=generations)
-    ours = optimize.minimize(GeneticAlgorithm(), Only(cost, 6), seed=11, stop=stop)
-    reference = theirs(cost, 6, 11, generations)
+    ours = optimize.minimize(GeneticAlgorithm(), Only(cost, 6), seed=11, stop=optimize.Stop(generations=40))
+    reference = theirs(cost, 11, 40)
     assert ours.state is not None
     assert ours.state.X.tobytes() == reference.pop.get("X").tobytes()
     assert ours.state.F.tolist() == reference.pop.get("F")[:, 0].tolist()

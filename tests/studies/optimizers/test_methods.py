@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -21,39 +22,45 @@ PLACE = np.linspace(0.25, 0.8, 10)
 
 
 class Costs(ScalarProblem):
-    """Ten variables of which only a cost is known; `asked` counts candidates."""
+    """A problem of which only a cost is known; `asked` counts candidates."""
 
-    dimension = 10
+    def __init__(self, cost: Callable[[np.ndarray], np.ndarray], dimension: int = 10) -> None:
+        self.asked, self.dimension, self._cost = 0, dimension, cost
 
-    def __init__(self) -> None:
-        self.asked = 0
-
-
-class Sphere(Costs):
     def costs(self, X: np.ndarray, rung: int) -> np.ndarray:
         self.asked += len(X)
-        return ((X - PLACE) ** 2).sum(axis=1)
+        return self._cost(X)
 
 
-class Rosenbrock(Costs):
-    def costs(self, X: np.ndarray, rung: int) -> np.ndarray:
-        self.asked += len(X)
-        Y = 4.0 * X - 2.0
-        return (100.0 * (Y[:, 1:] - Y[:, :-1] ** 2) ** 2 + (1.0 - Y[:, :-1]) ** 2).sum(axis=1)
+def sphere(X: np.ndarray) -> np.ndarray:
+    return ((X - PLACE) ** 2).sum(axis=1)
+
+
+def rosenbrock(X: np.ndarray) -> np.ndarray:
+    Y = 4.0 * X - 2.0
+    return (100.0 * (Y[:, 1:] - Y[:, :-1] ** 2) ** 2 + (1.0 - Y[:, :-1]) ** 2).sum(axis=1)
+
+
+def egg(X: np.ndarray) -> np.ndarray:
+    """Many optima above a floor: what escapes from them is worth something."""
+    Y = X - 0.37
+    return 5.0 + (40.0 * Y**2 + 1.0 - np.cos(40.0 * Y)).sum(axis=1)
 
 
 @every
 def test_a_curved_valley_is_followed_far_below_luck(name: str) -> None:
     budget = 20_000
-    luck = Rosenbrock().costs(np.random.default_rng(0).random((budget, 10)), 0).min()
+    luck = Costs(rosenbrock).costs(np.random.default_rng(0).random((budget, 10)), 0).min()
     stop = Stop(generations=10**6, budget=float(budget))
-    ends = [optimize.minimize(optimize.create(name), Rosenbrock(), seed=s, stop=stop).cost for s in range(3)]
+    ends = [
+        optimize.minimize(optimize.create(name), Costs(rosenbrock), seed=s, stop=stop).cost for s in range(3)
+    ]
     assert max(ends) < 0.1 * luck
 
 
 @every
 def test_a_step_is_a_generation_of_the_same_size_for_all(name: str) -> None:
-    optimizer, problem = optimize.create(name), Rosenbrock()
+    optimizer, problem = optimize.create(name), Costs(rosenbrock)
     state = optimizer.init(problem, 3, np.empty((0, 10)))
     assert problem.asked == MEMBERS
     for _ in range(25):
@@ -68,32 +75,23 @@ def test_a_step_is_a_generation_of_the_same_size_for_all(name: str) -> None:
 @every
 def test_a_stored_state_goes_on_as_if_nothing_had_been(name: str) -> None:
     """Without residuals, through a wide and a narrow stage (collapsed populations included)."""
-    whole = optimize.minimize(optimize.create(name), Sphere(), seed=4, stop=Stop(generations=240))
-    half = optimize.minimize(optimize.create(name), Sphere(), seed=4, stop=Stop(generations=119))
+    whole = optimize.minimize(optimize.create(name), Costs(sphere), seed=4, stop=Stop(generations=240))
+    half = optimize.minimize(optimize.create(name), Costs(sphere), seed=4, stop=Stop(generations=119))
     rest = optimize.minimize(
-        optimize.create(name), Sphere(), seed=4, stop=Stop(generations=240), state=half.state
+        optimize.create(name), Costs(sphere), seed=4, stop=Stop(generations=240), state=half.state
     )
     assert rest.state.X.tobytes() == whole.state.X.tobytes()
     assert rest.history.tobytes() == whole.history.tobytes()
     assert rest.state.stream == whole.state.stream
 
 
-class Egg(Costs):
-    """Many optima above a floor: what escapes from them is worth something."""
-
-    dimension = 4
-
-    def costs(self, X: np.ndarray, rung: int) -> np.ndarray:
-        self.asked += len(X)
-        Y = X - 0.37
-        return 5.0 + (40.0 * Y**2 + 1.0 - np.cos(40.0 * Y)).sum(axis=1)
-
-
 def _found(name: str) -> int:
     """Return how many of twenty small populations find the least of the optima."""
     stop = Stop(generations=10**6, budget=15_000.0, target_cost=5.001)
     small = replace(optimize.create(name), members=12)
-    return sum(optimize.minimize(small, Egg(), seed=s, stop=stop).status == "target" for s in range(20))
+    return sum(
+        optimize.minimize(small, Costs(egg, 4), seed=s, stop=stop).status == "target" for s in range(20)
+    )
 
 
 def test_second_mutation_and_migration_lead_out_of_wrong_optima() -> None:
@@ -110,7 +108,7 @@ def test_names_keep_their_promises(name: str) -> None:
     assert planned.name == optimize.create(name).name == name
     if optimize.needs_residuals(name):
         return
-    problem = Sphere()
+    problem = Costs(sphere)
     outcome = optimize.minimize(planned, problem, seed=0, stop=Stop(generations=10**6, budget=500.0))
     assert outcome.trajectories == problem.asked <= 500
     assert outcome.status == "budget"

@@ -19,7 +19,6 @@ SCALES, RATES = np.array([0.2, 0.4, 0.9]), np.array([0.5, 0.0, 1.0])
 GAINS, WON = np.array([3.0, 1.0, np.inf]), np.array([True, True, False])
 
 
-# -------------------------------------------------------------------------------------------------- memory
 def test_successful_is_the_weighted_lehmer_mean() -> None:
     scale, rate = success_means(SCALES, RATES, GAINS, WON)
     assert scale == pytest.approx((0.75 * 0.04 + 0.25 * 0.16) / (0.75 * 0.2 + 0.25 * 0.4))
@@ -47,16 +46,10 @@ def test_jso_goes_halfway_and_never_learns_its_last_entry() -> None:
     assert memory.rates.tolist() == pytest.approx([(0.8 + rate) / 2] * 4 + [0.9])
 
 
-@pytest.mark.parametrize(
-    ("progress", "low", "high"), [(0.0, 0.7, 0.7), (0.3, 0.6, 0.7), (0.55, 0.0, 0.7), (0.8, 0.0, 1.0)]
-)
-def test_jso_limits_early_scales_and_rates(progress: float, low: float, high: float) -> None:
-    scales, rates = JSO().limit(np.array([0.1, 1.0]), np.array([0.0, 1.0]), progress)
-    assert scales.tolist() == [0.1, high]
-    assert rates.tolist() == [low, 1.0]
-
-
-# ------------------------------------------------------------------------------- mutation, archive, size
+def test_jso_limits_early_scales_and_rates() -> None:
+    for progress, low, high in ((0.0, 0.7, 0.7), (0.3, 0.6, 0.7), (0.55, 0.0, 0.7), (0.8, 0.0, 1.0)):
+        scales, rates = JSO().limit(np.array([0.1, 1.0]), np.array([0.0, 1.0]), progress)
+        assert (scales.tolist(), rates.tolist()) == ([0.1, high], [low, 1.0])
 
 
 def test_size_falls_on_a_straight_line_and_the_best_stay() -> None:
@@ -66,7 +59,6 @@ def test_size_falls_on_a_straight_line_and_the_best_stay() -> None:
     assert (kept[:, 0].tolist(), costs.tolist()) == ([1.0, 3.0, 4.0], [1.0, 0.0, 2.0])
 
 
-# --------------------------------------------------------------------------------------------- the whole
 @pytest.mark.parametrize(("make", "is_jso"), [(LShade, False), (JSO, True)])
 @pytest.mark.parametrize(("cost", "target"), [(ellipsoid, 1e-9), (rastrigin, 1e-6)])
 def test_as_quick_as_the_naive_twin(
@@ -78,10 +70,11 @@ def test_as_quick_as_the_naive_twin(
     for seed in range(20):
         outcome = optimize.minimize(make(budget), Only(cost, dimension), seed=seed, stop=stop)
         ours.append(outcome.trajectories if outcome.status == "target" else np.inf)
-    twin = [
-        evaluations_to(target, lambda x: float(cost(x[None, :])[0]), dimension, budget, seed, jso=is_jso)
-        for seed in range(9)
-    ]
+
+    def one(x: np.ndarray) -> float:
+        return float(cost(x[None, :])[0])
+
+    twin = [evaluations_to(target, one, dimension, budget, seed, jso=is_jso) for seed in range(9)]
     assert np.median(ours) == pytest.approx(np.median(twin), rel=0.1)
 
 
@@ -107,7 +100,6 @@ def test_ordered_shade_refines_at_once_where_that_is_enough() -> None:
             assert outcome.trajectories <= most
 
 
-# ----------------------------------------------------------------------------------------- the quasi-Newton search itself
 def test_every_difference_of_the_search_is_counted() -> None:
     problem = Only(rosenbrock, 4)
     ledger = optimize.Ledger(problem, optimize.Evaluations.none(problem))

@@ -52,17 +52,13 @@ def test_a_window_is_what_an_integration_by_other_means_says() -> None:
     ours = problem.residuals(z[None], 0)[0].reshape(-1, 12)[first : first + len(piece.time)]
     text = (DATA / "quad_x.toml").read_text(encoding="utf-8")
     craft = Multirotor(text, wrong)
-    channels = [f"motor_{i}" for i in (1, 2, 3, 4)]
-    columns = [case.vehicle.inputs.index(c) for c in channels]
+    columns = {f"motor_{i}": case.vehicle.inputs.index(f"motor_{i}") for i in (1, 2, 3, 4)}
 
     def told(t: float) -> dict[str, float]:
-        return {
-            c: float(np.interp(t, piece.time, piece.inputs[:, i]))
-            for c, i in zip(channels, columns, strict=True)
-        }
+        return {c: float(np.interp(t, piece.time, piece.inputs[:, i])) for c, i in columns.items()}
 
     s = piece.start
-    spins = [piece.inputs[0, i] + s[f"m{k}.lag"] for k, i in enumerate(columns, 1)]
+    spins = [piece.inputs[0, i] + s[f"m{k}.lag"] for k, i in enumerate(columns.values(), 1)]
     turned = attitude(s["phi"], s["theta"], s["psi"])
     begin = np.array([s[n] for n in "uvwpqr"] + turned.ravel().tolist() + [s["h"], *spins])
     flown = solve_ivp(

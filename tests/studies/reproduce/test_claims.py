@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -20,39 +21,28 @@ SETTING = Setting(runs=3)
 def made_up(errors: dict[str, float], costs: dict[str, float]) -> dict[str, Any]:
     """Return results in which every value of a method is off by the same share."""
     truth = paper().truth[np.argsort(columns())]
-    return {
-        f"{METHODS[m]}/{s:06d}/{n:05d}": {
+    found = {}
+    for m, s, n in product(METHODS, SETTING.seeds, ITERATIONS):
+        told = {
             "values": (truth * (1.0 + errors[m])).tolist(),
             "cost": costs[m],
             "hit": 100.0,
             "evaluations": 1e5,
         }
-        for m in METHODS
-        for s in SETTING.seeds
-        for n in ITERATIONS
-    }
-
-
-def by_words(results: dict[str, Any]) -> dict[str, str]:
-    found = Table1().findings(SETTING, results)
-    assert len(found.rows) == len(METHODS) * len(ITERATIONS)
-    return {claim.statement.split(":")[0][:22]: claim.verdict for claim in found.claims}
+        found[f"{METHODS[m]}/{s:06d}/{n:05d}"] = told
+    return found
 
 
 def test_table_1_as_it_should_be() -> None:
     errors = {"GA": 0.03, "PSO": 0.02, "PS-GDE": 1e-8, "default": 1e-9}
-    said = by_words(made_up(errors, {"GA": 121.57, "PSO": 289.38, "PS-GDE": 84.26, "default": 0.0}))
-    assert said == {
-        "The mean error falls f": "reproduces",
-        "PS-GDE's mean values a": "reproduces",
-        "Mean fitness is 121.57": "reproduces",
-        "GA's printed column fi": "does not reproduce",
-        "Cmalpha = -2.32 in the": "holds",
-        "GA's printed means are": "holds",
-        "PSO is caught in local": "reproduces",
-        "PS-GDE": "holds",
-        "The default": "holds",
-    }
+    costs = {"GA": 121.57, "PSO": 289.38, "PS-GDE": 84.26, "default": 0.0}
+    found = Table1().findings(SETTING, made_up(errors, costs))
+    assert len(found.rows) == len(METHODS) * len(ITERATIONS)
+    assert {claim.statement.split(":")[0][:22]: claim.verdict for claim in found.claims} == {
+        "The mean error falls f": "reproduces", "PS-GDE's mean values a": "reproduces", "Mean fitness is 121.57": "reproduces",
+        "GA's printed column fi": "does not reproduce", "Cmalpha = -2.32 in the": "holds", "GA's printed means are": "holds",
+        "PSO is caught in local": "reproduces", "PS-GDE": "holds", "The default": "holds",
+    }  # fmt: skip
 
 
 def test_the_printed_columns_cost_what_a_hand_made_residual_says() -> None:

@@ -38,18 +38,11 @@ def verdicts(results: dict[str, Any]) -> dict[str, str]:
 
 
 def test_as_it_should_be() -> None:
-    said = verdicts(
-        made_up(
-            {"GA": 0.03, "PSO": 0.02, "PS-GDE": 1e-5, "default": 1e-8},
-            {"GA": None, "PSO": 9000.0, "PS-GDE": 4000.0, "default": 60.0},
-        )
-    )
+    errors = {"GA": 0.03, "PSO": 0.02, "PS-GDE": 1e-5, "default": 1e-8}
+    said = verdicts(made_up(errors, {"GA": None, "PSO": 9000.0, "PS-GDE": 4000.0, "default": 60.0}))
     assert [v for k, v in said.items() if k.startswith("GA")] == ["does not hold"]
-    assert [v for k, v in said.items() if not k.startswith("GA")] == [
-        "reproduces",
-        *["holds"] * 6,
-        "does not hold",
-    ]
+    others = [v for k, v in said.items() if not k.startswith("GA")]
+    assert others == ["reproduces", *["holds"] * 6, "does not hold"]
 
 
 def test_the_real_flight_is_run_with_half_the_seeds_where_its_data_is(tmp_path: Any) -> None:

@@ -1,4 +1,4 @@
-"""Logs read by stoop and by independent readers (pyulog, pymavlink, Python's csv, SciPy, h5py): numbers agree to the bit.
+"""Logs read by stoop and by independent readers (pyulog, pymavlink, Python's csv): numbers agree to the bit.
 
 Each difference of convention to stoop's own readers is a small rule here, with its reason; nothing else is made alike.
 """
@@ -13,23 +13,22 @@ import os
 import re
 import tomllib
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 from unittest import mock
 
-import h5py
 import numpy as np
 from pymavlink import DFReader
 from pyulog import ULog
-from scipy.io import netcdf_file
 from studies.robustness.readers import in_this_process
 from studies.robustness.trials import LISTED, READ, promise
 
 from stoop import logs
 from stoop.errors import StoopError
-from stoop.logs.recording import Defect, Recording
+from stoop.logs.recording import Defect
 
 DESCRIPTIVE = frozenset({"FMT", "FMTU", "UNIT", "MULT", "PARM", "MSG", "VER"})
 EMPTY_CELLS = frozenset(
@@ -38,7 +37,6 @@ EMPTY_CELLS = frozenset(
         "NaN", "None", "n/a", "nan", "null",
     )
 )  # fmt: skip  #: what tables write where there is no number, as pandas documents it
-PACKING = ("_FillValue", "missing_value", "scale_factor", "add_offset")
 SAME = "same"  #: both read a log, and find the same
 Columns = Mapping[str, np.ndarray]
 
@@ -199,62 +197,23 @@ def _number(cell: str) -> float:
         return math.nan
 
 
-def arrays_of(name: str, path: Path) -> dict[str, np.ndarray]:
-    """Return the arrays of numbers in a file, by SciPy or h5py; of packed ones what is behind them (conventions CF, 8.1)."""
-    found: dict[str, np.ndarray] = {}
-
-    def take(place: str, values: np.ndarray, packing: Mapping[str, Any]) -> None:
-        fill, missing, scale, offset = (packing.get(key) for key in PACKING)
-        numbers, raw = floats(values.ravel().tolist()), values.ravel()
-        if any(packing.get(key) is not None for key in PACKING):
-            factor, shift = (1.0 if scale is None else scale), (0.0 if offset is None else offset)
-            numbers = numbers * float(np.ravel(factor)[0]) + float(np.ravel(shift)[0])
-            for absent in (x for x in (fill, missing) if x is not None):
-                numbers[raw == np.ravel(absent)[0]] = math.nan
-        found[place] = numbers.reshape(values.shape)
-
-    def visit(place: str, item: Any) -> None:
-        if isinstance(item, h5py.Dataset) and item.dtype.kind in "biuf" and item.shape is not None:
-            take(place.replace("/", "."), np.asarray(item[()]), item.attrs)
-
-    if name == "netcdf":
-        with netcdf_file(str(path), mmap=False) as file:
-            for place, variable in file.variables.items():
-                if np.asarray(variable.data).dtype.kind in "biuf":
-                    take(place, np.array(variable.data), variable._attributes)
-    else:
-        with h5py.File(path, "r") as file:
-            file.visititems(visit)
-    return found
-
-
 READERS = {"ulog": by_pyulog, "dataflash": by_pymavlink, "dataflash-text": by_pymavlink, "csv": by_csv}
-ARRAYS = ("hdf5", "netcdf")
 
 
 def compare(name: str, path: Path, mapping: Path | None) -> str:
     """Read a log twice and compare; return the outcome. Numbers that differ, or are lost and not listed, are a broken promise."""
-    theirs: dict[str, Samples] = {}
-    arrays: dict[str, np.ndarray] = {}
-    try:
-        with warnings.catch_warnings(), np.errstate(all="ignore"):
-            warnings.simplefilter("ignore")
-            if name in ARRAYS:
-                arrays = arrays_of(name, path)
-            else:
-                theirs = READERS[name](path, mapping)
-        both = True
-    except Exception:
-        both = False
+    theirs: dict[str, Samples] | None = None
+    with suppress(Exception), warnings.catch_warnings(), np.errstate(all="ignore"):
+        warnings.simplefilter("ignore")
+        theirs = READERS[name](path, mapping)
     try:
         with in_this_process():
             ours = logs.read(path, mapping)
     except StoopError as error:
-        there = [x.columns and longest_run(x.time) > 1 for x in theirs.values()]
-        there += [x.size > 1 and x.squeeze().ndim < 3 for x in arrays.values()]
-        promise(" (" in str(error) or not any(there), f"refused, and the other reads: {error}")
+        there = any(x.columns and longest_run(x.time) > 1 for x in (theirs or {}).values())
+        promise(" (" in str(error) or not there, f"refused, and the other reads: {error}")
         raise
-    if not both:
+    if theirs is None:
         return READ
     known = {plain(key): (stream.time, by_plain_name(stream.columns)) for key, stream in ours.streams.items()}
     for key, other in theirs.items():
@@ -264,8 +223,6 @@ def compare(name: str, path: Path, mapping: Path | None) -> str:
         else:
             lost = np.isfinite(other.time).any() and other.columns and not about
             promise(not lost, f"the stream {key!r} is lost")
-    if arrays:
-        compare_arrays(ours, arrays)
     return LISTED if ours.defects else SAME
 
 
@@ -315,41 +272,3 @@ def longest_run(time: np.ndarray) -> int:
     for i, value in enumerate(finite):
         best[i] = 1 + best[:i][finite[:i] < value].max(initial=0)
     return int(best.max(initial=0))
-
-
-def compare_arrays(recording: Recording, theirs: Columns) -> None:
-    """Each column is one row or column of the arrays of its name, without the samples dropped; no array is lost unlisted."""
-    seen: set[str] = set()
-    for name, stream in recording.streams.items():
-        dropped = any(d.kind == "time order" and d.place == name for d in recording.defects)
-        for column, values in stream.columns.items():
-            label = re.sub(r"\[\d+\]$", "", column).rpartition(".")[2]
-            candidates = {k: x for k, x in theirs.items() if k.rpartition(".")[2] == label}
-            fits = {k for k, x in candidates.items() if any(_holds(v, values, dropped) for v in vectors(x))}
-            promise(fits, f"{name} {column}: the numbers are not in the file")
-            seen |= fits
-    message = " ".join(map(str, recording.defects))
-    for place, values in theirs.items():
-        around = [
-            place[: match.start()] for match in re.finditer(r"[.\[']|$", place)
-        ]  # structures, and itself
-        listed = " more" in message or any(re.search(rf"\b{re.escape(word)}\b", message) for word in around)
-        promise(values.size < 2 or place in seen or listed, f"the array {place} of {values.shape} is lost")
-
-
-def vectors(values: np.ndarray) -> Iterator[np.ndarray]:
-    """Yield an array as vectors: itself, its columns, its rows."""
-    squeezed = values.squeeze()
-    if squeezed.ndim < 2:
-        yield np.atleast_1d(squeezed)
-    elif squeezed.ndim == 2:
-        yield from np.ascontiguousarray(squeezed.T)
-        yield from np.ascontiguousarray(squeezed)
-
-
-def _holds(vector: np.ndarray, values: np.ndarray, dropped: bool) -> bool:
-    """Return whether a vector holds values, all of them or some in their order."""
-    if vector.size == values.size:
-        return bool(same(np.ascontiguousarray(vector), values).all())
-    rest = iter(vector.view(np.int64).tolist())
-    return dropped and all(x in rest for x in values.view(np.int64).tolist())

@@ -14,7 +14,7 @@ import pyarrow.parquet as pq
 import pytest
 from scipy.io import savemat
 from studies.robustness.corpus import Case, cases
-from studies.robustness.other_readers import ARRAYS, READERS, SAME, Samples, compare, compare_samples
+from studies.robustness.other_readers import READERS, SAME, Samples, compare, compare_samples
 from studies.robustness.readers import in_this_process
 from studies.robustness.trials import BAD, LISTED, BrokenPromiseError, try_case
 
@@ -32,7 +32,7 @@ FMT = "FMT, 128, 89, FMT, BBnNZ, Type,Length,Name,Format,Columns\nFMT, 130, 25, 
 TIME = np.arange(4.0)
 
 
-@pytest.mark.parametrize("form", [*READERS, *ARRAYS])
+@pytest.mark.parametrize("form", READERS)
 def test_an_independent_reader_finds_the_same_numbers(form: str, tmp_path: Path) -> None:
     """In sound logs and in hostile ones; what is left out is listed."""
 
@@ -40,7 +40,7 @@ def test_an_independent_reader_finds_the_same_numbers(form: str, tmp_path: Path)
         return compare(form, *case.write(folder))
 
     read = 0
-    for case in (*cases(form), *(cases("netcdf-3") if form == "netcdf" else ())):
+    for case in cases(form):
         ended = try_case(twice, tmp_path, case)
         assert ended.outcome not in BAD, f"{case.case}: {ended.message}"
         assert ended.outcome in (SAME, LISTED) or not case.case.startswith("sound") or not case.entry, (

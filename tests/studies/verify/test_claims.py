@@ -47,18 +47,20 @@ def test_coverage(module: Any) -> None:
     """Right standard errors hold; too small ones, too large ones and a bias do not, where they are."""
     setting = Setting(runs=400)
 
+    noise = np.random.default_rng(0).standard_normal((len(setting.seeds), 12))
+
     def claims(sigma: float, offset: float = 0.0, only: str = "") -> list[bool]:
-        rng = np.random.default_rng(0)
-        noise = {seed: rng.standard_normal(12) for seed in setting.seeds}
-        records = {
-            run_key(case, seed): {
-                "names": list("abcdefghijkl"), "errors": (noise[seed] + offset * (case == only or not only)).tolist(),
-                "sigma": [sigma if case == only or not only else 1.0] * 12, "cramer_rao": [1.0] * 12,
-                "status": "converged", "method": "filter-error",
+        records = {}
+        for case in module.CASES:
+            wrong = case == only or not only
+            fixed = {
+                "names": list("abcdefghijkl"),
+                "sigma": [sigma if wrong else 1.0] * 12,
+                "cramer_rao": [1.0] * 12,
             }
-            for seed in setting.seeds
-            for case in module.CASES
-        }  # fmt: skip
+            fixed |= {"status": "converged", "method": "filter-error"}
+            for seed, errors in zip(setting.seeds, noise, strict=True):
+                records[run_key(case, seed)] = fixed | {"errors": (errors + offset * wrong).tolist()}
         return verdicts(module, setting, records)
 
     assert all(claims(1.0))
@@ -72,22 +74,19 @@ def test_size_and_power_of_extensions() -> None:
     setting = Setting(runs=10)
 
     def claims(suggested: int = 0, missed: int = 0, seconds: float = 0.5) -> list[bool]:
-        def flight(found: list[str], named: bool) -> dict[str, Any]:
-            return {
-                "found": found, "value": 0.04, "rivals": 1, "first": named, "named": named, "tested": 100, "harm": 10.0,
-                "outside": 0.3, "status": "converged", "fit_seconds": 1.0, "test_seconds": seconds,
-            }  # fmt: skip
-
+        fixed = {
+            "value": 0.04, "rivals": 1, "tested": 100, "harm": 10.0, "outside": 0.3, "status": "converged", "fit_seconds": 1.0,
+            "test_seconds": seconds,
+        }  # fmt: skip
         records = {}
-        for seed in setting.seeds:
-            for case in extensions.CASES:
-                many = range(extensions.REPEATS) if case in RIGHT else range(1)
-                names = [min(defects()[case].names)] if case not in RIGHT and seed >= missed else ["CLbeta"]
-                flights = [
-                    flight(names if case not in RIGHT or extensions.REPEATS * seed + k < suggested else [], names != ["CLbeta"])
-                    for k in many
-                ]  # fmt: skip
-                records[run_key(case, seed)] = {"flights": flights}
+        for seed, case in ((s, c) for s in setting.seeds for c in extensions.CASES):
+            named = case not in RIGHT and seed >= missed
+            names = [min(defects()[case].names)] if named else ["CLbeta"]
+            flights = []
+            for k in range(extensions.REPEATS if case in RIGHT else 1):
+                told = case not in RIGHT or extensions.REPEATS * seed + k < suggested
+                flights.append(fixed | {"found": names * told, "first": named, "named": named})
+            records[run_key(case, seed)] = {"flights": flights}
         return verdicts(extensions, setting, records)
 
     assert claims() == claims(suggested=2) == [True] * 4
@@ -100,18 +99,14 @@ def test_error_rates_of_the_verdict() -> None:
     setting = Setting(runs=4)
 
     def claims(refused: int = 0, trusted: int = 0, harm: float = 10.0) -> list[bool]:
-        def flight(grade: str, harm: float) -> dict[str, Any]:
-            return {
-                "grade": grade, "uses": [], "against": [], "harm": harm, "off": None, "seconds": 5.0, "inside": [0.95],
-            }  # fmt: skip
+        def flight(good: bool, harm: float) -> dict[str, Any]:
+            fixed = {"uses": [], "against": [], "off": None, "seconds": 5.0, "inside": [0.95]}
+            return fixed | {"grade": "trusted" if good else "do not use", "harm": harm}
 
         records = {}
         for seed in setting.seeds:
-            right = [
-                flight("do not use" if verdict.REPEATS * seed + k < refused else "trusted", 1.0)
-                for k in range(verdict.REPEATS)
-            ]
-            wrong = [flight("trusted" if seed < trusted else "do not use", harm)]
+            right = [flight(verdict.REPEATS * seed + k >= refused, 1.0) for k in range(verdict.REPEATS)]
+            wrong = [flight(seed < trusted, harm)]
             records |= {run_key(c, seed): {"flights": right if c in RIGHT else wrong} for c in verdict.CASES}
         return verdicts(verdict, setting, records)
 
@@ -155,9 +150,8 @@ def test_motion_capture() -> None:
             "predictions": [["phi", 0.1, 0.5, True]], "method": "multiple-shooting", "grade": "usable",
             "uses": ["simulation"], "needs": {"simulation": [["rotors.T2"]]}, "against": [], "windows": [],
         }  # fmt: skip
-        return verdicts(
-            capture, setting, {run_key(c, s): record for c in capture.CASES for s in setting.seeds}
-        )
+        keys = [run_key(case, seed) for case in capture.CASES for seed in setting.seeds]
+        return verdicts(capture, setting, dict.fromkeys(keys, record))
 
     assert claims()[2:] == [True] * 3 + [True, False, True, True, True]
     assert not claims(inside=False)[1]

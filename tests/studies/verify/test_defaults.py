@@ -36,11 +36,8 @@ def test_logs_are_read_back(tmp_path: Path) -> None:
 def test_truth_of_a_file_gives_the_same_forces() -> None:
     """A file with other lengths, working point, signs and zeros of surfaces accelerates as the truth, with its true numbers."""
     truth = made_up(1).vehicle
-    surfaces = {
-        "elevator": Deflection(-0.8, 0.02),
-        "aileron": Deflection(1.3, -0.01),
-        "rudder": Deflection(0.9, 0.005),
-    }
+    elevator, aileron, rudder = Deflection(-0.8, 0.02), Deflection(1.3, -0.01), Deflection(0.9, 0.005)
+    surfaces = {"elevator": elevator, "aileron": aileron, "rudder": rudder}
     value = truth.value
     changes: dict[str, Any] = {
         "reference.area": 1.1 * value("reference.area"), "reference.span": 0.95 * value("reference.span"),

@@ -42,14 +42,8 @@ def test_the_truth_by_itself_keeps_what_it_proposes(case: str) -> None:
     airspeed = made.vehicle.value("reference.airspeed") if case == "wings" else 0.0
     values = flown_gains(truth, firmware, airspeed, {}, np.random.default_rng(0))
     conditions = conditions_of(truth, firmware, values, [airspeed], 100.0, NONE)
-    own = Design(
-        firmware,
-        values,
-        commands_of(truth, firmware, values).axes,
-        conditions,
-        Specification(),
-        {"roll": 1e-8},
-    )
+    axes = commands_of(truth, firmware, values).axes
+    own = Design(firmware, values, axes, conditions, Specification(), {"roll": 1e-8})
     assert min(one.margins.gain[0] for one in own.judged(values)[0]) >= STABLE
     best = gains(own)
     assert best is not None

@@ -37,9 +37,8 @@ def test_a_file_is_wrong_in_one_thing() -> None:
 
 def worst(scene: Scene, method: str) -> float:
     """Return the largest error of an estimate, in its standard errors."""
-    fit = methods.find(method).fitter()(
-        scene.start, scene.flights, scene.windows, Options(method=method), None, None
-    )
+    fitter = methods.find(method).fitter()
+    fit = fitter(scene.start, scene.flights, scene.windows, Options(method=method), None, None)
     std = dict(zip(fit.estimates, error_bars(fit).std, strict=False))
     return float(max(abs(fit.estimates[n] - v) / std[n] for n, v in scene.truth.items()))
 

@@ -77,29 +77,29 @@ def test_a_file_that_is_not_among_nists(tmp_path: Path) -> None:
     assert all(claim.verdict == "holds" for claim in findings.claims)
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "says"),
-    [
-        ("Residual Sum", "Sum", r"is no nonlinear regression of NIST StRD; fetch it again from NIST"),
-        ("  b2 =", "  b4 =", "is no nonlinear regression"),
-        ("Model:", "Modell:", "states no model that can be read"),
-        (MODEL, "b1 * (b2+x", "cannot be used: it is no formula"),
-        (MODEL, "b1 * x**b2", "it does not depend on b3"),
-        (MODEL, "b1 * b2 * b3 * z", "it names z, which is none of b1, b2, b3, x, pi"),
-        (MODEL, "b1 * b2 * b3 * x**99", "it has a power beyond 12"),
-        (MODEL, "b1 * b2 * b3 * 9**9**9**9", "it has a power of numbers alone"),
-        (MODEL, "b1 * b2 * b3 * exp[exp[99]]", "it has exp of a number"),
-        (MODEL, "b1 * b2 * b3 / (1 - 1)", "it has no finite value"),
-        (MODEL, "b1 * b2 * b3 * x**(1/0)", "it is no formula"),
-        (MODEL, "b1 * b2 * b3 * " + "9" * 400, "it has no finite value"),
-        (MODEL, "b1 * b2 * b3 * x.real", "it has something else than numbers"),
-        (MODEL, "__import__[b1](b2)", "it has something else than numbers"),
-        (MODEL, "b1 * b2 * b3" + " + x" * 400, "it is longer than 1000 characters"),
-        (MODEL, "(" * 300 + "b1" + ")" * 300, "it is no formula"),
-    ],
+WRONG = (
+    ("Residual Sum", "Sum", r"is no nonlinear regression of NIST StRD; fetch it again from NIST"),
+    ("  b2 =", "  b4 =", "is no nonlinear regression"),
+    ("Model:", "Modell:", "states no model that can be read"),
+    (MODEL, "b1 * (b2+x", "cannot be used: it is no formula"),
+    (MODEL, "b1 * x**b2", "it does not depend on b3"),
+    (MODEL, "b1 * b2 * b3 * z", "it names z, which is none of b1, b2, b3, x, pi"),
+    (MODEL, "b1 * b2 * b3 * x**99", "it has a power beyond 12"),
+    (MODEL, "b1 * b2 * b3 * 9**9**9**9", "it has a power of numbers alone"),
+    (MODEL, "b1 * b2 * b3 * exp[exp[99]]", "it has exp of a number"),
+    (MODEL, "b1 * b2 * b3 / (1 - 1)", "it has no finite value"),
+    (MODEL, "b1 * b2 * b3 * x**(1/0)", "it is no formula"),
+    (MODEL, "b1 * b2 * b3 * " + "9" * 400, "it has no finite value"),
+    (MODEL, "b1 * b2 * b3 * x.real", "it has something else than numbers"),
+    (MODEL, "__import__[b1](b2)", "it has something else than numbers"),
+    (MODEL, "b1 * b2 * b3" + " + x" * 400, "it is longer than 1000 characters"),
+    (MODEL, "(" * 300 + "b1" + ")" * 300, "it is no formula"),
 )
-def test_a_wrong_file_gets_one_line(tmp_path: Path, old: str, new: str, says: str) -> None:
-    path, text = tmp_path / "Own.dat", own_problem()
+
+
+@pytest.mark.parametrize("row", range(len(WRONG)))
+def test_a_wrong_file_gets_one_line(tmp_path: Path, row: int) -> None:
+    (old, new, says), path, text = WRONG[row], tmp_path / "Own.dat", own_problem()
     assert old in text
     path.write_text(text.replace(old, new))
     with pytest.raises(StoopError, match=rf"^{re.escape(str(path))}: .*{says}") as raised:

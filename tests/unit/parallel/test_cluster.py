@@ -124,18 +124,18 @@ def test_without_the_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
 
 def test_one_cluster_from_its_beginning_to_its_end(tmp_path: Path) -> None:
     """In one test, for a cluster takes its time to start."""
-    import distributed
-
     log, bare = tmp_path / "log", tmp_path / "bare"
     bare.mkdir()
-    for place in Path(distributed.__file__).parents[1].iterdir():
-        if "stoop" not in place.name and place.suffix != ".pth":
-            (bare / place.name).symlink_to(place)
     plan = walks(log, 10, (3, None))
     reference = execute(walks(log, 10, (3, None)), tmp_path / "reference", LocalProcesses(1))
     log.unlink()
     with cluster(tmp_path) as c:
         c.start("scheduler", "--host", "127.0.0.1", "--port", str(c.port))
+        import distributed  # which takes a while, as the scheduler does
+
+        for place in Path(distributed.__file__).parents[1].iterdir():
+            if "stoop" not in place.name and place.suffix != ".pth":
+                (bare / place.name).symlink_to(place)
         unfit = c.worker("-S", path=str(bare))
         told = r"^run .*: its worker has no stoop, .*; install the same as here"
         with pytest.raises(CampaignError, match=told):
