@@ -79,9 +79,8 @@ def test_every_letter_of_dataflash(tmp_path: Path) -> None:
             continue
         names = ["x"] if len(expected[0]) == 1 else [f"x[{k}]" for k in range(32)]
         found = np.column_stack([stream.columns[n] for n in names])
-        np.testing.assert_allclose(
-            found, np.divide(np.array(expected, float), divisor), rtol=1e-15, err_msg=letter
-        )
+        wanted = np.divide(np.array(expected, float), divisor)
+        np.testing.assert_allclose(found, wanted, rtol=1e-15, err_msg=letter)
         if letter != "M":  # a signed number in pymavlink
             for row, message in zip(found, theirs[f"K{kind}"], strict=True):
                 np.testing.assert_allclose(row, np.ravel(message.x), rtol=1e-15, err_msg=letter)  # type: ignore[attr-defined]
@@ -103,9 +102,8 @@ def ulog() -> bytes:
     log = b"ULog\x01\x12\x35\x01" + struct.pack("<Q", 0) + message(b"B", bytes(40))
     inner = "inner:" + "".join(f"{t} {t}_a;" for t in ULOG)
     fields = "".join(f"{t} {t}_b;{t}[2] {t}_c;" for t in ULOG)
-    log += message(b"F", inner.encode()) + message(
-        b"F", f"all:uint64_t timestamp;{fields}inner[2] d;".encode()
-    )
+    every = f"all:uint64_t timestamp;{fields}inner[2] d;"
+    log += message(b"F", inner.encode()) + message(b"F", every.encode())
     log += message(b"A", struct.pack("<BH", 0, 7) + b"all")
     for k, time in enumerate((10_000_000, 20_000_000)):
         body = struct.pack("<HQ", 7, time)

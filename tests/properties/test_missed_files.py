@@ -63,18 +63,14 @@ def test_the_structure_of_a_unit_names_its_outputs() -> None:
     """FMI 2.0.4, section 2.2.8: the index of the first variable is 1; FMI 3.0 names value references."""
     kinds = ("independent", "parameter", "input", "output", "local", "output")
     unit = Unit("u", "u", tuple(Quantity(f"q{i}", "1", 0.0, kind) for i, kind in enumerate(kinds)), "")
-    root = ET.fromstring(description(unit, "2.0"))  # noqa: S314
-    variables = root.findall("ModelVariables/ScalarVariable")
-    named = [
-        variables[int(one.attrib["index"]) - 1] for one in root.findall("ModelStructure/Outputs/Unknown")
-    ]
-    assert [one.attrib["name"] for one in named] == ["q3", "q5"]
-    root = ET.fromstring(description(unit, "3.0"))  # noqa: S314
-    references = [one.attrib["valueReference"] for one in root.findall("ModelStructure/Output")]
-    names = {
-        one.attrib["valueReference"]: one.attrib["name"] for one in root.findall("ModelVariables/Float64")
-    }
-    assert [names[one] for one in references] == ["q3", "q5"]
+    two, three = (ET.fromstring(description(unit, version)) for version in ("2.0", "3.0"))  # noqa: S314
+    names = [one.attrib["name"] for one in two.findall("ModelVariables/ScalarVariable")]
+    places = [int(one.attrib["index"]) for one in two.findall("ModelStructure/Outputs/Unknown")]
+    assert [names[place - 1] for place in places] == ["q3", "q5"]
+    references = [one.attrib["valueReference"] for one in three.findall("ModelStructure/Output")]
+    variables = [one.attrib for one in three.findall("ModelVariables/Float64")]
+    named = {one["valueReference"]: one["name"] for one in variables}
+    assert [named[one] for one in references] == ["q3", "q5"]
 
 
 @pytest.mark.parametrize(("off", "conflict"), [(2.45, False), (-2.45, False), (2.7, True), (-2.7, True)])
@@ -106,10 +102,8 @@ def test_a_maneuver_has_half_a_second_before_it_and_a_second_after() -> None:
     time = 0.01 * np.arange(4000)
     inside = (time >= 20.0) & (time < 22.0)
     elevator = np.where(inside, np.where(time < 21.0, 0.1, -0.1), 0.0)
-    zero = np.zeros(time.size)
-    flight = from_columns(
-        "f", time, {"V": zero + 25.0, "elevator": elevator, "p": zero, "q": zero, "r": zero}
-    )
+    still = dict.fromkeys("pqr", np.zeros(time.size))
+    flight = from_columns("f", time, {"V": np.full(time.size, 25.0), "elevator": elevator, **still})
     (found,) = find_maneuvers(flight)
     assert found.start == pytest.approx(20.0 - 0.5, abs=0.11)
     assert found.stop == pytest.approx(22.0 + 1.0, abs=0.11)
@@ -117,10 +111,15 @@ def test_a_maneuver_has_half_a_second_before_it_and_a_second_after() -> None:
 
 def test_ailerons_roll_and_elevons_together_do_not() -> None:
     """A positive deflection of ailerons rolls to the right."""
-    wing: Any = SimpleNamespace(
-        span=2.0, root_chord=0.25, taper=1.0, area=0.5, position=(0.06, 0.0, 0.0), sweep=0.0
-    )
-    own = strips(wing, 0.0, np.zeros(3), (5.0, 4.0))
+    shape = {
+        "span": 2.0,
+        "root_chord": 0.25,
+        "taper": 1.0,
+        "area": 0.5,
+        "position": (0.06, 0.0, 0.0),
+        "sweep": 0.0,
+    }
+    own = strips(SimpleNamespace(**shape), 0.0, np.zeros(3), (5.0, 4.0))  # type: ignore[arg-type]
     flap: Any = SimpleNamespace(chord=0.25, span=(0.5, 0.95))
     apart, together = (to_flap(own, flap, symmetric, 0.8, 0.5, 0.0) for symmetric in (False, True))
     assert apart.moment[0] > 0.01

@@ -29,27 +29,16 @@ def _freed(line: re.Match[str]) -> str:
 
 
 @pytest.fixture(scope="module")
-def files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, object]:
-    """Return the arguments of a noisy flight of the paper's aircraft, three of its numbers free."""
+def posed(tmp_path_factory: pytest.TempPathFactory) -> Posed:
+    """Return the problem of a noisy flight of the paper's aircraft, three of its numbers free."""
     folder = tmp_path_factory.mktemp("flight")
     vehicle = resolve_vehicle("twin-boom")
     flight = simulate_flight(vehicle.reduced("longitudinal"), parse_maneuver(MANEUVER, "m"), 3, name="flown")
     save(flight, folder / "flown.nc")
-    (folder / "v.toml").write_text(
-        'model.reduce = "longitudinal"\n'
-        + re.sub(r"^(C\w+) = (\S+)$", _freed, vehicle.text, flags=re.MULTILINE),
-        encoding="utf-8",
-    )
-    return {
-        "flight": str(folder / "flown.nc"),
-        "vehicle": str(folder / "v.toml"),
-        "maneuvers": ["0:9", "10:18"],
-    }
-
-
-@pytest.fixture(scope="module")
-def posed(files: dict[str, object]) -> Posed:
-    return pose("flight", 1, **files)
+    text = re.sub(r"^(C\w+) = (\S+)$", _freed, vehicle.text, flags=re.MULTILINE)
+    (folder / "v.toml").write_text(f'model.reduce = "longitudinal"\n{text}', encoding="utf-8")
+    place, file = str(folder / "flown.nc"), str(folder / "v.toml")
+    return pose("flight", 1, flight=place, vehicle=file, maneuvers=["0:9", "10:18"])
 
 
 def joined(posed: Posed) -> Joined:
@@ -91,6 +80,5 @@ def test_the_default_gets_there_blind_and_near_the_truth(posed: Posed) -> None:
     outcome = optimize.minimize(optimize.create(), posed.problem, seed=7, stop=stop)
     assert outcome.status == "target"
     found = dict(zip(posed.parameters, posed.values(outcome.z), strict=True))
-    truth = resolve_vehicle("twin-boom")
-    for name in FREE:
-        assert found[name] == pytest.approx(truth.value(name), rel=0.05)
+    truth = {name: resolve_vehicle("twin-boom").value(name) for name in FREE}
+    assert {name: found[name] for name in FREE} == pytest.approx(truth, rel=0.05)

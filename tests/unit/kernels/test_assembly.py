@@ -19,11 +19,6 @@ def count(pattern: str, text: str) -> int:
     return len(re.findall(pattern, text))
 
 
-def step(text: str, packed: str) -> str:
-    """Return the basic block of the time step: the one with most packed arithmetic."""
-    return max(re.split(r"\n\.?LBB\S+:", text), key=lambda block: count(packed, block))
-
-
 def test_arithmetic_is_packed(pendulum: Kernel) -> None:
     for entry in ("cost", "cost_per_lane", "outputs", "outputs_per_lane", "windows"):
         check(pendulum.assembly(entry), 20)
@@ -63,7 +58,8 @@ def check(text: str, least: int) -> None:
         features = llvm.get_host_cpu_features()
         register = "zmm" if features.get("avx512f") else "ymm" if features.get("avx") else "xmm"
         packed = rf"{_ARITHMETIC}pd\s[^\n]*%{register}"
-        block = step(text, packed)
+        # the basic block of the time step is that with most packed arithmetic
+        block = max(re.split(r"\n\.?LBB\S+:", text), key=lambda block: count(packed, block))
         assert count(packed, block) > least
         assert count(rf"{_ARITHMETIC}sd\s", block) < 10, "only what all lanes share is scalar"
         assert re.search(r"andq\s+\$-(?:64|128), %rsp", text), "spilled registers lie on cache lines"

@@ -20,9 +20,7 @@ def model(rate: sp.Expr, reading: sp.Expr = x) -> SymbolicModel:
 def test_user_names_do_not_reach_the_source() -> None:
     evil = sp.Symbol("__import__('os').system('true')", real=True)
     source = emit(SymbolicModel((x,), (u,), (evil,), (evil * x,), (x,), ("x",), (False,))).source
-    written = source.removeprefix(HEADER)
-    assert "import" not in written
-    assert "os" not in written
+    assert not any(word in source.removeprefix(HEADER) for word in ("import", "os"))
 
 
 def test_what_has_no_vector_form_is_refused() -> None:
@@ -36,6 +34,5 @@ def test_powers() -> None:
         source = emit(model(sp.Integer(0), (x + 2) ** sp.Rational(halves, 2))).source
         scope: dict[str, Any] = {}
         exec(source, scope)  # noqa: S102  our own text, to see what it computes
-        assert scope["observe"]((0.3,), (0.0,), ())[1] == pytest.approx(2.3 ** (halves / 2), rel=1e-14), (
-            halves
-        )
+        found = scope["observe"]((0.3,), (0.0,), ())[1]
+        assert found == pytest.approx(2.3 ** (halves / 2), rel=1e-14), halves

@@ -10,7 +10,6 @@ from naive.kalman import kalman
 from stoop.kernels import Kernel, SymbolicModel, filtering, load_kernel
 
 DT = 0.02
-A = np.array([[0.0, 1.0, 0.0], [-9.0, -0.6, 2.0], [0.0, 0.0, -1.5]])
 H = np.array([[1.0, 0.0, 0.0], [0.3, 1.0, -0.5]])
 
 
@@ -19,17 +18,9 @@ def swing() -> SymbolicModel:
     x = sp.symbols("a b c", real=True)
     d = sp.symbols("da db dc", real=True)
     u, p = sp.Symbol("n", real=True), sp.Symbol("stiffness", real=True)
-    return SymbolicModel(
-        states=x,
-        inputs=(u,),
-        parameters=(p,),
-        derivatives=(x[1], -p * x[0] - 0.6 * x[1] + 2 * x[2], -1.5 * x[2] + u),
-        outputs=(x[0], 0.3 * x[0] + x[1] - 0.5 * x[2]),
-        output_names=("a", "angle"),
-        wrapped=(False, True),
-        moves=d,
-        moved=tuple(a + b for a, b in zip(x, d, strict=True)),
-    )
+    rates = (x[1], -p * x[0] - 0.6 * x[1] + 2 * x[2], -1.5 * x[2] + u)
+    outputs, moved = (x[0], 0.3 * x[0] + x[1] - 0.5 * x[2]), tuple(a + b for a, b in zip(x, d, strict=True))
+    return SymbolicModel(x, (u,), (p,), rates, outputs, ("a", "angle"), (False, True), moves=d, moved=moved)
 
 
 @pytest.fixture(scope="module")
@@ -51,16 +42,13 @@ def measured() -> np.ndarray:
 
 def transition(stiffness: float) -> np.ndarray:
     """Runge-Kutta of order four is the exponential up to the fourth power."""
-    a = A.copy()
-    a[1, 0] = -stiffness
-    one = DT * a
+    one = DT * np.array([[0.0, 1.0, 0.0], [-stiffness, -0.6, 2.0], [0.0, 0.0, -1.5]])
     return np.eye(3) + one + one @ one / 2 + one @ one @ one / 6 + one @ one @ one @ one / 24
 
 
 def test_step_is_the_transition(kernel: Kernel) -> None:
-    after, readings = filtering.step(
-        kernel, np.full((1, 3), 9.0), np.eye(3), np.zeros((1, 3)), np.zeros((1, 3)), DT
-    )
+    nothing = np.zeros((1, 3))
+    after, readings = filtering.step(kernel, np.full((1, 3), 9.0), np.eye(3), nothing, nothing, DT)
     assert np.allclose(after, transition(9.0), rtol=0.0, atol=1e-14)
     assert np.allclose(readings, H, rtol=0.0, atol=1e-14)
 
@@ -85,10 +73,8 @@ def test_every_candidate_flies_with_its_own_gains(kernel: Kernel, measured: np.n
     found = [filtering.riccati(kernel, F, H[None], Q[None], R, seen.astype(float), which, P)[0] for F in own]
     gains, many = np.stack(found, axis=2), len(stiffness)
     begin, samples = np.repeat(start[:, None], many, 1), np.arange(300, dtype=np.int64)
-    inputs = np.zeros((300, 1))
-    found, states = filtering.innovations(
-        kernel, stiffness[None, :], begin, gains, samples, inputs, measured, DT, states=True
-    )
+    given = (stiffness[None, :], begin, gains, samples, np.zeros((300, 1)), measured, DT)
+    found, states = filtering.innovations(kernel, *given, states=True)
     for b, s in enumerate(stiffness):
         plain, *_ = kalman(transition(s), H, Q, R, start, P, measured)
         for k, own in enumerate(seen):
@@ -100,21 +86,16 @@ def test_every_candidate_flies_with_its_own_gains(kernel: Kernel, measured: np.n
 def test_without_a_gain_it_is_the_simulation(kernel: Kernel) -> None:
     p, x = np.full((1, 5), 9.0), np.repeat([[0.3], [0.1], [0.2]], 5, 1)
     u = np.random.default_rng(2).normal(size=(200, 1))
-    plain = kernel.trajectories(p, x, u, DT)
-    none = np.zeros((1, 6, 5))
-    found, states = filtering.innovations(
-        kernel, p, x, none, np.zeros(200, dtype=np.int64), u, np.zeros((200, 2)), DT
-    )
-    assert np.allclose(found, -plain, rtol=1e-12, atol=1e-13)
+    none, which = np.zeros((1, 6, 5)), np.zeros(200, dtype=np.int64)
+    found, states = filtering.innovations(kernel, p, x, none, which, u, np.zeros((200, 2)), DT)
+    assert np.allclose(found, -kernel.trajectories(p, x, u, DT), rtol=1e-12, atol=1e-13)
     assert states.size == 0
 
 
 def test_an_innovation_of_an_angle_takes_the_short_way(kernel: Kernel) -> None:
-    p, x = np.full((1, 1), 9.0), np.array([[0.0], [3.0], [0.0]])
-    z = np.array([[0.0, -3.0]])
-    found, _ = filtering.innovations(
-        kernel, p, x, np.zeros((1, 6, 1)), np.zeros(1, dtype=np.int64), np.zeros((1, 1)), z, DT
-    )
+    p, x, z = np.full((1, 1), 9.0), np.array([[0.0], [3.0], [0.0]]), np.array([[0.0, -3.0]])
+    none, which = np.zeros((1, 6, 1)), np.zeros(1, dtype=np.int64)
+    found, _ = filtering.innovations(kernel, p, x, none, which, np.zeros((1, 1)), z, DT)
     assert found[0, 0, 1] == pytest.approx(2.0 * np.pi - 6.0)
 
 

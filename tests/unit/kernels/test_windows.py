@@ -21,9 +21,8 @@ def flown():
     record = point.inputs + 0.02 * rng.standard_normal((120, len(point.inputs)))
     rows = parameter_rows(vehicle, point.changes, 11)
     rows[vehicle.rows["CLalpha"]] *= rng.uniform(0.8, 1.2, 11)
-    x = initial_states(
-        vehicle, point.start | {"q": 0.1 * rng.standard_normal(11)}, rows, point.inputs[:, None]
-    )
+    start = point.start | {"q": 0.1 * rng.standard_normal(11)}
+    x = initial_states(vehicle, start, rows, point.inputs[:, None])
     first = np.array([0, 3, 10, 25, 50, 58, 60, 61, 80, 100, 118])
     end = np.where(first < 60, 60, 120)
     steps = np.array([20, 0, 7, 20, 20, 1, 20, 3, 20, 19, 1])
