@@ -8,15 +8,13 @@ import subprocess
 import sys
 import threading
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
 from studies.robustness.trials import READ, REFUSED, Ended
 
 MEMORY: Final = 1_500_000_000  #: bytes of address space
 WALL: Final = 120.0  #: s
-ERROR: Final = "stoop: error: "
 SCRIPT: Final = """
 import atexit, re, resource, sys
 def note():
@@ -33,40 +31,35 @@ sys.exit(main())
 """  #: runs a command, and leaves the largest memory of itself and its children (of the latter with what they began with)
 
 
-@dataclass(frozen=True)
-class Run:
-    """A command that has ended: its code (negative: a signal), its lines, and the largest memory of its processes, bytes."""
+class Run(NamedTuple):
+    """A command that has ended: its code (negative: a signal), its errors, and the largest memory of its processes, bytes."""
 
     code: int
-    out: str
     errors: str
     memory: int
 
     @property
     def ended(self) -> Ended:
         """The outcome: an error of one line, or a result without a complaint."""
-        complaints = [line for line in self.errors.splitlines() if line.startswith(ERROR)]
-        if self.code == 2 and len(complaints) == 1 and "Traceback" not in self.errors:
-            return Ended(REFUSED, complaints[0])
-        if self.code == 0 and "Traceback" not in self.errors and not complaints:
-            return Ended(READ)
+        complaints = [line for line in self.errors.splitlines() if line.startswith("stoop: error: ")]
+        if self.code in (0, 2) and len(complaints) == self.code // 2 and "Traceback" not in self.errors:
+            return Ended(REFUSED, complaints[0]) if complaints else Ended(READ)
         return Ended("crash" if self.code < 0 else "fault", f"code {self.code}: {self.errors[-600:]}")
 
 
 def run(words: Sequence[str], folder: Path, limits: Mapping[int, int] | None = None) -> Run:
     """Run a command in a folder under limits (of `resource`), 1.5 GB of memory unless others are given."""
     bounds = {resource.RLIMIT_AS: MEMORY} if limits is None else limits
-    out, errors, memory = (folder.parent / f"{folder.name}.{name}" for name in ("out", "err", "memory"))
+    errors, memory = (folder.parent / f"{folder.name}.{name}" for name in ("err", "memory"))
     memory.write_text("0")
     script = SCRIPT.format(limits=dict(bounds), memory=str(memory))
-    with out.open("wb") as one, errors.open("wb") as two:
+    with errors.open("wb") as said:
         child = subprocess.Popen(
-            [sys.executable, "-c", script, *words], cwd=folder, stdout=one, stderr=two, stdin=subprocess.DEVNULL,
+            [sys.executable, "-c", script, *words], cwd=folder, stdout=subprocess.DEVNULL, stderr=said, stdin=subprocess.DEVNULL,
             env={**os.environ, "STOOP_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"},
         )  # fmt: skip
         ended = threading.Timer(WALL, child.kill)
         ended.start()
         child.wait()
         ended.cancel()
-    texts = (path.read_bytes().decode("utf-8", "replace") for path in (out, errors))
-    return Run(child.returncode, *texts, int(memory.read_text()))
+    return Run(child.returncode, errors.read_bytes().decode("utf-8", "replace"), int(memory.read_text()))

@@ -35,8 +35,6 @@ class Ended(NamedTuple):
 
 @dataclass(frozen=True)
 class Bounds:
-    """What a case may take."""
-
     seconds: int = 3  #: of processor time
     wall: float = 300.0  #: s without an answer after which the process is ended
     address_space: int = 2**30  #: bytes beyond what the process has at its beginning
@@ -48,7 +46,6 @@ class BrokenPromiseError(Exception):
 
 
 def promise(kept: object, what: str) -> None:
-    """Raise `BrokenPromiseError` where a promise is not kept."""
     if not kept:
         raise BrokenPromiseError(what)
 
@@ -74,11 +71,7 @@ def try_case(work: Callable[..., str], folder: Path, *given: object) -> Ended:
     except BrokenPromiseError as error:
         return Ended("fault", f"broken promise: {error}")
     except Exception as error:
-        frames = traceback.extract_tb(error.__traceback__)
-        place = ([frame for frame in frames if "stoop" in frame.filename] or frames)[-1]
-        return Ended(
-            "fault", f"{type(error).__name__} at {place.filename}:{place.lineno}: {str(error)[:200]!r}"
-        )
+        return Ended("fault", "".join(traceback.format_exception(error)[-4:]))
     finally:
         shutil.rmtree(folder, ignore_errors=True)
         folder.mkdir()
@@ -97,7 +90,13 @@ class Child:
 
     def _ask(self, given: tuple[object, ...]) -> Ended:
         if not self._pid:
-            self._start()
+            self._pipe, other = Pipe()
+            self._place = TemporaryDirectory(prefix="stoop-")  # not the child's, which may die
+            self._pid = os.fork()
+            if self._pid == 0:
+                self._pipe.close()
+                self._answer(other)  # never comes back
+            other.close()
         try:
             self._pipe.send(given)
             if self._pipe.poll(self._bounds.wall):
@@ -107,15 +106,6 @@ class Child:
         os.kill(self._pid, signal.SIGKILL)
         self._buried()
         return Ended("hang", f"no answer for {self._bounds.wall:g} s")
-
-    def _start(self) -> None:
-        self._pipe, other = Pipe()
-        self._place = TemporaryDirectory(prefix="stoop-")  # not the child's, which may die
-        self._pid = os.fork()
-        if self._pid == 0:
-            self._pipe.close()
-            self._answer(other)  # never comes back
-        other.close()
 
     def _buried(self) -> Ended:
         code = os.waitstatus_to_exitcode(os.waitpid(self._pid, 0)[1])
