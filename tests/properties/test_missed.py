@@ -116,16 +116,15 @@ def test_the_covariance_of_scores_is_that_of_each_pair_of_windows() -> None:
     np.testing.assert_allclose(window_scatter(residuals, S), total / 7.0)
 
 
-@pytest.mark.parametrize("samples", [1, 50])
-def test_the_information_about_a_standard_deviation_is_two_a_sample(samples: int) -> None:
+def test_the_information_about_a_standard_deviation_is_two_a_sample() -> None:
     """Fisher's information of a normal distribution about the logarithm of its standard deviation."""
-    step, channels = 1e-6, 2
-    spread = np.exp(2.0 * step * np.eye(channels))[:, None] * np.eye(channels)
-    covariance = np.concatenate([np.eye(channels)[None], spread])[:, None]
-    gains = Gains(np.zeros((1, 0, 3)), covariance, np.zeros(samples, dtype=np.int64))
-    v = np.repeat(np.random.default_rng(1).standard_normal((1, samples, channels)), 3, axis=0)
-    found = Innovations.of(v, gains, np.arange(channels), np.full(channels, step))
-    np.testing.assert_allclose(found.spread_information, 2.0 * samples * np.eye(channels), rtol=1e-5)
+    one, step = np.eye(2), 1e-6
+    covariance = np.concatenate([one[None], np.exp(2.0 * step * one)[:, None] * one])[:, None]
+    for samples in (1, 50):
+        gains = Gains(np.zeros((1, 0, 3)), covariance, np.zeros(samples, dtype=np.int64))
+        v = np.repeat(np.random.default_rng(1).standard_normal((1, samples, 2)), 3, axis=0)
+        found = Innovations.of(v, gains, np.arange(2), np.full(2, step))
+        np.testing.assert_allclose(found.spread_information, 2.0 * samples * one, rtol=1e-5)
 
 
 def test_an_extension_falls_for_a_significantly_worse_prediction_only() -> None:
@@ -202,9 +201,8 @@ def test_calibrated_readings_are_the_truth() -> None:
     read = {"V": scale * V + bias, "alpha": np.arctan2(at[:, 2], at[:, 0]), "beta": np.arcsin(at[:, 1] / V)}
     flight = from_columns("f", time, read | dict(zip("pqr", omega.T, strict=True)))
     values = {"V.bias": bias, "V.scale": scale, **dict(zip(("vane.x", "vane.y", "vane.z"), arm, strict=True))}
-    made: Any = SimpleNamespace(
-        pieces=SimpleNamespace(flight=flight), values=values, identifiability=(), errors={}
-    )
+    pieces = SimpleNamespace(flight=flight)
+    made: Any = SimpleNamespace(pieces=pieces, values=values, identifiability=(), errors={})
     found = corrected_flight(made)
     np.testing.assert_allclose(found.column("V"), math.sqrt(405.0), rtol=1e-9)
     np.testing.assert_allclose(found.column("alpha"), math.atan2(2.0, 20.0), rtol=1e-9)
@@ -219,11 +217,11 @@ def test_jsbsim_has_the_density_of_the_standard_atmosphere() -> None:
     assert loads.air_density(standard, high) == pytest.approx(1.00655, rel=1e-4)
 
 
-@pytest.mark.parametrize("angle", [-170.0, 170.0, -120.0])
-def test_a_phase_margin_is_the_least_turn_to_either_side(angle: float) -> None:
+def test_a_phase_margin_is_the_least_turn_to_either_side() -> None:
     frequency = np.geomspace(0.1, 100.0, 400)
-    loop = (5.0 / frequency) * np.exp(1j * np.radians(angle)) * np.ones((1, 1))
-    assert np.degrees(margins(frequency, loop).phase[0]) == pytest.approx(180.0 - abs(angle), abs=1e-6)
+    for angle in (-170.0, 170.0, -120.0):
+        loop = (5.0 / frequency) * np.exp(1j * np.radians(angle)) * np.ones((1, 1))
+        assert np.degrees(margins(frequency, loop).phase[0]) == pytest.approx(180.0 - abs(angle), abs=1e-6)
 
 
 def test_a_drift_begins_at_the_last_flight_before_it() -> None:
