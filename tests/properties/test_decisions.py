@@ -63,7 +63,6 @@ def flights(reduced: bool = True) -> Mapping[str, Flight]:
 def changed(
     channel: str, change: Callable[[np.ndarray, int], np.ndarray], names: str = "ab"
 ) -> Mapping[str, Flight]:
-    """Return the flights with one channel of some of them changed."""
     out = dict(flights())
     for k, name in enumerate(names):
         data, column = out[name].data, change(out[name].column(channel).copy(), k)
@@ -152,7 +151,6 @@ CHOICES = ("method", "instability", "gusts", "extensions")  #: decisions before 
 
 
 def state(name: str, case: Case) -> str:
-    """Return the state of a decision after a fit that takes it alone."""
     windows = WINDOWS if name in OF_SEVERAL else WINDOWS[:1]
     done = fit(Strategy.only(name), *case, windows, options=Options(seed=1, budget=4000.0))
     return {one.name: one.state for one in done.decisions}[name]

@@ -81,7 +81,6 @@ def unknown(count: int) -> Result:
 
 
 def twice(first: dict[str, GoodnessOfFit], second: dict[str, GoodnessOfFit]) -> Result:
-    """Return a result with two maneuvers held back."""
     found = result(first)
     return replace(found, maneuvers=(*found.maneuvers, flown(15.0, "validation", **second)))
 

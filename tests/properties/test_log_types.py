@@ -94,7 +94,6 @@ ULOG = {
 
 
 def ulog() -> bytes:
-    """Return a log with each type as a number, an array and within another type."""
 
     def message(kind: bytes, body: bytes) -> bytes:
         return struct.pack("<Hc", len(body), kind) + body

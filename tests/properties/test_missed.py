@@ -71,19 +71,16 @@ lift = 0.4
 
 
 def twin_boom(more: str = "", density: str = "1.20165") -> Any:
-    """Return the twin-boom aircraft with more lines and another density."""
     text = resolve_vehicle("twin-boom").text.replace("density = 1.20165", f"density = {density}")
     return parse_vehicle(text + more, "test")
 
 
 def airplane() -> Any:
-    """Return the twin-boom aircraft with a propeller and a ground effect."""
     head, rest = resolve_vehicle("twin-boom").text.split("[propulsion]")
     return parse_vehicle(head + PROPELLER + rest[rest.index("[aerodynamics") :], "test")
 
 
 def numbers(vehicle: Any, expressions: Any) -> np.ndarray:
-    """Return the values of expressions in the numbers of a vehicle."""
     known = {s: vehicle.value(s.name) for s in frames.Numbers(vehicle).symbols}
     return np.array([float(sp.sympify(one).xreplace(known)) for one in expressions])
 

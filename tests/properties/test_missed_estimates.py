@@ -44,7 +44,6 @@ from stoop.vehicle_draft.autopilot import read_setup
 
 
 def judged(parameters: dict[str, ParameterEstimate]) -> Any:
-    """Return what the verdict reads of a converged result without maneuvers."""
     variances = np.diag([p.std_error**2 for p in parameters.values()])
     return SimpleNamespace(
         parameters=parameters, covariance=Covariance(tuple(parameters), variances), notices=(), maneuvers=(),

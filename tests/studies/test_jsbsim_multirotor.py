@@ -24,7 +24,6 @@ def craft() -> Quadrotor:
 
 @pytest.fixture(scope="module")
 def flown() -> Recording:
-    """A short flight, with more of what JSBSim knows."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(multirotor, "DURATION", 6.0)
         patch.setattr(multirotor, "READ", {**multirotor.READ, **MORE})

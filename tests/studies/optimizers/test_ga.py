@@ -16,12 +16,10 @@ from stoop_studies.optimizers.ga import GeneticAlgorithm, SimulatedBinary
 
 
 def coarse(X: np.ndarray) -> np.ndarray:
-    """A cost with many ties."""
     return sphere(X).round(3)
 
 
 def theirs(cost: Any, seed: int, generations: int) -> Any:
-    """Return pymoo's GA after some generations, drawing from our stream."""
 
     class Box(Problem):
         def __init__(self) -> None:

@@ -86,7 +86,6 @@ def test_a_stored_state_goes_on_as_if_nothing_had_been(name: str) -> None:
 
 
 def _found(name: str) -> int:
-    """Return how many of twenty small populations find the least of the optima."""
     stop = Stop(generations=10**6, budget=15_000.0, target_cost=5.001)
     small = replace(optimize.create(name), members=12)
     return sum(

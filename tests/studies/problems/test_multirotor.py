@@ -21,7 +21,6 @@ TEN = {
 
 
 def place(posed: Posed) -> np.ndarray:
-    """Return where the truth lies in the unit box (D,)."""
     assert posed.truth is not None
     zero = posed.values(np.zeros(len(posed.truth)))
     return np.asarray((posed.truth - zero) / (posed.values(np.ones(len(posed.truth))) - zero))
@@ -71,7 +70,6 @@ def test_a_window_is_what_an_integration_by_other_means_says() -> None:
 
 
 def attitude(phi: float, theta: float, psi: float) -> np.ndarray:
-    """Return the rotation (3, 3) from body to Earth."""
     (a, b, c), (d, e, f) = np.cos([phi, theta, psi]), np.sin([phi, theta, psi])
     return np.array(
         [[b * c, d * e * c - a * f, a * e * c + d * f], [b * f, d * e * f + a * c, a * e * f - d * c], [-e, d * b, a * b]]

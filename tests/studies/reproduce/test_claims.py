@@ -19,7 +19,6 @@ SETTING = Setting(runs=3)
 
 
 def made_up(errors: dict[str, float], costs: dict[str, float]) -> dict[str, Any]:
-    """Return results in which every value of a method is off by the same share."""
     truth = paper().truth[np.argsort(columns())]
     found = {}
     for m, s, n in product(METHODS, SETTING.seeds, ITERATIONS):

@@ -15,7 +15,6 @@ SETTING = Setting(runs=2)
 
 
 def made_up(errors: dict[str, float], hits: dict[str, float | None]) -> dict[str, Any]:
-    """Return results in which every value of a method is off by the same share."""
     truth = pose(PROBLEM, 0).truth
     assert truth is not None
     return {

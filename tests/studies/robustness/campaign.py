@@ -25,5 +25,4 @@ def cases(count: float) -> settings:
 
 
 def check(family: str, surface: str, ended: Ended) -> None:
-    """Check that a case has not failed."""
     assert ended.outcome not in BAD, f"{family}, {surface}: {ended.outcome}: {ended.message}"

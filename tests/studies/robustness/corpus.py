@@ -33,7 +33,6 @@ class Case:
 
     @property
     def files(self) -> Mapping[str, bytes]:
-        """The content of the files by name."""
         if self.changed is not None:
             return self.changed
         archive = {"bomb": "bombs"}.get(
@@ -44,13 +43,11 @@ class Case:
             return {name.partition("/")[2]: file.read(name) for name in found}
 
     def write(self, folder: Path) -> tuple[Path, Path | None]:
-        """Write all files; return what is to be read, and the mapping."""
         for name, content in self.files.items():
             (folder / name).write_bytes(content)
         return folder / self.entry, folder / self.mapping if self.mapping else None
 
     def with_file(self, name: str, content: bytes) -> Case:
-        """Return the case with another content of a file."""
         return replace(self, changed={**self.files, name: content})
 
 

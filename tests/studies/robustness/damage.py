@@ -27,7 +27,6 @@ NUMBER = re.compile(rb"-?\d+(?:\.\d+)?(?:e-?\d+)?")
 
 
 def ulog_marks(data: bytes) -> list[int]:
-    """Return where the messages of a ULog begin."""
     found, at = [], 16
     while at + 3 <= len(data):
         found.append(at)
@@ -64,7 +63,6 @@ def open_matlab(data: bytes) -> bytes:
 
 
 def close_matlab(data: bytes) -> bytes:
-    """Pack all that follows the head as one variable."""
     body = zlib.compress(data[128:], 1)
     return data[:128] + struct.pack("<II", 15, len(body)) + body
 

@@ -52,7 +52,6 @@ from stoop.workflow.summary import (
 
 
 def ask_vehicle(path: Path, number: int) -> None:
-    """Read a vehicle; write it and read it again; make some equations."""
     vehicle = load_vehicle(path)
     numbers = vehicle.parameters
     promise(all(math.isfinite(p.value) for p in numbers), "a number is not finite")
@@ -69,7 +68,6 @@ def ask_vehicle(path: Path, number: int) -> None:
 
 
 def ask_mapping(path: Path, number: int) -> None:
-    """Read a mapping; some read a table by it, some make a flight of that."""
     if number % 3 == 0:
         read_flight_mapping(path)
         return
@@ -79,7 +77,6 @@ def ask_mapping(path: Path, number: int) -> None:
 
 
 def ask_maneuver(path: Path, number: int) -> None:
-    """Read a maneuver, make its inputs, and ask whether a vehicle can fly it."""
     maneuver = load_maneuver(path)
     time, inputs = maneuver.time, maneuver.deflections().values()
     promise((np.diff(time) > 0.0).all(), "the time does not grow")
@@ -88,7 +85,6 @@ def ask_maneuver(path: Path, number: int) -> None:
 
 
 def ask_windows(path: Path, number: int) -> None:
-    """Read windows, write them, and read them again."""
     found, again = read_windows(path), path.with_name("again.toml")
     again.write_text(windows_text(found, "stoop \x1b", ("a\nb",)), encoding="utf-8")
     was, now = ([(x.flight, x.use, round(x.start, 6)) for x in file] for file in (found, read_windows(again)))
@@ -97,7 +93,6 @@ def ask_windows(path: Path, number: int) -> None:
 
 
 def ask_geometry(path: Path, number: int) -> None:
-    """Read a geometry; draft some vehicles from it, whose files must be read again."""
     geometry = Geometry.load(path)
     if number < 2:
         request = Request(None, None, None, None, None, None, geometry, None, "handbook")
@@ -110,7 +105,6 @@ def ask_covariance(path: Path, number: int) -> None:
 
 
 def ask_result(path: Path, number: int) -> None:
-    """Read a result; write it and read it again; print it; make some pages."""
     result = read_result(path)
     text = result.to_json()
     promise(from_json(text).to_json() == text, "written and read differ")
@@ -138,8 +132,6 @@ ENVIRONMENT = {"numpy": "2.0", "stoop": "1.0"}
 
 
 class Bowl:
-    """A cheap problem: a bowl with a nuisance and two rungs."""
-
     dimension, extra, prices = 3, 1, (0.25, 1.0)
 
     def residuals(self, Z, rung):
@@ -156,7 +148,6 @@ class Bowl:
 
 
 def ask_state(path: Path, number: int) -> None:
-    """Read a state of a search; write it and read it again; go on from it for a few steps."""
     state, tag = load_tagged(path)
     save_state(path, state, tag)
     again, tag_again = load_tagged(path)
@@ -167,7 +158,6 @@ def ask_state(path: Path, number: int) -> None:
 
 
 def ask_store(path: Path, number: int) -> None:
-    """Open a store, add a run, read all; or remove it."""
     if number < 10:
         forget(path)
         return
@@ -181,7 +171,6 @@ def ask_store(path: Path, number: int) -> None:
 
 
 def ask_flight(path: Path, number: int) -> None:
-    """Read a flight and describe it; write it and read it again."""
     flight = load(path)
     describe(flight)
     texts = (*flight.notices, *flight.faults)
@@ -195,7 +184,6 @@ def ask_flight(path: Path, number: int) -> None:
 
 @cache
 def vehicles() -> tuple:
-    """Return the built-in vehicles."""
     return tuple(parse_vehicle(builtin_text(name), name) for name in BUILT_IN)
 
 

@@ -82,7 +82,6 @@ def _check_store(path: Path) -> None:
 
 
 def _check_archive(path: Path) -> None:
-    """Read the state of a search, or the arrays of a result."""
     if path.name == "search.npz":
         load_state(path)
     with path.open("rb") as file:

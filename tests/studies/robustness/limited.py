@@ -40,7 +40,6 @@ class Run(NamedTuple):
 
     @property
     def ended(self) -> Ended:
-        """The outcome: an error of one line, or a result without a complaint."""
         complaints = [line for line in self.errors.splitlines() if line.startswith("stoop: error: ")]
         if self.code in (0, 2) and len(complaints) == self.code // 2 and "Traceback" not in self.errors:
             return Ended(REFUSED, complaints[0]) if complaints else Ended(READ)

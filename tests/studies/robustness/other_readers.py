@@ -74,7 +74,6 @@ def by_plain_name(columns: Columns) -> dict[str, np.ndarray]:
 
 
 def joined(parts: Mapping[str, list[Samples]]) -> dict[str, Samples]:
-    """Return streams of one or several parts."""
     found = {}
     for stream, (first, *more) in parts.items():
         every = (first, *more)

@@ -32,7 +32,6 @@ MISTAKES = (
 
 
 def read_case(folder: Path, case: Case) -> str:
-    """Read a log; return whether defects are listed."""
     with in_this_process():
         return LISTED if ask(*case.write(folder), case.way) else READ
 

@@ -73,7 +73,6 @@ COMMANDS: Final[Mapping[str, tuple[str, ...]]] = {
 
 
 def files_of_a_flight() -> dict[str, bytes]:
-    """Return a vehicle and a maneuver that is flown with it."""
     source = resources.files("stoop").joinpath("data/twin_boom.toml").read_text(encoding="utf-8")
     source = source.replace("notes = [", 'model = { reduce = "longitudinal" }\nnotes = [')
     return {"v.toml": source.encode(), "m.toml": MANEUVER.encode()}
@@ -127,7 +126,6 @@ class Ended(NamedTuple):
 
 
 def run(words: tuple[str, ...], threads: int = 1) -> Ended:
-    """Run a verb in this process and its folder."""
     with (
         reproducible_outputs(threads),
         contextlib.redirect_stdout(io.StringIO()),
@@ -138,7 +136,6 @@ def run(words: tuple[str, ...], threads: int = 1) -> Ended:
 
 
 def done(words: tuple[str, ...]) -> None:
-    """Run a verb that cannot fail."""
     assert not run(words).code, words
 
 
@@ -156,7 +153,6 @@ def written(folder: Path) -> dict[str, bytes]:
 
 @cache
 def undisturbed(words: tuple[str, ...]) -> Mapping[str, bytes]:
-    """Return what a verb writes when nothing happens; stores left out."""
     with TemporaryDirectory(prefix="stoop-") as place, contextlib.chdir(place):
         lay_out(Path(place), inputs())
         Path(OUT).mkdir()

@@ -56,7 +56,6 @@ def command(folder: Path, words: list[str]) -> None:
 
 
 def once_more(folder: Path, surface: str, words: list[str], files: Mapping[str, bytes]) -> str:
-    """Try a case."""
     lay_out(folder, files)
     form, _, kind = surface.rpartition(" ")
     if surface.startswith("stoop "):

@@ -178,7 +178,6 @@ PARSERS: dict[str, Callable[[str], Any]] = {
 
 
 def code(place: str, content: bytes) -> Any:
-    """Return the code of a file: what is neither comment nor text nor number of it."""
     ending = PurePosixPath(place).suffix
     if ending == ".fmu":
         with zipfile.ZipFile(io.BytesIO(content)) as archive:
@@ -265,7 +264,6 @@ def test_no_name_of_a_vehicle_becomes_code_of_an_export(target: str) -> None:
 
 
 def file_stem(name: str) -> str:
-    """Return a name that a file of a result may have."""
     return name.replace("\\", "").replace("/", "\N{DIVISION SLASH}").replace("\0", "\N{SYMBOL FOR NULL}")
 
 
@@ -289,7 +287,6 @@ def named_inputs(name: str) -> dict[str, bytes]:
 
 
 def outputs(command: str, name: str) -> Mapping[str, bytes]:
-    """Return the files that a verb writes under a name."""
     table = "columns.csv" if command == "map" else f"./{file_stem(name)}.csv"
     words = {"sim.nc": f"./{file_stem(name)}.nc", "table.csv": table}
     with TemporaryDirectory(prefix="stoop-") as place, contextlib.chdir(place):

@@ -48,7 +48,6 @@ def place(folder: Path) -> Path:
 
 
 def again(words: tuple[str, ...], out: Path) -> tuple[str, ...]:
-    """Return the command that goes on from what lies in a folder."""
     if (out / "search.npz").exists():
         return (*words, "--resume")
     return (*words, "--overwrite") if (out / "result.json").exists() else words

@@ -32,7 +32,6 @@ def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def complaint(ended: Ended) -> str:
-    """Return the line of an error of ours, the only one."""
     (line,) = (line for line in ended.stderr_lines if "rror" in line)
     assert ended.code == 2
     assert line.startswith("stoop: error: ")

@@ -51,7 +51,6 @@ def promise(kept: object, what: str) -> None:
 
 
 def lay_out(folder: Path, files: Mapping[str, bytes]) -> None:
-    """Write files, by their places in a folder."""
     for place, content in files.items():
         (folder / place).parent.mkdir(parents=True, exist_ok=True)
         (folder / place).write_bytes(content)
@@ -117,7 +116,6 @@ class Child:
         return Ended("crash", f"signal {-code}" if code < 0 else f"the process ended with {code}")
 
     def close(self) -> None:
-        """End the process."""
         if self._pid:
             self._pipe.close()
             os.kill(self._pid, signal.SIGKILL)

@@ -31,7 +31,6 @@ def tumbling(count: int = 1500) -> OutsideFlight:
 
 
 def naive_sample(x: FloatArray, when: float) -> float:
-    """Return the last sample at a time, or the first."""
     return float([x[0], *(value for k, value in enumerate(x) if k / RATE <= when + 1e-9)][-1])
 
 

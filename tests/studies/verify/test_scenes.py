@@ -36,7 +36,6 @@ def test_a_file_is_wrong_in_one_thing() -> None:
 
 
 def worst(scene: Scene, method: str) -> float:
-    """Return the largest error of an estimate, in its standard errors."""
     fitter = methods.find(method).fitter()
     fit = fitter(scene.start, scene.flights, scene.windows, Options(method=method), None, None)
     std = dict(zip(fit.estimates, error_bars(fit).std, strict=False))

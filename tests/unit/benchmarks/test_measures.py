@@ -26,7 +26,6 @@ def part(name: str) -> Any:
 
 @pytest.fixture(scope="module")
 def posed() -> tuple[Misfit, Any]:
-    """The problem of stoop, and the same written out for others."""
     flown = part("solver_stoop").scene()
     options = part("solver_stoop").options(flown)
     problem, _ = estimation_problem(flown.start, flown.flights, flown.windows, options)

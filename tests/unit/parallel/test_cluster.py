@@ -23,8 +23,6 @@ TESTS = Path(__file__).parents[2]
 
 @dataclass
 class Cluster:
-    """A scheduler and workers, as real processes."""
-
     folder: Path
     port: int
     processes: list[subprocess.Popen[bytes]] = field(default_factory=list)

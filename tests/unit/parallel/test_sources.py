@@ -31,7 +31,6 @@ FILES = {
 
 @pytest.fixture
 def herd(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Make a package; forget it afterwards."""
     for name, text in FILES.items():
         path = tmp_path / "herd" / name
         path.parent.mkdir(parents=True, exist_ok=True)

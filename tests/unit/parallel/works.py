@@ -79,7 +79,6 @@ def walks(log: Path, seeds: int, stops: Sequence[int | None] = (None,)) -> Plan:
 
 
 def failing(how: str, log: Path, others: int = 0) -> Plan:
-    """Return a plan whose last run fails."""
     bad = Run("bad", f"{HERE}:fail", {"how": how, "log": str(log)})
     return Plan("walks", {"map": "logistic"}, (*walks(log, others).runs, bad))
 
