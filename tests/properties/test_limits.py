@@ -12,18 +12,10 @@ from scipy.stats import binom, norm
 
 from stoop.assessment.prior_conflicts import prior_tests
 from stoop.assessment.verdict import verdict
+from stoop.results import result as results
 from stoop.results.extensions import ExtensionTest, ExtensionTests
 from stoop.results.response_misfit import ResponseMisfit
-from stoop.results.result import (
-    Covariance,
-    GoodnessOfFit,
-    InnovationFigures,
-    ManeuverResult,
-    NoiseCovariance,
-    ParameterEstimate,
-    Result,
-    Whiteness,
-)
+from stoop.results.result import GoodnessOfFit, ManeuverResult, ParameterEstimate, Result
 from stoop.results.uncertainty import ParameterRepeatability, Repeatability
 from stoop.results.verdict import Need, Use
 from stoop.vehicle.vehicle import Parameter
@@ -39,10 +31,10 @@ def flown(start: float, role: Any, **channels: GoodnessOfFit) -> ManeuverResult:
 def result(held_back: dict[str, GoodnessOfFit] | None = None, **changes: Any) -> Result:
     """Return a trusted result of two maneuvers and one held back; noise is 1 in each channel."""
     parameters = changes.pop("parameters", {"Clp": ParameterEstimate(-0.5, 0.01)})
-    covariance = Covariance(tuple(parameters), np.diag([p.std_error**2 for p in parameters.values()]))
+    covariance = results.Covariance(tuple(parameters), np.diag([p.std_error**2 for p in parameters.values()]))
     maneuvers = flown(0.0, "fit"), flown(5.0, "fit"), flown(10.0, "validation", **held_back or {})
     made = Result(
-        parameters, covariance, NoiseCovariance(("p", "V"), np.eye(2)), (), (), (), maneuvers, 1.0, 10.0, 1.0, 0, "lm",
+        parameters, covariance, results.NoiseCovariance(("p", "V"), np.eye(2)), (), (), (), maneuvers, 1.0, 10.0, 1.0, 0, "lm",
         "converged", extensions=ExtensionTests(100, 0.01),
     )  # fmt: skip
     return replace(made, **changes)
@@ -63,8 +55,8 @@ def lacks(moved: float, error: float = 0.01) -> Result:
 
 
 def colored(p_value: float) -> Result:
-    white = Whiteness(0.0, 20.0, 20, p_value, "white" if p_value > 0.05 else "colored")
-    figures = InnovationFigures(1.0, 0.95, white)
+    white = results.Whiteness(0.0, 20.0, 20, p_value, "white" if p_value > 0.05 else "colored")
+    figures = results.InnovationFigures(1.0, 0.95, white)
     return result({c: replace(GOOD, innovations=figures) for c in ("p", "V")})
 
 

@@ -38,17 +38,11 @@ from stoop.vehicle.symbolic import build_model
 from stoop.vehicle_draft.draft import draft
 from stoop.vehicle_draft.geometry import Geometry
 from stoop.vehicle_draft.request import Request
+from stoop.workflow import summary
 from stoop.workflow.export import model_data
 from stoop.workflow.fitted_model import FittedModel
 from stoop.workflow.load import load as load_model
 from stoop.workflow.outputs import with_values
-from stoop.workflow.summary import (
-    advice_by_doubt,
-    estimates_table,
-    figures_table,
-    methods_table,
-    repeatability_lines,
-)
 
 
 def ask_vehicle(path: Path, number: int) -> None:
@@ -110,8 +104,9 @@ def ask_result(path: Path, number: int) -> None:
     promise(from_json(text).to_json() == text, "written and read differ")
     shown = [repr(result), *map(str, result.notices), *map(str, result.trust), *result.warnings]
     promise(all(one.isprintable() for one in shown), "a notice steers a terminal")
-    _ = estimates_table(result.parameters), methods_table(result), figures_table(result.maneuvers)
-    _ = repeatability_lines(result.repeatability), advice_by_doubt(result.identifiability.parameters)
+    _ = summary.estimates_table(result.parameters), summary.figures_table(result.maneuvers)
+    _ = summary.repeatability_lines(result.repeatability), summary.methods_table(result)
+    summary.advice_by_doubt(result.identifiability.parameters)
     _ = result._repr_html_(), result.verdict.headline, result.extensions.standing
     if number < 5:
         bare = replace(result, maneuvers=())  # whose curves no file keeps

@@ -11,11 +11,10 @@ from pathlib import Path
 
 import pytest
 from studies.robustness import limited, readers
-from studies.robustness.campaign import check
 from studies.robustness.corpus import cases
 from studies.robustness.documents import ASKS, read_document
 from studies.robustness.readers import GUARDED, OURS, read_case
-from studies.robustness.trials import BAD, REFUSED, Child, try_case
+from studies.robustness.trials import BAD, REFUSED, Child, check, try_case
 
 
 def check_all(work: Callable[..., str], folder: Path, kind: str) -> None:

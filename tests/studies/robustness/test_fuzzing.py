@@ -11,13 +11,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from studies.robustness import readers
-from studies.robustness.campaign import cases, check
 from studies.robustness.corpus import MAPPING, Case, sound
 from studies.robustness.corpus import cases as corpus
 from studies.robustness.damage import damaged
 from studies.robustness.documents import ASKS, read_document
 from studies.robustness.readers import FLIGHT, GUARDED, OURS, READER, read_case
-from studies.robustness.trials import BAD, READ, Bounds, Child, Ended
+from studies.robustness.trials import BAD, READ, Bounds, Child, Ended, cases, check
 
 BYTES = {"state": "words", "store": "pages", "flight": "words"}  #: documents that are no text -> form
 

@@ -10,21 +10,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from studies.robustness import limited
-from studies.robustness.campaign import FACTOR, check
+from studies.robustness import limited, small_runs
 from studies.robustness.kills import broken, differences, run_and_kill
 from studies.robustness.limited import MEMORY
-from studies.robustness.small_runs import (
-    COMMANDS,
-    OUT,
-    check_file,
-    files_of_a_flight,
-    inputs,
-    run,
-    undisturbed,
-    written,
-)
-from studies.robustness.trials import lay_out
+from studies.robustness.small_runs import COMMANDS, OUT, inputs, run, written
+from studies.robustness.trials import FACTOR, check, lay_out
 
 import stoop
 from stoop.cli.main import INTERRUPTED
@@ -56,7 +46,7 @@ def again(words: tuple[str, ...], out: Path) -> tuple[str, ...]:
 def test_a_kill_before_files_are_moved_loses_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Old files stay whole; the same command then writes those of an undisturbed run."""
     words = (*COMMANDS["table"], "--overwrite")
-    lay_out(tmp_path, files_of_a_flight())
+    lay_out(tmp_path, small_runs.files_of_a_flight())
     (tmp_path / OUT).mkdir()
     monkeypatch.chdir(tmp_path)
     assert run(words).code == 0  # here, so that copies of this process need import nothing
@@ -76,7 +66,7 @@ def test_a_kill_before_files_are_moved_loses_nothing(tmp_path: Path, monkeypatch
 def test_verbs_that_are_killed_leave_the_files_of_an_undisturbed_run(name: str, tmp_path: Path) -> None:
     """Killed before random changes of files and started again: whole after each kill, the same bytes in the end."""
     words, rng = COMMANDS[name], random.Random(f"kills {name}")  # noqa: S311
-    expected = undisturbed(words)
+    expected = small_runs.undisturbed(words)
     assert run_and_kill(words, place(tmp_path / "whole")) == 0
     changes = int((tmp_path / "whole" / "changes").read_text())
     for number in range(max(1, round(FACTOR))):
@@ -161,6 +151,6 @@ def test_a_command_under_a_limit_ends_in_all_of_its_files_or_in_one_line(kind: s
         check("limits", kind, ended.ended)
         assert all((folder / file).read_bytes() == content for file, content in inputs().items())
         there = {file for file in written(folder / OUT) if not file.startswith(".stoop-")}
-        assert there == (set() if ended.code else set(undisturbed(COMMANDS[name])))
+        assert there == (set() if ended.code else set(small_runs.undisturbed(COMMANDS[name])))
         for path in filter(Path.is_file, (folder / OUT).rglob("*")):
-            check_file(path)
+            small_runs.check_file(path)

@@ -20,6 +20,8 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
+from hypothesis import HealthCheck, Phase, settings
+
 from stoop.base import notices
 from stoop.errors import StoopError
 
@@ -157,3 +159,21 @@ class Child:
 
 def _raised(detector: str, error: Exception) -> notices.Notice:
     raise error
+
+
+FACTOR = settings.default.max_examples / 100  #: of the cases of a plain run
+
+
+def cases(count: float) -> settings:
+    """Return the settings of a test of so many cases in a plain run, which tries the same each time.
+
+    ``--hypothesis-profile=campaign`` tries a hundred times as many, drawn anew; ``--hypothesis-seed=N`` repeats a campaign.
+    """
+    return settings(
+        max_examples=max(1, round(FACTOR * count)), derandomize=FACTOR <= 1, database=None, deadline=None,
+        phases=(Phase.explicit, Phase.generate, Phase.shrink), suppress_health_check=list(HealthCheck),
+    )  # fmt: skip
+
+
+def check(family: str, surface: str, ended: Ended) -> None:
+    assert ended.outcome not in BAD, f"{family}, {surface}: {ended.outcome}: {ended.message}"

@@ -10,29 +10,21 @@ import pytest
 from stoop.parallel.plan import to_text
 from stoop_studies.verify import scenes
 from stoop_studies.verify.coverage import CASES, cover
-from stoop_studies.verify.scenes import (
-    AR_COEFFICIENT,
-    OUTLIERS,
-    SPIKES,
-    autoregressive,
-    in_white_noise,
-    student,
-    white,
-)
+from stoop_studies.verify.scenes import AR_COEFFICIENT, OUTLIERS, SPIKES
 
 
 def test_noise_is_what_it_is_called() -> None:
-    for make, correlation in ((white, 0.0), (autoregressive, AR_COEFFICIENT)):
+    for make, correlation in ((scenes.white, 0.0), (scenes.autoregressive, AR_COEFFICIENT)):
         v = make(np.random.default_rng(1), 200_000, 2)
         assert v.std(axis=0) == pytest.approx(1.0, abs=0.03)
         assert np.mean(v[1:] * v[:-1], axis=0) == pytest.approx(correlation, abs=0.02)
         assert abs(np.mean(v[:, 0] * v[:, 1])) < 0.03
-    first = np.array([autoregressive(np.random.default_rng(s), 2, 50) for s in range(200)])
+    first = np.array([scenes.autoregressive(np.random.default_rng(s), 2, 50) for s in range(200)])
     assert first.std() == pytest.approx(1.0, abs=0.02), "stationary from the first sample on"
 
 
 def test_scenes_differ_by_seed_and_in_their_noise_alone() -> None:
-    scene, again, other = in_white_noise(3), in_white_noise(3), in_white_noise(4)
+    scene, again, other = scenes.in_white_noise(3), scenes.in_white_noise(3), scenes.in_white_noise(4)
     assert list(scene.flights) == list(scenes.STEPS)
     assert scene.truth == scenes.coefficients(scenes.aircraft())
     assert len(scene.truth) == 32
@@ -46,7 +38,7 @@ def test_scenes_differ_by_seed_and_in_their_noise_alone() -> None:
 
 def test_outliers_are_added_to_the_same_noise() -> None:
     """So that the scatter of estimates compares with that in white noise, seed by seed."""
-    clean = white(np.random.default_rng(3), 50_000, 2)
+    clean = scenes.white(np.random.default_rng(3), 50_000, 2)
     for noise, share, square in (
         (scenes.with_outliers, OUTLIERS[0], OUTLIERS[1] ** 2),
         (scenes.with_spikes, SPIKES[0], SPIKES[1] ** 2 + 1.0),
@@ -56,7 +48,7 @@ def test_outliers_are_added_to_the_same_noise() -> None:
         assert changed.mean() == pytest.approx(share, rel=0.1)
         assert np.mean(found[changed] ** 2) == pytest.approx(square, rel=0.1)
     heavy, median = (
-        student(np.random.default_rng(3), 50_000, 2),
+        scenes.student(np.random.default_rng(3), 50_000, 2),
         0.765,
     )  # Student's t, three degrees of freedom
     assert np.array_equal(np.sign(heavy), np.sign(clean))
