@@ -35,9 +35,8 @@ class Case:
     def files(self) -> Mapping[str, bytes]:
         if self.changed is not None:
             return self.changed
-        archive = {"bomb": "bombs"}.get(
-            self.kind, self.kind.partition(":")[0].replace("document", "documents")
-        )
+        kind = self.kind.partition(":")[0]
+        archive = {"bomb": "bombs", "document": "documents"}.get(kind, kind)
         with zipfile.ZipFile(CORPUS / f"{archive}.zip") as file:
             found = [name for name in file.namelist() if name.startswith(f"{self.case}/")]
             return {name.partition("/")[2]: file.read(name) for name in found}

@@ -5,11 +5,12 @@ from __future__ import annotations
 import os
 import re
 import socket
+import socketserver
 import subprocess
 import sys
 import threading
 from collections.abc import Iterator
-from contextlib import closing, contextmanager, suppress
+from contextlib import closing, contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -63,24 +64,17 @@ def cluster(folder: Path) -> Iterator[Cluster]:
 def stranger(says: bytes, hangs_up: bool = False) -> Iterator[str]:
     """Listen as something that is no scheduler; return the address."""
 
-    def listen() -> None:
-        with suppress(OSError):
-            while True:
-                caller, _ = door.accept()
-                caller.sendall(says)
-                callers.append(caller)
-                if hangs_up:
-                    caller.close()
+    def answer(caller: socket.socket, *_: object) -> None:
+        caller.sendall(says)
+        if not hangs_up:
+            over.wait()
 
-    callers: list[socket.socket] = []
-    with closing(socket.create_server(("127.0.0.1", 0))) as door:
-        listener = threading.Thread(target=listen, daemon=True)
-        listener.start()
-        yield f"tcp://127.0.0.1:{door.getsockname()[1]}"
-        door.shutdown(socket.SHUT_RDWR)
-        listener.join()
-    for caller in callers:
-        caller.close()
+    over = threading.Event()
+    with socketserver.ThreadingTCPServer(("127.0.0.1", 0), answer) as server:  # type: ignore[arg-type]
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        yield f"tcp://127.0.0.1:{server.server_address[1]}"
+        over.set()
+        server.shutdown()
 
 
 def test_a_scheduler_out_of_reach(tmp_path: Path) -> None:

@@ -88,15 +88,13 @@ def graze(herd: Path, store: str, before: Callable[[], None] = lambda: None) -> 
     return dict(execute(plan, herd.parent / store, Here(before)))
 
 
-def test_a_worker_with_other_sources_is_refused(herd: Path) -> None:
+def test_a_worker_or_a_store_of_other_sources_is_refused(herd: Path) -> None:
     def edit() -> None:
         (herd / "weather" / "rain.py").write_text("WET = 1\n")
 
     with pytest.raises(CampaignError, match=r"^worker .*\(sources of herd.far.graze\); install the same"):
-        graze(herd, "s", edit)
-
-
-def test_a_store_of_other_sources_is_refused(herd: Path) -> None:
+        graze(herd, "edited", edit)
+    worker._own_sources.cache_clear()
     assert graze(herd, "s") == {"a": 1} == graze(herd, "s")
     (herd / "pages.py").write_text("WORDS = 2\n")
     assert graze(herd, "s") == {"a": 1}
@@ -107,9 +105,8 @@ def test_a_store_of_other_sources_is_refused(herd: Path) -> None:
 
 def test_differences_name_what_both_have() -> None:
     assert environment()["numpy"] == np.__version__
-    assert {"Python", "stoop", "scipy", "processor", "processor's features", "sources of stoop"} <= {
-        *environment()
-    }
+    names = {"Python", "stoop", "scipy", "processor", "processor's features", "sources of stoop"}
+    assert names <= {*environment()}
     assert not differences({"numpy": "2.1", "cma": "4.0"}, {"numpy": "2.1"})
     assert differences({"numpy": "2.1", "x": "1"}, {"numpy": "2.0", "x": "1"}) == "numpy 2.1 here, 2.0 there"
     assert differences({"features": "a" * 99}, {"features": "b"}) == "features"
