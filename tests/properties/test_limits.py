@@ -94,6 +94,8 @@ ROWS: dict[str, Row] = {
                   lambda: grade(result(parameters={"Clp": ParameterEstimate(-0.5, 0.1001)})), REFUSED),
     "minor 0.1": (lambda: grade(result(parameters={"Clp": ParameterEstimate(-0.001, 0.019)}), 1.0), TRUSTED,
                   lambda: grade(result(parameters={"Clp": ParameterEstimate(-0.001, 0.021)}), 1.0), REFUSED),
+    "no size": (lambda: grade(result(parameters={"Clp": ParameterEstimate(0.0, 0.019)}), 1.0), TRUSTED,
+                lambda: grade(result(parameters={"Clp": ParameterEstimate(0.0, 0.019)})), REFUSED),
     "moved_errors 3": (lambda: grade(lacks(2.99)), USABLE, lambda: grade(lacks(3.01)), REFUSED),
     "moved_share 0.05": (lambda: grade(lacks(4.9, 0.005)), USABLE, lambda: grade(lacks(5.1, 0.005)), REFUSED),
     "unknown 0.5": (lambda: grade(unknown(4)), USABLE, lambda: grade(unknown(5)), REFUSED),

@@ -19,12 +19,6 @@ SCALES, RATES = np.array([0.2, 0.4, 0.9]), np.array([0.5, 0.0, 1.0])
 GAINS, WON = np.array([3.0, 1.0, np.inf]), np.array([True, True, False])
 
 
-def test_successful_is_the_weighted_lehmer_mean() -> None:
-    scale, rate = success_means(SCALES, RATES, GAINS, WON)
-    assert scale == pytest.approx((0.75 * 0.04 + 0.25 * 0.16) / (0.75 * 0.2 + 0.25 * 0.4))
-    assert rate == pytest.approx(0.5)
-
-
 def test_l_shade_keeps_a_rate_of_zero_for_good() -> None:
     memory = ParameterMemory.fresh(2, 0.5, 0.5)
     nothing = np.zeros(3)
