@@ -36,9 +36,8 @@ def plant() -> tuple[np.ndarray, np.ndarray]:
 
 
 def loops_of(count: int) -> list[AxisLoop]:
-    gains = {
-        f"FW_{a}R_{t}": x[i] for i, a in enumerate("RPY") for t, x in (("P", PROPORTIONAL), ("I", INTEGRAL))
-    }
+    terms = (("P", PROPORTIONAL), ("I", INTEGRAL))
+    gains = {f"FW_{a}R_{t}": x[i] for i, a in enumerate("RPY") for t, x in terms}
     return [AxisLoop(px4.fixed_wing(PLAIN | gains, axis), ATTITUDE[i]) for i, axis in enumerate(AXES[:count])]
 
 
@@ -55,11 +54,7 @@ def systems(count: int) -> tuple[control.StateSpace, control.StateSpace, control
     late = control.append(*(control.ss(control.tf(*control.pade(x, 6))) for x in LATE[:count]))
     motions = control.ss(A, B[:, :count], C, 0) * late
     laws = control.append(*(control.ss(0, 1, INTEGRAL[i], PROPORTIONAL[i]) for i in range(count)))
-    mixing = np.zeros((count, 5))
-    for i in range(count):
-        mixing[i, i] = 1.0
-        if ATTITUDE[i]:
-            mixing[i, 3 + i] = ATTITUDE[i]
+    mixing = np.eye(count, 5) + np.eye(count, 5, 3) * np.array(ATTITUDE[:count])[:, None]
     return motions, laws * mixing, laws
 
 
@@ -76,9 +71,8 @@ def test_loops_opened_with_the_others_closed(count: int) -> None:
         alone = (feedback * motions)[i, i](1j * FREQUENCY)
         assert np.abs(found[i, 0] / alone - 1.0).max() > 0.1, "coupling counts"
         ours = margins(FREQUENCY, found[i])
-        gain, phase, _, _, crossover, _ = control.stability_margins(
-            control.frd(loop(1j * FREQUENCY), FREQUENCY)
-        )
+        drawn = control.frd(loop(1j * FREQUENCY), FREQUENCY)
+        gain, phase, _, _, crossover, _ = control.stability_margins(drawn)
         assert (ours.gain_up if gain > 1.0 else ours.gain_down)[0] == pytest.approx(gain, rel=2e-3), AXES[i]
         assert np.degrees(ours.phase[0]) == pytest.approx(abs(phase), rel=2e-3), AXES[i]
         assert ours.crossover[0] == pytest.approx(crossover, rel=2e-3), AXES[i]

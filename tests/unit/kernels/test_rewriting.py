@@ -48,23 +48,18 @@ def operations(source: str, name: str) -> int:
     """Return the additions, multiplications, divisions and roots of a function."""
     (function,) = [f for f in ast.parse(source).body if isinstance(f, ast.FunctionDef) and f.name == name]
     nodes = list(ast.walk(function))
-    calls = [n.func for n in nodes if isinstance(n, ast.Call)]
-    roots = [f for f in calls if isinstance(f, ast.Name) and f.id == "sqrt"]
+    roots = [n for n in nodes if isinstance(n, ast.Call) and getattr(n.func, "id", "") == "sqrt"]
     return sum(isinstance(n, ast.BinOp) for n in nodes) + len(roots)
 
 
 def combined(parts: st.SearchStrategy[Any]) -> st.SearchStrategy[Any]:
     """Return sums, products, quotients, roots and arc tangents of expressions."""
-    pairs = st.tuples(parts, parts)
-    return st.one_of(
-        st.lists(parts, min_size=2, max_size=4).map(lambda e: sp.Add(*e)),
-        st.lists(parts, min_size=2, max_size=3).map(lambda e: sp.Mul(*e)),
-        st.tuples(parts, st.integers(2, 3)).map(lambda e: e[0] ** e[1]),
-        pairs.map(lambda e: e[0] / sp.sqrt(1 + e[1] ** 2)),
-        pairs.map(lambda e: e[0] / (2 + e[1] ** 2)),
-        pairs.map(lambda e: sp.atan2(e[0], 1 + e[1] ** 2)),
-        parts.map(sp.Abs),
-    )
+    ways = (
+        lambda *e: sp.Add(*e), lambda *e: sp.Mul(*e), lambda a, b, *_: a**2 * b, lambda a, *_: a**3, lambda a, *_: sp.Abs(a),
+        lambda a, b, *_: a / sp.sqrt(1 + b**2), lambda a, b, *_: a / (2 + b**2), lambda a, b, *_: sp.atan2(a, 1 + b**2),
+    )  # fmt: skip
+    some = st.lists(parts, min_size=2, max_size=4)
+    return st.tuples(st.sampled_from(ways), some).map(lambda drawn: drawn[0](*drawn[1]))
 
 
 LEAVES = st.sampled_from([*STATES, *INPUTS, *PARAMETERS, *map(sp.Integer, (-2, -1, 2)), sp.Rational(1, 2)])
@@ -125,12 +120,9 @@ def test_states_that_no_output_depends_on_are_told() -> None:
     assert emit(model(y, z, x)).sizes.seen == ()
 
 
-def step(
-    rates: Callable[..., np.ndarray], at: np.ndarray, now: np.ndarray, end: np.ndarray, dt: float
-) -> np.ndarray:
+def step(rates: Any, at: np.ndarray, now: np.ndarray, end: np.ndarray, dt: float) -> np.ndarray:
     """Return the state after a Runge-Kutta step; the second input is held."""
-    end = np.array([end[0], now[1]])
-    k1 = rates(at, now)
+    end, k1 = np.array([end[0], now[1]]), rates(at, now)
     k2 = rates(at + dt / 2 * k1, (now + end) / 2)
     k3 = rates(at + dt / 2 * k2, (now + end) / 2)
     k4 = rates(at + dt * k3, end)

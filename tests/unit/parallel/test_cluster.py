@@ -118,20 +118,18 @@ def test_one_cluster_from_its_beginning_to_its_end(tmp_path: Path) -> None:
     """In one test, for a cluster takes its time to start."""
     log, bare = tmp_path / "log", tmp_path / "bare"
     bare.mkdir()
+    for place in Path(pytest.__file__).parents[1].iterdir():
+        if "stoop" not in place.name and place.suffix != ".pth":
+            (bare / place.name).symlink_to(place)
     plan = walks(log, 10, (3, None))
     reference = execute(walks(log, 10, (3, None)), tmp_path / "reference", LocalProcesses(1))
     log.unlink()
     with cluster(tmp_path) as c:
         c.start("scheduler", "--host", "127.0.0.1", "--port", str(c.port))
-        import distributed  # which takes a while, as the scheduler does
-
-        for place in Path(distributed.__file__).parents[1].iterdir():
-            if "stoop" not in place.name and place.suffix != ".pth":
-                (bare / place.name).symlink_to(place)
         unfit = c.worker("-S", path=str(bare))
         told = r"^run .*: its worker has no stoop, .*; install the same as here"
         with pytest.raises(CampaignError, match=told):
-            execute(plan, tmp_path / "s", Dask(c.address))
+            execute(plan, tmp_path / "s", Dask(c.address, timeout=60.0))
         assert unfit.poll() is None, "it can be used for other things"
         unfit.kill()
         unfit.wait()
