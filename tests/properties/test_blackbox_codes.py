@@ -14,13 +14,7 @@ from stoop.logs import blackbox
 from stoop.logs.blackbox_walk import ENCODINGS, PREDICTORS, G, I
 
 N = 60
-SETTINGS = {
-    "Data version": 2,
-    "minthrottle": 1150,
-    "vbatref": 430,
-    "motorOutput": "48,2047",
-    "P interval": "1/1",
-}
+SETTINGS = {"Data version": 2, "minthrottle": 1150, "vbatref": 430, "motorOutput": "48,2047"}
 #: encoding -> number of fields in the table, and the bits of a random number of a field
 FIELDS = {0: (1, 31), 1: (1, 31), 3: (1, 13), 6: (8, 20), 7: (3, 31), 8: (4, 15), 9: (1, 0), 10: (3, 31)}
 
@@ -85,7 +79,7 @@ WRITERS = {
 
 def log(fields: list[tuple[str, int, int, int, int]], frames: bytes, interval: int, **more: str) -> bytes:
     """Return a log of I frames (name, signed, predictor, encoding) and P frames, whose predictor is the last column."""
-    lines = {**SETTINGS, "I interval": interval}
+    lines = {**SETTINGS, "P interval": "1/1", "I interval": interval}
     for key, k in (("I name", 0), ("I signed", 1), ("I predictor", 2), ("I encoding", 3), ("P predictor", 4)):
         lines[f"Field {key}"] = ",".join(str(f[k]) for f in fields)
     lines["Field P encoding"] = ",".join("9" if f[4] == 6 else "0" for f in fields)

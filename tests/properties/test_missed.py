@@ -436,3 +436,9 @@ def test_ranges_for_training_hold_nineteen_draws_of_twenty() -> None:
     draws = np.linspace(0.0, 1.0, 10_001)
     low, high = np.percentile(draws, INTERVAL)
     assert np.mean((draws >= low) & (draws <= high)) == pytest.approx(0.95, abs=1e-3)
+
+
+def test_curves_are_not_drawn_across_gaps() -> None:
+    plots = pytest.importorskip("stoop.app.plots")
+    drawn = plots._path([[1.0, 2.0, None, 3.0, 4.0], [5.0]], 1.0, 0.0, 1.0)
+    assert "".join(c for c in drawn if c.isalpha()) == "MLMLM"

@@ -294,15 +294,9 @@ def test_a_maneuver_has_half_a_second_before_it_and_a_second_after() -> None:
 
 def test_ailerons_roll_and_elevons_together_do_not() -> None:
     """A positive deflection of ailerons rolls to the right."""
-    shape = {
-        "span": 2.0,
-        "root_chord": 0.25,
-        "taper": 1.0,
-        "area": 0.5,
-        "position": (0.06, 0.0, 0.0),
-        "sweep": 0.0,
-    }
-    own = strips(SimpleNamespace(**shape), 0.0, np.zeros(3), (5.0, 4.0))  # type: ignore[arg-type]
+    wing: Any = SimpleNamespace(span=2.0, root_chord=0.25, taper=1.0, area=0.5, sweep=0.0)
+    wing.position = (0.06, 0.0, 0.0)
+    own = strips(wing, 0.0, np.zeros(3), (5.0, 4.0))
     flap: Any = SimpleNamespace(chord=0.25, span=(0.5, 0.95))
     apart, together = (to_flap(own, flap, symmetric, 0.8, 0.5, 0.0) for symmetric in (False, True))
     assert apart.moment[0] > 0.01

@@ -22,13 +22,8 @@ def made_up(errors: dict[str, float], costs: dict[str, float]) -> dict[str, Any]
     truth = paper().truth[np.argsort(columns())]
     found = {}
     for m, s, n in product(METHODS, SETTING.seeds, ITERATIONS):
-        told = {
-            "values": (truth * (1.0 + errors[m])).tolist(),
-            "cost": costs[m],
-            "hit": 100.0,
-            "evaluations": 1e5,
-        }
-        found[f"{METHODS[m]}/{s:06d}/{n:05d}"] = told
+        told = {"values": (truth * (1.0 + errors[m])).tolist(), "cost": costs[m], "hit": 100.0}
+        found[f"{METHODS[m]}/{s:06d}/{n:05d}"] = told | {"evaluations": 1e5}
     return found
 
 

@@ -105,14 +105,9 @@ PATHS = ("n" * 300, "/".join(["d" * 200] * 25), "./" * 1900 + "x", "v.toml/x", "
 def test_odd_paths_are_taken_or_refused_in_one_line(place: Path) -> None:
     """Too long, through a file, no text, of two lines."""
     for path in PATHS:
-        for words in (
-            ("info", path),
-            ("trim", path),
-            ("map", "table.csv", "-o", path),
-            ("agreement", path, path),
-        ):
-            ended = run(words)
-            assert ended.code == 0 or complaint(ended).isprintable(), (words[0], path[:20])
+        for verb, *words in (("info",), ("trim",), ("map", "table.csv", "-o"), ("agreement", path)):
+            ended = run((verb, *words, path))
+            assert ended.code == 0 or complaint(ended).isprintable(), (verb, path[:20])
     lost = [name for name, content in inputs().items() if (place / name).read_bytes() != content]
     assert not lost
 
@@ -125,12 +120,8 @@ def test_texts_of_other_encodings_are_read_or_refused_with_advice(tmp_path: Path
         path.write_bytes(content)
         assert not ask(path, mapping, READER)
     assert files.utf8_text(codecs.BOM_UTF8 + b"a\rb") == "a\nb"
-    wrong = (
-        codecs.BOM_UTF16_LE + table.encode("utf-16-le"),
-        table.encode("utf-16-be"),
-        b"# \xe9\xff\n",
-        b"a\0",
-    )
+    utf16 = codecs.BOM_UTF16_LE + table.encode("utf-16-le"), table.encode("utf-16-be")
+    wrong = (*utf16, b"# \xe9\xff\n", b"a\0")
     for content in wrong:
         with pytest.raises(UnicodeError, match="save it as UTF-8"):
             files.utf8_text(content)

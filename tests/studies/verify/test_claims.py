@@ -9,17 +9,8 @@ import numpy as np
 import pytest
 
 from stoop_studies.findings import Setting
-from stoop_studies.verify import (
-    capture,
-    coverage,
-    extensions,
-    feedback,
-    fleet,
-    gains,
-    unstable,
-    verdict,
-    windows,
-)
+from stoop_studies.verify import capture, coverage, extensions, feedback, fleet, gains, unstable, verdict
+from stoop_studies.verify import windows as maneuvers
 from stoop_studies.verify.defects import RIGHT, defects
 from stoop_studies.verify.study import error_statistics, run_key
 
@@ -128,9 +119,9 @@ def test_windows() -> None:
         records = {
             run_key(case, seed): gusts if "gusts" in case else flown | changes
             for seed in setting.seeds
-            for case in windows.CASES
+            for case in maneuvers.CASES
         }
-        return all(verdicts(windows, setting, records))
+        return all(verdicts(maneuvers, setting, records))
 
     assert claims()
     for changes in ({"found": 2}, {"false": 1}, {"ratios": [1.6, 1.7]}, {"ratios": [0.5]}):
