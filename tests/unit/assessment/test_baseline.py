@@ -9,14 +9,8 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.integrate import solve_ivp
 
-from stoop.assessment.baseline import (
-    BaselineManeuver,
-    BaselineSegment,
-    Lag,
-    LagRecord,
-    baseline_matches,
-    fit_lags,
-)
+from stoop.assessment import baseline
+from stoop.assessment.baseline import Lag, LagRecord, fit_lags
 from stoop.assessment.goodness_of_fit import left_out, theil
 
 RATE = 100.0
@@ -42,16 +36,11 @@ def record(lag: Lag, size: int, seed: int, maneuver: int = 0, noise: float = 0.0
 def test_answer_is_the_exact_solution_for_straight_commands(tau: float) -> None:
     t = np.arange(200) / RATE
     u = np.interp(t, [0.0, 0.5, 0.6, 2.0], [1.0, 1.0, -1.0, 0.5])
-    exact = solve_ivp(
-        lambda s, y: (2.0 * np.interp(s, t, u) + 0.3 - y) / tau,
-        (0.0, t[-1]),
-        [0.7],
-        t_eval=t,
-        rtol=1e-10,
-        atol=1e-12,
-        max_step=0.01,
-        method="Radau",
-    )
+
+    def rate(s: float, y: np.ndarray) -> np.ndarray:
+        return (2.0 * np.interp(s, t, u) + 0.3 - y) / tau
+
+    exact = solve_ivp(rate, (0.0, t[-1]), [0.7], "Radau", t, rtol=1e-10, atol=1e-12, max_step=0.01)
     lag = Lag(tau, 0.0, np.array([2.0]), {}, (), RATE)
     assert_allclose(lag.respond(u[:, None], bias=0.3, initial=0.7), exact.y[0], atol=2e-7)
 
@@ -94,42 +83,33 @@ def test_holes_and_too_little_to_fit() -> None:
     assert np.isfinite(replace(found, dead_time=0.2).respond(commands(10, 1), 0.0, 0.0)).all()
 
 
-def segment(lags: dict[str, Lag], size: int, seed: int, maneuver: int) -> BaselineSegment:
+def segment(lags: dict[str, Lag], size: int, seed: int, maneuver: int) -> baseline.BaselineSegment:
     u = commands(size, seed, 3)
-    driven = {"control_roll": u[:, 0], "control_pitch": u[:, 1], "control_yaw": u[:, 2]}
-    return BaselineSegment(
-        driven, {name: lag.respond(u, lag.biases[maneuver], 0.1) for name, lag in lags.items()}
-    )
+    driven = dict(zip(("control_roll", "control_pitch", "control_yaw"), u.T, strict=True))
+    answers = {name: lag.respond(u, lag.biases[maneuver], 0.1) for name, lag in lags.items()}
+    return baseline.BaselineSegment(driven, answers)
 
 
 def test_every_maneuver_gets_its_curves() -> None:
     lags = {"p": truth(gains=(3.0, 0.0, 0.0)), "beta": truth(gains=(0.5, 0.0, -2.0))}
-    fit = BaselineManeuver("fit", (segment(lags, 400, 1, 0), segment(lags, 300, 2, 0)), RATE)
-    other = BaselineManeuver("validation", (segment(lags, 350, 3, 1),), RATE)
-    first, second = baseline_matches([fit, other], ["p", "beta", "V"])
+    parts = segment(lags, 400, 1, 0), segment(lags, 300, 2, 0)
+    other = segment(lags, 350, 3, 1)
+    both = [baseline.BaselineManeuver(r, p, RATE) for r, p in (("fit", parts), ("validation", (other,)))]
+    first, second = baseline.baseline_matches(both, ["p", "beta", "V"])
     assert set(first) == {"p", "beta"}
     assert first["p"].simulated.shape == (701,)
     assert np.isnan(first["p"].simulated[400])
-    assert theil(fit.segments[0].measured["p"], first["p"].simulated[:400]) < 1e-3
-    assert theil(other.segments[0].measured["beta"], second["beta"].simulated) < 0.05
+    assert theil(parts[0].measured["p"], first["p"].simulated[:400]) < 1e-3
+    assert theil(other.measured["beta"], second["beta"].simulated) < 0.05
 
 
 def test_every_channel_answers_to_the_command_of_its_axis_alone() -> None:
     own = {"phi": (3.0, 0.0, 0.0), "alpha": (0.0, 3.0, 0.0), "beta": (0.0, 0.0, 3.0), "p": (0.0, 0.0, 3.0)}
-    fit = BaselineManeuver("fit", (segment({n: truth(gains=g) for n, g in own.items()}, 600, 1, 0),), RATE)
-    (curves,) = baseline_matches([fit], list(own))
-    left = {name: theil(fit.segments[0].measured[name], curves[name].simulated) for name in own}
+    part = segment({n: truth(gains=g) for n, g in own.items()}, 600, 1, 0)
+    (curves,) = baseline.baseline_matches([baseline.BaselineManeuver("fit", (part,), RATE)], list(own))
+    left = {name: theil(part.measured[name], curves[name].simulated) for name in own}
     assert left.pop("p") > 0.3, "it answers to the yaw command, not to that of roll"
     assert max(left.values()) < 1e-3
-
-
-def problem(seed: int, samples: int = 60, channels: int = 2, unknowns: int = 5) -> tuple[np.ndarray, ...]:
-    random = np.random.default_rng(seed)
-    J = random.standard_normal((samples, channels, unknowns))
-    z = J @ random.standard_normal(unknowns) + random.standard_normal((samples, channels))
-    z[10:13, 0] = np.nan
-    prior = np.diag([4.0, *[0.0] * (unknowns - 1)])
-    return J, z, prior
 
 
 def solved(J: np.ndarray, z: np.ndarray, prior: np.ndarray, keep: np.ndarray) -> np.ndarray:
@@ -140,28 +120,26 @@ def solved(J: np.ndarray, z: np.ndarray, prior: np.ndarray, keep: np.ndarray) ->
 
 @pytest.mark.parametrize("block", [1, 7, 20])
 def test_equals_fitting_again_without_the_block(block: int) -> None:
-    J, z, prior = problem(block)
-    everything = np.ones_like(z, dtype=bool)
-    there = np.isfinite(z)
+    random = np.random.default_rng(block)
+    J, prior = random.standard_normal((60, 2, 5)), np.diag([4.0, 0.0, 0.0, 0.0, 0.0])
+    z = J @ random.standard_normal(5) + random.standard_normal((60, 2))
+    z[10:13, 0] = np.nan
+    everything, there = np.ones_like(z, dtype=bool), np.isfinite(z)
     information = J[there].T @ J[there] + prior
     found = left_out(z - J @ solved(J, z, prior, everything), J, information, block)
     for first in range(0, len(z), block):
-        keep = everything.copy()
-        keep[first : first + block] = False
-        part = slice(first, first + block)
+        keep, part = everything.copy(), slice(first, first + block)
+        keep[part] = False
         expected = z[part] - J[part] @ solved(J, z, prior, keep)
-        np.testing.assert_allclose(found[part], expected, rtol=1e-9, atol=1e-12)
+        assert_allclose(found[part], expected, rtol=1e-9, atol=1e-12)
 
 
 def lag_record() -> tuple[LagRecord, Lag]:
-    random = np.random.default_rng(2)
-    u = np.repeat(random.uniform(-1, 1, 20), 20)[:, None]
-    truth = Lag(0.12, 0.03, np.array([2.0]), {0: 0.1}, (0.0,), 100.0)
-    measured = truth.respond(u, 0.1, 0.0) + 0.2 * random.standard_normal(400)
-    record = LagRecord(u, np.where(np.arange(400) % 57 == 0, np.nan, measured))
-    lag = fit_lags([[record]], 100.0)[0]
+    noisy = record(truth(0.12, 0.03, (2.0,)), 400, 2, noise=0.2)
+    holed = replace(noisy, measured=np.where(np.arange(400) % 57 == 0, np.nan, noisy.measured))
+    (lag,) = fit_lags([[holed]], RATE)
     assert lag is not None
-    return record, lag
+    return holed, lag
 
 
 def test_the_lag_is_predicted_worse_than_it_is_matched() -> None:
@@ -187,4 +165,4 @@ def test_derivatives_of_the_lag_are_those_of_its_answer() -> None:
     by_tau = tau * (answer(time_constant=tau + step) - answer(time_constant=tau - step)) / (2 * step)
     later, sooner = answer(dead_time=lag.dead_time + 0.01), answer(dead_time=lag.dead_time - 0.01)
     expected = np.column_stack([by_gain, by_bias, by_tau, (later - sooner) / 2.0])
-    np.testing.assert_allclose(found, expected, atol=1e-5 * np.abs(expected).max())
+    assert_allclose(found, expected, atol=1e-5 * np.abs(expected).max())

@@ -29,9 +29,8 @@ def test_lagged_products_are_the_naive_sums() -> None:
 
 
 def test_lags_without_pairs_lie_between_those_with() -> None:
-    known = np.array(
-        [[4.0, 0.0, 0.0, 1.0, 0.0, 0.0, 2.0, 0.0], [1.0, 0.5, 0.2, 0.1, 0.0, 0.0, 0.0, 0.0], [0.0] * 8]
-    )
+    whole = [1.0, 0.5, 0.2, 0.1, 0.0, 0.0, 0.0, 0.0]
+    known = np.array([[4.0, 0.0, 0.0, 1.0, 0.0, 0.0, 2.0, 0.0], whole, [0.0] * 8])
     counts = np.array([[9, 0, 0, 8, 0, 0, 7, 0], [9, 8, 7, 6, 5, 4, 3, 2], [0] * 8])
     found = between_lags(known, counts)
     assert_allclose(found[0], [4.0, 3.0, 2.0, 1.0, 4.0 / 3.0, 5.0 / 3.0, 2.0, 4.0 / 3.0])
@@ -61,9 +60,8 @@ def test_impossible_autocovariance_stays_stable() -> None:
 
 def test_spectrum_transforms_to_the_autocovariance() -> None:
     noise = ColoredNoise(np.array([[0.8], [-0.3]]), np.array([[1.0, 0.4], [0.4, 2.0]]))
-    gain = noise.gain(512)
+    gain, lags = noise.gain(512), np.arange(5)
     back = irfft(gain[:, :, None] * noise.innovation * gain.conj()[:, None, :], 512, axis=0)
-    lags = np.arange(5)
     assert_allclose(back[:5, 0, 0], 0.8**lags / (1 - 0.64), atol=1e-9)
     # E[v0(i + l) v1(i)] = 0.8^l * 0.4 / (1 + 0.24)
     assert_allclose(back[:5, 0, 1], 0.8**lags * 0.4 / 1.24, atol=1e-9)
@@ -116,17 +114,22 @@ def test_the_double_sum_done_naively() -> None:
     assert_allclose(found, naive, rtol=1e-6, atol=1e-9 * np.abs(naive).max())
 
 
-def color(channels: int) -> ColoredNoise:
-    """Return colored noise whose channels cohere differently in two bands."""
-    coherency = np.stack([np.eye(channels, dtype=np.complex128)] * 2)
-    coherency[0, 0, 1], coherency[0, 1, 0] = 0.3 + 0.4j, 0.3 - 0.4j
-    coefficients = np.array([[0.6, 0.1], [-0.4, 0.2]])
-    return ColoredNoise(coefficients, np.diag([1.0, 2.0]), np.array([0.0, 0.2, 0.5]), coherency)
+def judged(jacobian: np.ndarray, measured: np.ndarray, *edges: int) -> tuple[np.ndarray, Uncertainty]:
+    """Return the estimate of ordinary least squares and its uncertainty, of pieces between edges; NaN is missing."""
+    there = np.isfinite(measured)
+    estimate = np.linalg.lstsq(jacobian[there], measured[there], rcond=None)[0]
+    parts = (np.split(x, edges) for x in (measured - jacobian @ estimate, jacobian))
+    pieces = [PieceEvidence(*part) for part in zip(*parts, strict=True)]
+    return estimate, estimate_uncertainty(pieces, np.zeros((jacobian.shape[2],) * 2))
 
 
 def test_bands_frequency_by_frequency() -> None:
-    segment = PieceEvidence(np.zeros((60, CHANNELS)), sensitivities(60))
-    found, noise = Coloring.of([segment], np.eye(8)), color(CHANNELS)
+    """Of colored noise whose channels cohere differently in two bands."""
+    coherency = np.stack([np.eye(CHANNELS, dtype=np.complex128)] * 2)
+    coherency[0, 0, 1], coherency[0, 1, 0] = 0.3 + 0.4j, 0.3 - 0.4j
+    coefficients = np.array([[0.6, 0.1], [-0.4, 0.2]])
+    noise = ColoredNoise(coefficients, np.diag([1.0, 2.0]), np.array([0.0, 0.2, 0.5]), coherency)
+    found = Coloring.of([PieceEvidence(np.zeros((60, CHANNELS)), sensitivities(60))], np.eye(8))
     block, spread = found.blocks[0], np.diag(np.arange(1.0, 9.0))
     gain, S = noise.gain(block.size), block.parts[0] + 1j * block.parts[1]
     middle, absorbed = np.zeros((8, 8)), np.zeros((2, CHANNELS, CHANNELS), complex)
@@ -143,30 +146,16 @@ def test_bands_frequency_by_frequency() -> None:
     assert_allclose(whitened.absorbed(noise.powers, spread), absorbed, rtol=1e-10, atol=1e-12)
 
 
-def fit(jacobian: np.ndarray, measured: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the estimate and the residuals of ordinary least squares; NaN is missing."""
-    there = np.isfinite(measured)
-    estimate = np.linalg.lstsq(jacobian[there], measured[there], rcond=None)[0]
-    return estimate, measured - jacobian @ estimate
-
-
-def factor(found: Uncertainty) -> np.ndarray:
-    """Return by how much the correction widens each standard error."""
-    return standard_errors(found.corrected) / standard_errors(found.cramer_rao)
-
-
 def covered(rho: float) -> tuple[float, float, float]:
     """Return the coverage of 95 % intervals, that of plain ones, and the mean widening, in 250 fits to colored noise."""
-    random, jacobian, hits, plain, factors = np.random.default_rng(11), sensitivities(800), [], [], []
+    random, jacobian, each = np.random.default_rng(11), sensitivities(800), []
     for _ in range(250):
-        estimate, residual = fit(jacobian, noise(800, rho, random))
-        found = estimate_uncertainty([PieceEvidence(residual, jacobian)], np.zeros((jacobian.shape[2],) * 2))
+        estimate, found = judged(jacobian, noise(800, rho, random))
         wide, narrow = (standard_errors(c)[:PARAMETERS] for c in (found.corrected, found.cramer_rao))
         error = np.abs(estimate[:PARAMETERS])
-        hits.append(error < NORMAL_95 * wide)
-        plain.append(error < NORMAL_95 * narrow)
-        factors.append(wide / narrow)
-    return float(np.mean(hits)), float(np.mean(plain)), float(np.mean(factors))
+        each.append((error < NORMAL_95 * wide, error < NORMAL_95 * narrow, wide / narrow))
+    hits, plain, factor = np.mean(each, axis=(0, 2)).tolist()
+    return hits, plain, factor
 
 
 def test_coverage_of_95_percent_intervals_in_white_noise() -> None:
@@ -184,20 +173,13 @@ def test_coverage_of_95_percent_intervals_in_colored_noise() -> None:
 
 @pytest.mark.parametrize("missing", [0.0, 0.3])
 def test_mean_of_the_corrected_error_is_the_scatter(missing: float) -> None:
-    random = np.random.default_rng(5)
-    jacobian = sensitivities(900)
-    size = jacobian.shape[2]
-    estimates, sigmas = [], []
+    random, jacobian, estimates, sigmas = np.random.default_rng(5), sensitivities(900), [], []
     for _ in range(200):
         measured = noise(900, 0.9, random)
         measured[random.uniform(size=measured.shape) < missing] = np.nan
-        one, residual_one = fit(jacobian, measured)
-        cut = [
-            PieceEvidence(residual_one[:400], jacobian[:400]),
-            PieceEvidence(residual_one[400:], jacobian[400:]),
-        ]
+        one, found = judged(jacobian, measured, 400)
         estimates.append(one)
-        sigmas.append(standard_errors(estimate_uncertainty(cut, np.zeros((size, size))).corrected))
+        sigmas.append(standard_errors(found.corrected))
     ratio = np.mean(sigmas, axis=0) / np.std(estimates, axis=0)
     assert_allclose(ratio[:PARAMETERS], 1.0, atol=0.15)
 
@@ -205,15 +187,13 @@ def test_mean_of_the_corrected_error_is_the_scatter(missing: float) -> None:
 @pytest.mark.parametrize(("apart", "rho"), [(2.7, 0.98), (4.6, 0.98), (5.4, 0.9), (13.3, 0.98)])
 def test_a_channel_that_is_read_now_and_then(apart: float, rho: float) -> None:
     """Few of its readings, or none, are one sample apart, and its color is no zero there."""
-    random, jacobian = np.random.default_rng(5), sensitivities(300)
+    random, jacobian, estimates, sigmas = np.random.default_rng(5), sensitivities(300), [], []
     hole = np.setdiff1d(np.arange(300), np.rint(np.arange(0.0, 299.0, apart)))
     jacobian[hole, 1] = 0.0
-    size, estimates, sigmas = jacobian.shape[2], [], []
     for _ in range(40):
         measured = noise(300, rho, random)
         measured[hole, 1] = np.nan
-        one, residual = fit(jacobian, measured)
-        found = estimate_uncertainty([PieceEvidence(residual, jacobian)], np.zeros((size, size)))
+        one, found = judged(jacobian, measured)
         estimates.append(one[:PARAMETERS])
         sigmas.append(standard_errors(found.corrected)[:PARAMETERS])
     ratios = sigmas / np.std(estimates, axis=0)
@@ -222,11 +202,8 @@ def test_a_channel_that_is_read_now_and_then(apart: float, rho: float) -> None:
 
 
 def test_unseen_unknowns_are_infinite_and_disturb_no_other() -> None:
-    jacobian = sensitivities(500)
-    residual = fit(jacobian, noise(500, 0.5, np.random.default_rng(4)))[1]
-    wide = np.concatenate([jacobian, np.zeros((500, CHANNELS, 1))], axis=2)
-    whole = estimate_uncertainty([PieceEvidence(residual, jacobian)], np.zeros((8, 8)))
-    found = estimate_uncertainty([PieceEvidence(residual, wide)], np.zeros((9, 9)))
+    jacobian, measured = sensitivities(500), noise(500, 0.5, np.random.default_rng(4))
+    _, whole = judged(jacobian, measured)
+    _, found = judged(np.concatenate([jacobian, np.zeros((500, CHANNELS, 1))], axis=2), measured)
     assert_allclose(found.corrected[:8, :8], whole.corrected, rtol=1e-9)
-    assert standard_errors(found.corrected)[8] == np.inf
-    assert standard_errors(found.cramer_rao)[8] == np.inf
+    assert standard_errors(found.corrected)[8] == standard_errors(found.cramer_rao)[8] == np.inf

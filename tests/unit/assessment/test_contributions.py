@@ -28,21 +28,18 @@ SLOW = 0.98  #: of an autoregression
 
 
 def evidence(jacobian: FloatArray, estimates: FloatArray, white: bool = False) -> Evidence:
-    unknowns = tuple(
-        Unknown(name, "parameter", float(x), abs(float(x))) for name, x in zip(NAMES, estimates, strict=False)
-    )
-    k = len(unknowns)
-    residual = np.zeros(jacobian.shape[:2])
-    return Evidence(unknowns, (PieceEvidence(residual, jacobian),), np.zeros((k, k)), white=white)
+    sizes = zip(NAMES, estimates.tolist(), strict=False)
+    unknowns = tuple(Unknown(name, "parameter", x, abs(x)) for name, x in sizes)
+    piece = PieceEvidence(np.zeros(jacobian.shape[:2]), jacobian)
+    return Evidence(unknowns, (piece,), np.zeros((len(unknowns),) * 2), white=white)
 
 
-def judged(data: Evidence, noise: ColoredNoise, variable: str = "elevator") -> Contribution:
+def judged(data: Evidence, noise: ColoredNoise) -> Contribution:
     found = contributions(resolve_vehicle("twin-boom"), data, data_information(data.pieces), noise)
-    return next(one for one in found if one.variable == variable)
+    return next(one for one in found if one.variable == "elevator")
 
 
-def slow(channels: int) -> ColoredNoise:
-    return ColoredNoise(np.full((channels, 1), SLOW), (1.0 - SLOW**2) * np.eye(channels))
+COLORED = ColoredNoise(np.full((12, 1), SLOW), (1.0 - SLOW**2) * np.eye(12))
 
 
 def test_in_white_noise_it_is_the_square_root_of_wald_s_statistic() -> None:
@@ -52,8 +49,7 @@ def test_in_white_noise_it_is_the_square_root_of_wald_s_statistic() -> None:
     covariance = np.linalg.inv(data_information(data.pieces))[:2, :2]
     wald = float(estimates[:2] @ np.linalg.solve(covariance, estimates[:2]))
     found = judged(data, ColoredNoise.white(12))
-    assert found.noise == pytest.approx(wald**-0.5)
-    assert found.systematic == 0.0
+    assert (found.noise, found.systematic) == (pytest.approx(wald**-0.5), 0.0)
     assert found.parameters == ("CLelevator", "Cmelevator")
 
 
@@ -62,7 +58,7 @@ def test_a_sine_is_compared_with_the_residuals_of_its_frequency() -> None:
     count, cycles = 4000, 40
     jacobian = np.zeros((count, 12, 1))
     jacobian[:, 4, 0] = np.sin(2.0 * np.pi * cycles * np.arange(count) / count)
-    found = judged(evidence(jacobian, np.array([0.2])), slow(12))
+    found = judged(evidence(jacobian, np.array([0.2])), COLORED)
     w = 2.0 * np.pi * cycles / count
     density, floor = ((1.0 - SLOW**2) / (1.0 + SLOW**2 - 2.0 * SLOW * np.cos(x)) for x in (w, np.pi))
     expected = np.sqrt(2.0 * (density - floor) / (0.2**2 * count / 2.0))
@@ -72,7 +68,7 @@ def test_a_sine_is_compared_with_the_residuals_of_its_frequency() -> None:
 
 def test_fourier_coefficients_are_independent() -> None:
     rng = np.random.default_rng(2)
-    found = judged(evidence(rng.standard_normal((50, 12, 2)), np.array([0.1, 0.2]), True), slow(12))
+    found = judged(evidence(rng.standard_normal((50, 12, 2)), np.array([0.1, 0.2]), True), COLORED)
     assert found.systematic == 0.0
 
 
@@ -80,10 +76,8 @@ def flown(vehicle: Vehicle, amplitude: float, gusts: float) -> Flight:
     """Return a flight with elevator inputs of a share of the usual, through gusts of so many m/s."""
     if gusts:
         gust = {"intensity": {"value": gusts}, "length": 200.0}
-        turbulence = Turbulence.model_validate({"u": gust, "w": gust})
-        vehicle = dataclasses.replace(
-            vehicle, file=vehicle.file.model_copy(update={"turbulence": turbulence})
-        )
+        blown = {"turbulence": Turbulence.model_validate({"u": gust, "w": gust})}
+        vehicle = dataclasses.replace(vehicle, file=vehicle.file.model_copy(update=blown))
     maneuver = parse_maneuver(MANEUVER, "test")
     inputs = [i.model_copy(update={"amplitude": amplitude * i.amplitude}) for i in maneuver.input]
     return simulate_flight(vehicle, maneuver.model_copy(update={"input": inputs}), seed=3, name="sim")

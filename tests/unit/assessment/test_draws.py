@@ -16,7 +16,7 @@ from stoop.results.result import Covariance, NoiseCovariance, ParameterEstimate,
 from stoop.results.uncertainty import MethodIntervals
 
 COUNT = 4000
-COVARIANCE = np.array([[4.0, 1.2, 0.0], [1.2, 1.0, 0.3], [0.0, 0.3, 0.5]])
+KNOWN = {"a": ParameterEstimate(1.0, 0.1)}
 
 
 def result(parameters: dict[str, ParameterEstimate], matrix: np.ndarray) -> Result:
@@ -27,10 +27,11 @@ def result(parameters: dict[str, ParameterEstimate], matrix: np.ndarray) -> Resu
 
 
 def test_far_from_bounds_the_covariance_comes_back() -> None:
-    far, rng = np.full(3, 1e3), np.random.default_rng(0)
-    drawn = truncated_normal(np.array([1.0, 2.0, 3.0]), COVARIANCE, -far, far, 20_000, rng)
-    assert np.allclose(np.cov(drawn.T), COVARIANCE, atol=0.1)
-    assert np.allclose(drawn.mean(axis=0), [1.0, 2.0, 3.0], atol=0.05)
+    far, rng, mean = np.full(3, 1e3), np.random.default_rng(0), np.array([1.0, 2.0, 3.0])
+    covariance = np.array([[4.0, 1.2, 0.0], [1.2, 1.0, 0.3], [0.0, 0.3, 0.5]])
+    drawn = truncated_normal(mean, covariance, -far, far, 20_000, rng)
+    assert np.allclose(np.cov(drawn.T), covariance, atol=0.1)
+    assert np.allclose(drawn.mean(axis=0), mean, atol=0.05)
 
 
 @pytest.mark.parametrize("low", [-1.0, 0.5, 5.0])
@@ -59,8 +60,7 @@ def test_what_the_data_do_not_determine_is_drawn_from_prior_or_box_or_held() -> 
         "box": ParameterEstimate(0.2, bound_lower=0.0, bound_upper=1.0, identifiable=False),
         "held": ParameterEstimate(7.0, identifiable=False),
     }
-    matrix = np.diag([0.01, np.inf, np.inf, np.inf])
-    found = from_covariance(result(parameters, matrix), COUNT, 0)
+    found = from_covariance(result(parameters, np.diag([0.01, np.inf, np.inf, np.inf])), COUNT, 0)
     drawn = dict(zip(found.names, found.values.T, strict=True))
     assert drawn["prior"].mean() == pytest.approx(3.0, abs=0.05)
     assert drawn["prior"].std() == pytest.approx(0.5, abs=0.03)
@@ -73,7 +73,7 @@ def test_what_the_data_do_not_determine_is_drawn_from_prior_or_box_or_held() -> 
 def test_what_cannot_be_drawn_from_is_refused_with_the_way_out() -> None:
     figures = {"rhat": 1.3, "sample_size": 20.0, "std_error": 0.2}
     failed = notice("posterior-not-converged", **figures, max_rhat=1.01, needed=400.0, max_std_error=0.03)
-    plain = result({"a": ParameterEstimate(1.0, 0.1)}, np.array([[0.01]]))
+    plain = result(KNOWN, np.array([[0.01]]))
     stuck = replace(plain, uncertainty={"posterior": MethodIntervals({}, {"rhat": 1.3}, (failed,))})
     unknown = result({"a": ParameterEstimate(1.0)}, np.array([[np.inf]]))
     for fit, source, advice in (
@@ -84,10 +84,10 @@ def test_what_cannot_be_drawn_from_is_refused_with_the_way_out() -> None:
     ):
         with pytest.raises(StoopError, match=advice):
             draws_of(fit, None, 100, source=source)
-    found = draws_of(stuck, None, 100, source="covariance")
-    assert found.source == "covariance"
-    assert np.array_equal(found.values, draws_of(stuck, None, 100, source="covariance").values)
-    assert not np.array_equal(found.values, from_covariance(stuck, 100, 4).values)
+    one, other = (draws_of(stuck, None, 100, source="covariance") for _ in range(2))
+    assert (one.source, other.source) == ("covariance", "covariance")
+    assert np.array_equal(one.values, other.values)
+    assert not np.array_equal(one.values, from_covariance(stuck, 100, 4).values)
 
 
 def test_draws_of_a_posterior_file(tmp_path: Path) -> None:
@@ -95,11 +95,7 @@ def test_draws_of_a_posterior_file(tmp_path: Path) -> None:
     values = np.random.default_rng(0).normal(size=(4, 500))
     data = xr.Dataset({"a": (("chain", "draw"), values)})
     data.to_netcdf(tmp_path / "posterior.nc", group="posterior", engine="h5netcdf")
-    fit = replace(
-        result({"a": ParameterEstimate(1.0, 0.1)}, np.array([[0.01]])),
-        uncertainty={"posterior": MethodIntervals({}, {})},
-    )
+    fit = replace(result(KNOWN, np.array([[0.01]])), uncertainty={"posterior": MethodIntervals({}, {})})
     found = draws_of(fit, (tmp_path / "posterior.nc").read_bytes(), 1000)
-    assert found.source == "posterior"
-    assert found.values.shape == (1000, 1)
+    assert (found.source, found.values.shape) == ("posterior", (1000, 1))
     assert found.values[:, 0].std() == pytest.approx(values.std(), rel=0.05)

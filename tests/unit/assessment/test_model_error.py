@@ -38,10 +38,8 @@ def test_variances_of_greatest_evidence() -> None:
         return float(np.linalg.slogdet(C)[1] + z @ np.linalg.solve(C, z))
 
     found = variances(z, G, S)
-    best = min(
-        minimize(deviance, start, bounds=[(0.0, None)] * 5).fun for start in (np.full(5, 0.1), np.eye(5)[1])
-    )
-    assert deviance(found) < best + 0.05
+    others = [minimize(deviance, z, bounds=[(0.0, None)] * 5).fun for z in (np.full(5, 0.1), np.eye(5)[1])]
+    assert deviance(found) < min(others) + 0.05
 
 
 def test_scores_of_noise_are_significant_as_often_as_stated() -> None:
@@ -73,8 +71,7 @@ def test_a_lag_that_is_lacking_widens_what_it_moves() -> None:
     for name in ("Clp", "Claileron"):
         i = names.index(name)
         off = abs(done.estimates[name] - right.estimates[name])
-        assert off > 3.0 * bars.std[i]
-        assert off < 3.0 * found.bars.std[i]
+        assert 3.0 * bars.std[i] < off < 3.0 * found.bars.std[i]
         assert any(text.startswith(name) for text in said.values["most"])
     assert np.all(found.bars.std >= bars.std)
     assert np.array_equal(found.bars.covariance, bars.covariance)
@@ -105,20 +102,6 @@ def test_another_weighting_makes_no_number_less_known_than_its_prior_says(pitch:
     assert both.std[free] == pytest.approx(np.maximum(alone.std[free], np.minimum(whole, limits)))
 
 
-def test_same_bits_whatever_the_threads(
-    wrong: Vehicle, flight: Flight, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    from threadpoolctl import threadpool_limits
-
-    def run(threads: int) -> str:
-        monkeypatch.setenv("STOOP_THREADS", str(threads))
-        with threadpool_limits(limits=threads, user_api="blas"):
-            result = identify(wrong, flight, ["0:20"]).result
-        return repr([(p.estimate, p.std_error) for p in result.parameters.values()])
-
-    assert run(1) == run(2)
-
-
 def test_a_parameter_at_its_bound_makes_others_lean(wrong: Vehicle, flight: Flight) -> None:
     """CL0 held far from the truth: CLalpha takes its place, with an error bar that is only conditional."""
     boxed = wrong.with_numbers({"CL0": {"value": 0.3, "bounds": (0.2, 0.35)}})
@@ -126,6 +109,6 @@ def test_a_parameter_at_its_bound_makes_others_lean(wrong: Vehicle, flight: Flig
     bars = error_bars(job.estimate)
     assert bars.at_bound[[p.name for p in job.estimate.problem.layout.parameters].index("CL0")]
     assert "CLalpha" in bars.conditional
-    assert job.result.parameters["CL0"].at_bound
-    assert np.isnan(job.result.parameters["CL0"].std_error)
+    held = job.result.parameters["CL0"]
+    assert (held.at_bound, np.isnan(held.std_error)) == (True, True)
     assert any("CLalpha" in w and "Known only if CL0" in w for w in job.result.warnings)
