@@ -33,13 +33,10 @@ def judged(truth: np.ndarray, scores: np.ndarray) -> PriorTests:
     estimates, information = fitted(truth, scores)
     inverse = np.linalg.inv(information)
     names = [f"C{i}" for i in range(COUNT)]
-    parameters = [
-        Parameter(n, 0.0, -9.0, 9.0, True, s, "1") for n, s in zip(names, STD.tolist(), strict=True)
-    ]
-    fit: Any = SimpleNamespace(
-        problem=SimpleNamespace(layout=SimpleNamespace(parameters=parameters)),
-        estimates=dict(zip(names, estimates.tolist(), strict=True)),
-    )
+    stated = zip(names, STD.tolist(), strict=True)
+    layout = SimpleNamespace(parameters=[Parameter(n, 0.0, -9.0, 9.0, True, s, "1") for n, s in stated])
+    known = dict(zip(names, estimates.tolist(), strict=True))
+    fit: Any = SimpleNamespace(problem=SimpleNamespace(layout=layout), estimates=known)
     covariance = inverse @ (np.diag(STD**-2.0) + COLORED * DATA) @ inverse
     found = SimpleNamespace(information=information, corrected=covariance, cramer_rao=inverse)
     bars: Any = SimpleNamespace(free=np.arange(COUNT), uncertainty=found, scatter=None)

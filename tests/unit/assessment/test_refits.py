@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from naive.fitted import Fitted, line
 from numpy.testing import assert_allclose
-from scipy.optimize import brentq, least_squares, minimize_scalar
+from scipy.optimize import brentq, least_squares
 from scipy.signal import lfilter
 
 from stoop.assessment.assessment import Optimum, linearize, refit
@@ -30,17 +30,15 @@ def ar1(size: int, rho: float, random: np.random.Generator) -> np.ndarray:
     return np.asarray(lfilter([np.sqrt(1.0 - rho**2)], [1.0, -rho], white)[500:])
 
 
-def solved(X: np.ndarray, y: np.ndarray, sigma: float = 1.0) -> tuple[Optimum, np.ndarray]:
-    """Return the optimum and the residuals measured - simulated, weighted."""
-    truth = np.linalg.lstsq(X, y, rcond=None)[0]
-    return linearize(line(X, y, sigma), truth, np.arange(X.shape[1])), (y - X @ truth) / sigma
+TRUTH = np.array([0.5, 0.4, 0.3])
 
 
-def bootstrap(X: np.ndarray, y: np.ndarray, sigma: float, count: int) -> tuple[np.ndarray, Optimum]:
-    optimum, v = solved(X, y, sigma)
-    found = estimate_uncertainty([PieceEvidence(v[:, None], X[:, None, :] / sigma)], np.zeros((3, 3)))
-    drawn = ColoredBlocks.of(found.noise, [v[:, None]])
-    return refit(optimum, shifts(optimum, drawn, range(count), 1)).z, optimum
+def drawn(X: np.ndarray, y: np.ndarray, sigma: float) -> tuple[Optimum, ColoredBlocks]:
+    """Return the optimum of a linear model, and noise like its residuals."""
+    z = np.linalg.lstsq(X, y, rcond=None)[0]
+    v = ((y - X @ z) / sigma)[:, None]
+    found = estimate_uncertainty([PieceEvidence(v, X[:, None, :] / sigma)], np.zeros((3, 3)))
+    return linearize(line(X, y, sigma), z, np.arange(3)), ColoredBlocks.of(found.noise, [v])
 
 
 @pytest.mark.parametrize("rho", [0.0, 0.95], ids=["white", "AR(1) 0.95"])
@@ -53,9 +51,9 @@ def test_standard_errors_are_those_of_the_noise_that_made_the_data(rho: float) -
     plain = sigma * np.sqrt(np.diag(inverse))
     found = []
     for seed in range(6):
-        y = X @ np.array([0.5, 0.4, 0.3]) + sigma * ar1(SAMPLES, rho, np.random.default_rng(seed))
-        z, _ = bootstrap(X, y, sigma, 150)
-        found.append(z.std(axis=0, ddof=1))
+        y = X @ TRUTH + sigma * ar1(SAMPLES, rho, np.random.default_rng(seed))
+        optimum, noise = drawn(X, y, sigma)
+        found.append(refit(optimum, shifts(optimum, noise, range(150), 1)).z.std(axis=0, ddof=1))
     ratio = np.mean(found, axis=0) / truth
     assert_allclose(ratio, 1.0, atol=0.2)
     assert (rho == 0.0) == bool(np.all(truth / plain < 1.05))
@@ -68,30 +66,30 @@ def test_refits_of_a_curved_problem_are_those_of_scipy() -> None:
     def curve(z: np.ndarray) -> np.ndarray:
         return np.asarray(z[..., :1] * np.exp(-8.0 * z[..., 1:2] * t))
 
-    truth = np.array([0.5, 0.4])
-    random = np.random.default_rng(2)
+    def solution(data: np.ndarray, start: np.ndarray) -> np.ndarray:
+        limits, fine = ([0, 0], [1, 1]), dict.fromkeys(("xtol", "ftol", "gtol"), 1e-14)
+        return np.asarray(least_squares(lambda z: (curve(z) - data) / 0.05, start, bounds=limits, **fine).x)
+
+    truth, random = np.array([0.5, 0.4]), np.random.default_rng(2)
     y = curve(truth) + 0.05 * random.normal(size=60)
-    problem = Fitted(lambda Z: (curve(Z) - y) / 0.05, 2)
-    best = least_squares(lambda z: (curve(z) - y) / 0.05, truth, xtol=1e-14, ftol=1e-14, gtol=1e-14).x
-    optimum = linearize(problem, best, np.arange(2))
+    best = solution(y, truth)
+    optimum = linearize(Fitted(lambda Z: (curve(Z) - y) / 0.05, 2), best, np.arange(2))
     noise = random.normal(size=(20, 60))
-    found = refit(optimum, -optimum.residual - noise)
-    for z, e in zip(found.z, noise, strict=True):
-        data = curve(best) + 0.05 * e
-        wanted = least_squares(
-            lambda z, data=data: (curve(z) - data) / 0.05, best, bounds=([0, 0], [1, 1]), xtol=1e-14
-        ).x
-        assert_allclose(z, wanted, atol=3e-4)  # a thousandth of a standard error
+    for z, e in zip(refit(optimum, -optimum.residual - noise).z, noise, strict=True):
+        assert_allclose(
+            z, solution(curve(best) + 0.05 * e, best), atol=3e-4
+        )  # a thousandth of a standard error
 
 
 def test_a_refit_stays_in_its_box() -> None:
     X = design()
-    optimum, _ = solved(X, X @ np.array([0.001, 0.5, 0.5]), 0.05)
+    best = np.array([0.001, 0.5, 0.5])
+    optimum = linearize(line(X, X @ best, 0.05), best, np.arange(3))
     noise = np.repeat([[3.0], [-3.0]], SAMPLES, axis=1)
     found = refit(optimum, -optimum.residual - noise)
     assert found.z[0, 0] == pytest.approx(0.151, abs=1e-6)
     assert found.z[1, 0] == pytest.approx(0.0, abs=1e-9)
-    others = np.linalg.lstsq(X[:, 1:], X @ np.array([0.001, 0.5, 0.5]) - 0.15, rcond=None)[0]
+    others = np.linalg.lstsq(X[:, 1:], X @ best - 0.15, rcond=None)[0]
     assert_allclose(found.z[1, 1:], others, atol=1e-6)
 
 
@@ -108,13 +106,10 @@ def test_a_diverging_replicate_is_lost_and_no_other() -> None:
 
 def test_noise_of_one_replicate_depends_on_its_number_and_the_seed_alone() -> None:
     X = design(200)
-    y = X @ np.array([0.5, 0.4, 0.3]) + 0.1 * ar1(200, 0.8, np.random.default_rng(1))
-    optimum, v = solved(X, y, 0.1)
-    found = estimate_uncertainty([PieceEvidence(v[:, None], X[:, None, :] / 0.1)], np.zeros((3, 3)))
-    drawn = ColoredBlocks.of(found.noise, [v[:, None]])
-    whole = shifts(optimum, drawn, range(6), 7)
-    assert np.array_equal(whole[4:], shifts(optimum, drawn, [4, 5], 7))
-    assert not np.array_equal(whole, shifts(optimum, drawn, range(6), 8))
+    optimum, noise = drawn(X, X @ TRUTH + 0.1 * ar1(200, 0.8, np.random.default_rng(1)), 0.1)
+    whole = shifts(optimum, noise, range(6), 7)
+    assert np.array_equal(whole[4:], shifts(optimum, noise, [4, 5], 7))
+    assert not np.array_equal(whole, shifts(optimum, noise, range(6), 8))
 
 
 def test_missing_readings_get_no_noise_and_cost_no_other() -> None:
@@ -122,9 +117,9 @@ def test_missing_readings_get_no_noise_and_cost_no_other() -> None:
     v = ar1(400, 0.9, np.random.default_rng(3))[:, None]
     v[100:140] = np.nan
     v[::7] = np.nan
-    drawn = ColoredBlocks.of(ColoredNoise(np.array([[0.9]]), np.array([[0.19]])), [v])
-    optimum, _ = solved(X, X @ np.array([0.5, 0.4, 0.3]), 1.0)
-    out = shifts(optimum, drawn, range(40), 0) + optimum.residual
+    noise = ColoredBlocks.of(ColoredNoise(np.array([[0.9]]), np.array([[0.19]])), [v])
+    optimum = linearize(line(X, X @ TRUTH, 1.0), TRUTH, np.arange(3))
+    out = shifts(optimum, noise, range(40), 0) + optimum.residual
     assert np.all(out[:, ~np.isfinite(v[:, 0])] == 0.0)
     assert np.std(out[:, np.isfinite(v[:, 0])]) == pytest.approx(1.0, abs=0.15)
 
@@ -134,8 +129,8 @@ def test_drawn_noise_has_color_and_strength_of_the_model_and_shares_its_disturba
     shared = ar1(3000, 0.9, random)
     v = np.column_stack([shared, 0.8 * shared + 0.6 * ar1(3000, 0.9, random)])
     color = ColoredNoise(np.array([[0.9], [0.9]]), 4.0 * 0.19 * np.array([[1.0, 0.8], [0.8, 1.0]]))
-    drawn = ColoredBlocks.of(color, [v])
-    made = np.concatenate([drawn.segment(0, np.random.default_rng(i)) for i in range(20)])
+    blocks = ColoredBlocks.of(color, [v])
+    made = np.concatenate([blocks.segment(0, np.random.default_rng(i)) for i in range(20)])
     assert made.std(axis=0) == pytest.approx([2.0, 2.0], rel=0.05)
     assert np.corrcoef(made.T)[0, 1] == pytest.approx(0.8, abs=0.03)
     assert np.corrcoef(made[1:, 0], made[:-1, 0])[0, 1] == pytest.approx(0.9, abs=0.02)
@@ -189,15 +184,7 @@ def michaelis(z: np.ndarray) -> np.ndarray:
 def bent() -> tuple[Fitted, np.ndarray, np.ndarray]:
     y = michaelis(np.array([0.4, 0.3])) + 0.06 * np.random.default_rng(3).normal(size=len(T))
     problem = Fitted(lambda Z: (michaelis(Z) - y) / 0.06, 2)
-    grid = np.linspace(0.02, 1.0, 99)
-    start = min(
-        ((a, b) for a in grid for b in grid), key=lambda p: float(np.sum((michaelis(np.array(p)) - y) ** 2))
-    )
-    z = np.array(start)
-    for _ in range(50):
-        r = problem.residuals(z[None], 0)[0]
-        J = problem.jacobian(z, 0, r)[0]
-        z = z - np.linalg.solve(J.T @ J, J.T @ r)
+    z = least_squares(lambda z: michaelis(z) - y, [0.4, 0.3], xtol=1e-14, ftol=1e-14, gtol=1e-14).x
     return problem, z, y
 
 
@@ -223,19 +210,15 @@ def test_a_curved_problem_has_the_interval_found_by_brute_force(
         assert root**2 == pytest.approx(max(brute(y, best, value), 0.0), abs=1e-3 + 1e-3 * root**2)
 
 
-def test_an_end_that_the_data_leave_open_is_none(bent: tuple[Fitted, np.ndarray, np.ndarray]) -> None:
+def test_an_end_that_the_data_leave_open_is_none() -> None:
     """Few readings and much noise: no b up to the bound can be refused, a least one can."""
     sparse = np.array([0.3, 0.6, 1.0])
     y = 2.0 * 0.3 * sparse / (0.6 + sparse)
     problem = Fitted(lambda Z: (2.0 * Z[:, :1] * sparse / (Z[:, 1:2] + sparse) - y) / 0.05, 2)
     found = ProfileLikelihood(linearize(problem, np.array([0.3, 0.6]), np.arange(2)), 1)
     assert np.isnan(found.upper)
-    rise = minimize_scalar(
-        lambda a: float(np.sum(problem.residuals(np.array([[a, 1.0]]), 0) ** 2)),
-        bounds=(0, 1),
-        method="bounded",
-    ).fun
-    assert rise < NORMAL_95**2
+    at_bound = np.column_stack([np.linspace(0.0, 1.0, 1001), np.ones(1001)])
+    assert np.min(np.sum(problem.residuals(at_bound, 0) ** 2, axis=1)) < NORMAL_95**2
     assert 0.0 < found.lower < 0.6
 
 

@@ -6,7 +6,6 @@ import dataclasses
 import json
 import math
 from collections.abc import Iterator, Mapping
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -14,27 +13,11 @@ import pytest
 
 from stoop.assessment.verdict import LIMITS, uses, verdict
 from stoop.base.notices import as_notice, notice
+from stoop.results import result as results
+from stoop.results import uncertainty as of
 from stoop.results.extensions import ExtensionTest, ExtensionTests
 from stoop.results.response_misfit import ResponseMisfit
-from stoop.results.result import (
-    Covariance,
-    GoodnessOfFit,
-    InnovationFigures,
-    ManeuverResult,
-    NoiseCovariance,
-    ParameterEstimate,
-    ProcessNoise,
-    Result,
-    Whiteness,
-    from_json,
-    to_json,
-)
-from stoop.results.uncertainty import (
-    IdentifiabilityAnalysis,
-    ParameterIdentifiability,
-    ParameterRepeatability,
-    Repeatability,
-)
+from stoop.results.result import GoodnessOfFit, InnovationFigures, ParameterEstimate, Result, Whiteness
 from stoop.results.verdict import Need, Use, Verdict, grouped
 from stoop.vehicle.builtin import resolve_vehicle
 
@@ -56,8 +39,8 @@ USED = ("control design", "simulation", "performance")
 REFUSED: tuple[str, ...] = ()
 
 
-def maneuver(start: float, role: Any, **channels: GoodnessOfFit) -> ManeuverResult:
-    return ManeuverResult("f", start, start + 5.0, role, (), {"p": MATCHED, "V": MATCHED} | channels)
+def maneuver(start: float, role: Any, **channels: GoodnessOfFit) -> results.ManeuverResult:
+    return results.ManeuverResult("f", start, start + 5.0, role, (), {"p": MATCHED, "V": MATCHED} | channels)
 
 
 def result(**changes: Any) -> Result:
@@ -67,8 +50,8 @@ def result(**changes: Any) -> Result:
     variances = [p.std_error**2 for p in parameters.values()]
     whole = Result(
         parameters=parameters,
-        covariance=Covariance(tuple(parameters), np.diag(variances)),
-        noise_covariance=NoiseCovariance(("p", "V"), np.eye(2)),
+        covariance=results.Covariance(tuple(parameters), np.diag(variances)),
+        noise_covariance=results.NoiseCovariance(("p", "V"), np.eye(2)),
         initial_states=(), biases=(), wind=(),
         maneuvers=(maneuver(0.0, "fit"), maneuver(5.0, "fit"), maneuver(10.0, "validation")),
         cost=1.0, trajectories=10.0, seconds=1.0, seed=0, optimizer="lm", status="converged",
@@ -81,11 +64,9 @@ def codes(found: Verdict) -> list[str]:
     return [one.code for one in found.against]
 
 
-def held_back(
-    *, fitted: Mapping[str, GoodnessOfFit] = MappingProxyType({}), **channels: GoodnessOfFit
-) -> Result:
+def held_back(*, fitted: Mapping[str, GoodnessOfFit] | None = None, **channels: GoodnessOfFit) -> Result:
     """Return a result of two fitted maneuvers and of one held back, with the figures of channels in either."""
-    first = (maneuver(0.0, "fit", **fitted), maneuver(5.0, "fit", **fitted))
+    first = [maneuver(start, "fit", **fitted or {}) for start in (0.0, 5.0)]
     return result(maneuvers=(*first, maneuver(10.0, "validation", **channels)))
 
 
@@ -94,11 +75,12 @@ def twice(given: Result) -> Result:
     return dataclasses.replace(given, maneuvers=(*given.maneuvers, given.maneuvers[-1]))
 
 
+LAG = ExtensionTest("controls.aileron.lag", "lag", 0.04, 0.004, "s", 10.0, 1e-9, 50.0, "line")
+
+
 def lacking(statistic: float = 50.0, beside: float | None = None, **changes: Any) -> Result:
     """Return a result in which a lag is significant; with `beside` another extension, which moves nothing, is stronger."""
-    own = ExtensionTest(
-        "controls.aileron.lag", "lag", 0.04, 0.004, "s", 10.0, 1e-9, statistic, "[controls.aileron] lag = 0.04", **changes
-    )  # fmt: skip
+    own = dataclasses.replace(LAG, statistic=statistic, **changes)
     first = dataclasses.replace(own, name="sensors.r.scale", moves={}, statistic=20.0)
     found = (own,) if beside is None else (first, dataclasses.replace(own, beside=beside))
     return result(extensions=ExtensionTests(100, 0.01, found))
@@ -106,9 +88,7 @@ def lacking(statistic: float = 50.0, beside: float | None = None, **changes: Any
 
 def contradicted(name: str, change: float) -> Result:
     """Return a result in which one test contradicts a fixed number of 2 and moves nothing else."""
-    found = ExtensionTest(
-        name, "number", 2.0 + change, 0.01, "kg m2", 10.0, 1e-9, 50.0, "line", change=change
-    )
+    found = dataclasses.replace(LAG, name=name, kind="number", value=2.0 + change, change=change)
     return result(extensions=ExtensionTests(100, 0.01, (found,)))
 
 
@@ -121,19 +101,18 @@ def in_gusts(figures: InnovationFigures) -> Result:
 def scattering(count: int) -> Result:
     """Return a result of 20 parameters of which some scatter between maneuvers."""
     each = {
-        f"C{i}": ParameterRepeatability((), chi_square=1.0, degrees=1, verdict="scatter" if i < count else "agree")
+        f"C{i}": of.ParameterRepeatability((), chi_square=1.0, degrees=1, verdict="scatter" if i < count else "agree")
         for i in range(20)
     }  # fmt: skip
-    return result(repeatability=Repeatability((0, 1), each))
+    return result(repeatability=of.Repeatability((0, 1), each))
 
 
-def known(correlation: float | None = None, **parameters: ParameterEstimate) -> Result:
+def known(correlation: float = 0.0, **parameters: ParameterEstimate) -> Result:
     """Return a result with such estimates, of which the first two are correlated."""
     sigma = np.array([p.std_error for p in parameters.values()])
     related = np.eye(len(sigma))
-    if correlation:
-        related[0, 1] = related[1, 0] = correlation
-    covariance = Covariance(tuple(parameters), related * np.outer(sigma, sigma))
+    related[0, 1] = related[1, 0] = correlation
+    covariance = results.Covariance(tuple(parameters), related * np.outer(sigma, sigma))
     return result(parameters=parameters, covariance=covariance)
 
 
@@ -178,7 +157,7 @@ def cases() -> Iterator[tuple[str, Result, tuple[Use, ...], str, tuple[str, ...]
         ("large innovations", in_gusts(dataclasses.replace(COLORED, rms=5.0, inside=0.4)), no, REFUSED,
          {"verdict-trivial", "verdict-outside", "verdict-innovations"}),
         ("lost in the gusts found", result(maneuvers=held_back(fitted=worse).maneuvers[:2],
-         process_noise=ProcessNoise("steady")), some, USED, {"verdict-no-held-back"}),
+         process_noise=results.ProcessNoise("steady")), some, USED, {"verdict-no-held-back"}),
         ("lost without gusts", result(maneuvers=held_back(fitted=worse).maneuvers[:2]), no, REFUSED, {"verdict-trivial"}),
         # channels count where they moved: in the windows held back, or else in those fitted
         ("V is lost", held_back(V=LOST), some, ("control design",), {"verdict-channels"}),
@@ -214,7 +193,7 @@ def cases() -> Iterator[tuple[str, Result, tuple[Use, ...], str, tuple[str, ...]
     # Clp is 0.001 of the value at which it would be the largest effect: its own error of 400 % is no doubt
     need = dataclasses.replace(USES[0].needs[0], sizes=(1.0,))
     sized = (dataclasses.replace(USES[0], needs=(need,)), *USES[1:])
-    for error, moved, of, grade, against in (
+    for error, moved, asked, grade, against in (
         (0.004, None, USES, "trusted", {"verdict-need-inaccurate"}), (0.004, None, sized, "trusted", set()),
         (0.004, 5.0, sized, no, {"verdict-form"}), (0.004, 3.5, sized, no, {"verdict-form"}),
         (0.001, 4.0, sized, some, {"verdict-lacks"}),
@@ -222,23 +201,21 @@ def cases() -> Iterator[tuple[str, Result, tuple[Use, ...], str, tuple[str, ...]
         given = known(Clp=ParameterEstimate(-0.001, error), CD0=CD0)
         if moved:
             given = dataclasses.replace(given, extensions=lacking(moves={"Clp": moved}).extensions)
-        justified = REFUSED if grade == no else simulate if of is USES else USED
-        yield f"Clp near zero, {error}, {moved}", given, of, grade, justified, against
+        justified = REFUSED if grade == no else simulate if asked is USES else USED
+        yield f"Clp near zero, {error}, {moved}", given, asked, grade, justified, against
     # of several effects that with the largest one must be known, not that whose number is largest
     yaw = Need("control effectiveness in yaw", ("Cn1", "Cn2"), (100.0, 0.2), "mass.inertia.zz")
     given = known(Cn1=ParameterEstimate(2.0, 1.9), Cn2=ParameterEstimate(0.1, 0.001))
     yield "a small effect is unknown", given, (Use(USED[0], ("p",), (yaw,)),), "trusted", USED[:1], set()
     roll = Need("control effectiveness in roll", ("Claileron", "Clelevator"))
-    given = known(
-        Claileron=ParameterEstimate(0.3, 0.3, identifiable=False), Clelevator=ParameterEstimate(0.06, 0.003)
-    )
-    of = (Use(USED[0], ("p",), (roll,)),)
-    yield "the large effect is unknown", given, of, no, REFUSED, {"verdict-need-unknown"}
+    large, small = ParameterEstimate(0.3, 0.3, identifiable=False), ParameterEstimate(0.06, 0.003)
+    given, one = known(Claileron=large, Clelevator=small), (Use(USED[0], ("p",), (roll,)),)
+    yield "the large effect is unknown", given, one, no, REFUSED, {"verdict-need-unknown"}
 
 
 def test_what_a_result_shows_decides_its_grade_its_uses_and_the_notices_against_it() -> None:
-    for subject, given, of, grade, justified, against in cases():
-        found = verdict(given, of)
+    for subject, given, asked, grade, justified, against in cases():
+        found = verdict(given, asked)
         assert (found.grade, found.justified) == (grade, justified), (subject, codes(found))
         assert against <= set(codes(found)), (subject, codes(found))
         assert against or found.grade != "trusted" or found.justified != USED or not found.against, subject
@@ -249,28 +226,25 @@ def test_reasons_name_what_they_are_of() -> None:
     assert [n.code for n in trusted.reasons] == ["verdict-form-holds", "verdict-predicted", "verdict-agree"]
     assert str(trusted.headline) == "Trusted for control design, simulation and performance"
     assert str(verdict(result(status="budget"), USES).headline) == "Do not use this model"
-    refused = verdict(held_back(fitted={"p": LOST}, p=STILL), USES)
-    assert [n.subject for n in refused.against if n.code == "verdict-channels"] == [
-        "control design",
-        "simulation",
-    ]
+    refused = verdict(held_back(fitted={"p": LOST}, p=STILL), USES).against
+    assert [n.subject for n in refused if n.code == "verdict-channels"] == ["control design", "simulation"]
     assert codes(verdict(held_back(p=STILL), USES)) == ["verdict-not-held-back"]
     strongest = verdict(lacking(50.0, 6.0, moves={"Clp": -8.0}), USES).against[0]
     assert (strongest.code, strongest.subject) == ("verdict-form", "controls.aileron.lag")
-    (response,) = (n for n in verdict(missed(0.5), USES).reasons if n.code.startswith("verdict-response"))
-    assert response.values["share"] == 0.6
     tests = dataclasses.replace(result().extensions, unresolved=("mass.mass",))
-    found = verdict(result(extensions=tests), USES)
-    assert [one.values["numbers"] for one in found.reasons if one.code == "verdict-unresolved"] == [
-        ("mass.mass",)
-    ]
+    for given, code, values in (
+        (missed(0.5), "verdict-response", {"share": 0.6}),
+        (result(extensions=tests), "verdict-unresolved", {"numbers": ("mass.mass",)}),
+    ):
+        (told,) = (n for n in verdict(given, USES).reasons if n.code.startswith(code))
+        assert dict(told.values) | values == told.values, code
 
 
 def test_a_use_needs_its_parameters() -> None:
     advice = (notice("advice-ground"),)
-    known = {"CD0": ParameterIdentifiability(0.01, 0.02, 0.9, advice=advice)}
+    known = {"CD0": of.ParameterIdentifiability(0.01, 0.02, 0.9, advice=advice)}
     poor = {**result().parameters, "CD0": ParameterEstimate(0.03, 0.02)}
-    given = result(parameters=poor, identifiability=IdentifiabilityAnalysis(parameters=known))
+    given = result(parameters=poor, identifiability=of.IdentifiabilityAnalysis(parameters=known))
     found = verdict(given, USES)
     assert found.justified == ("control design", "simulation")
     assert found.grade == "trusted", "what is known is right; the drag is not known well enough to use"
@@ -310,15 +284,15 @@ def test_needs_of_an_aircraft_and_of_a_multirotor() -> None:
 def test_json() -> None:
     given = lacking(moves={"Clp": -11.8})
     whole = dataclasses.replace(given, verdict=verdict(given, USES))
-    read = from_json(to_json(whole)).verdict
+    read = results.from_json(results.to_json(whole)).verdict
     assert read.grade == whole.verdict.grade
     assert [str(one) for one in read.reasons] == [str(one) for one in whole.verdict.reasons]
     assert verdict(given, read.uses) == verdict(given, USES), "it can be made again from what the file holds"
-    assert from_json(to_json(result()).replace('"verdict"', '"unknown"')).verdict == Verdict()
-    old = json.loads(to_json(in_gusts(WHITE)))  # of a version without innovations
+    assert results.from_json(results.to_json(result()).replace('"verdict"', '"unknown"')).verdict == Verdict()
+    old = json.loads(results.to_json(in_gusts(WHITE)))  # of a version without innovations
     for channel in (c for one in old["maneuvers"] for c in one["channels"].values()):
         del channel["innovations"]
-    assert verdict(from_json(json.dumps(old)), USES).grade == "do not use"
+    assert verdict(results.from_json(json.dumps(old)), USES).grade == "do not use"
 
 
 def test_findings_of_one_kind_are_told_together() -> None:
@@ -328,9 +302,8 @@ def test_findings_of_one_kind_are_told_together() -> None:
         notice("verdict-need-unknown", "inertia in roll", parameters=("mass.inertia.xx",), **of),
         notice("verdict-need-inaccurate", "thrust", use="performance", parameter="CT1", error=0.31),
     ]
-    channels = [
-        notice("verdict-channels", use, channels=("V", "ax")) for use in ("simulation", "performance")
-    ]
+    lost, others = ("V", "ax"), ("simulation", "performance")
+    channels = [notice("verdict-channels", use, channels=lost) for use in others]
     lacks = [notice("verdict-lacks", n, statistic=-5.0, line=f"{n} = 1") for n in ("CQalphar", "ClV")]
     figures = {"effects": ("p (...)",), "parameters": ("Clp",), "variables": ("p", "q")}
     doubt, single = notice("contribution-in-doubt", **figures, aim=0.1), notice("verdict-no-held-back")
@@ -339,11 +312,9 @@ def test_findings_of_one_kind_are_told_together() -> None:
         "verdict-contributions", "verdict-needs", "verdict-need-inaccurate", "verdict-channels-of-uses",
         "verdict-no-held-back", "verdict-lacks-several",
     ]  # fmt: skip
-    damping, inertia = (
-        "damping in roll (Clp +- 23%)",
-        "inertia in roll (mass.inertia.xx not identifiable or at a bound)",
-    )
-    assert told[1].values["needs"] == (damping, inertia)
+    damping, inertia = told[1].values["needs"]
+    assert damping == "damping in roll (Clp +- 23%)"
+    assert inertia == "inertia in roll (mass.inertia.xx not identifiable or at a bound)"
     assert told[2] is needs[2]
     assert "simulation in V and ax and performance in V and ax" in str(told[3])
     assert "CQalphar = 1; ClV = 1" in str(told[5])
