@@ -26,16 +26,16 @@ from stoop.vehicle.document import with_entries
 from stoop.vehicle.extensions import catalogue
 
 DURATION = 9.0
-MANEUVERS = {
+STEPS = {
     "pitch": maneuver(DURATION, ("elevator", "3-2-1-1", 1.0, 0.3, 0.12)),
     "roll": maneuver(DURATION, ("aileron", "doublet", 1.0, 0.5, 0.10), ("rudder", "2-1-1", 4.0, 0.6, 0.12)),
 }
 FORCES = ("CL", "CD", "CQ")
-WINDOWS = [Window(name, 0.0, DURATION) for name in MANEUVERS]
+WINDOWS = [Window(name, 0.0, DURATION) for name in STEPS]
 
 
 def flights(truth: Vehicle, seed: int = 5) -> dict[str, Flight]:
-    return {n: simulate_flight(truth, m, seed=seed + k, name=n) for k, (n, m) in enumerate(MANEUVERS.items())}
+    return {n: simulate_flight(truth, m, seed=seed + k, name=n) for k, (n, m) in enumerate(STEPS.items())}
 
 
 @functools.cache

@@ -6,14 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from unit.estimate.fits import deviations, fit_by
 
 from stoop.assessment.assessment import pack, unpack
-from stoop.assessment.error_bars import error_bars
 from stoop.base.units import KNOT
 from stoop.errors import FlightError
-from stoop.estimate import methods
-from stoop.estimate.estimate import Estimate
-from stoop.estimate.fit import Options, estimation_problem, fit
+from stoop.estimate.fit import Options, estimation_problem
 from stoop.estimate.refit_problem import SimulationProblem
 from stoop.flight import Flight
 from stoop.problem.observation import motion_inputs, recorded_motion
@@ -21,8 +19,7 @@ from stoop.problem.windows import Window
 from stoop.simulation.fly import simulate_flight
 from stoop.simulation.initial import rigid_states
 from stoop.simulation.maneuver import Maneuver
-from stoop.strategy.run import FIT_ALONE
-from stoop.strategy.run import fit as fit_by
+from stoop.strategy import run
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop.vehicle.vehicle import motion_input
@@ -30,10 +27,7 @@ from stoop_studies.verify import closed_loop
 
 SIGMA = dict.fromkeys(("alpha", "beta", "p", "q", "r", "phi", "theta", "psi"), 0.002)
 NOISE = {"V": 0.1, "ax": 0.05, "ay": 0.05, "az": 0.05, **SIGMA}
-INPUTS = {
-    "aileron": {"shape": "3-2-1-1", "start": 2.0, "step": 0.5, "amplitude": 0.04},
-    "rudder": {"shape": "3-2-1-1", "start": 7.0, "step": 0.6, "amplitude": 0.04},
-}
+LATERAL_INPUTS = ("aileron", 2.0, 0.5), ("rudder", 7.0, 0.6)
 WINDOW = Window("sim", 0.0, 16.0)
 PITCH = ("CL0", "CLalpha", "Cm0", "Cmalpha", "Cmq", "Cmelevator")
 OBSERVED = ("Clbeta", "Clp", "Clr", "Claileron", "Cnbeta", "Cnr", "Cnrudder")  #: well determined here
@@ -44,49 +38,39 @@ def full() -> Vehicle:
     return resolve_vehicle("twin-boom")
 
 
-def flown(full: Vehicle, elevator: float) -> Flight:
-    """Fly an aileron and a rudder input while an elevator pulse changes the speed by 2 to 3 m/s."""
-    pulse = {"control": "elevator", "shape": "pulse", "start": 0.5, "duration": 3.0, "amplitude": elevator}
-    inputs = [pulse, *({"control": c, **shape} for c, shape in INPUTS.items())]
+@pytest.fixture(scope="module")
+def flight(full: Vehicle) -> Flight:
+    """An aileron and a rudder input while an elevator pulse changes the speed by 2 to 3 m/s."""
+    pulse = {"control": "elevator", "shape": "pulse", "start": 0.5, "duration": 3.0, "amplitude": 0.06}
+    more = {"shape": "3-2-1-1", "amplitude": 0.04}
+    inputs = [pulse, *({"control": c, "start": s, "step": d, **more} for c, s, d in LATERAL_INPUTS)]
     maneuver = Maneuver.model_validate({"duration": 16.0, "rate": 50.0, "input": inputs, "noise": NOISE})
     return simulate_flight(full, maneuver, seed=1, name="sim")
 
 
-def errors(full: Vehicle, found: Estimate, names: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray]:
-    """Return errors of estimates over their standard errors, and over the truth."""
-    std = dict(zip(found.estimates, error_bars(found).std.tolist(), strict=False))
-    error = np.array([found.estimates[n] - full.value(n) for n in names])
-    return error / [std[n] for n in names], error / [full.value(n) for n in names]
-
-
 @pytest.mark.parametrize("half", ["lateral", "longitudinal"])
-def test_a_half_is_right_while_the_other_moves(full: Vehicle, half: str) -> None:
+def test_a_half_is_right_while_the_other_moves(full: Vehicle, flight: Flight, half: str) -> None:
     """With the speed held, errors of a lateral model were 5 to 26 %, up to 13 standard errors."""
-    flight = flown(full, 0.06)
     assert np.ptp(flight.column("V")) > 2.0
-    found = fit(full.reduced(half), {"sim": flight}, [WINDOW])
-    lateral = half == "lateral"
-    assert found.problem.layout.vehicle.measured == (
-        ("V", "alpha", "q", "theta") if lateral else ("beta", "p", "r", "phi")
-    )
-    sigmas, shares = errors(full, found, OBSERVED if lateral else PITCH)
-    assert np.all(np.abs(sigmas) < 3.0)
-    assert np.all(np.abs(shares) < (0.02 if lateral else 0.03))
+    found, lateral = fit_by("output-error", full.reduced(half), {"sim": flight}, [WINDOW]), half == "lateral"
+    measured = ("V", "alpha", "q", "theta") if lateral else ("beta", "p", "r", "phi")
+    assert found.problem.layout.vehicle.measured == measured
+    truth = {n: full.value(n) for n in (OBSERVED if lateral else PITCH)}
+    assert np.all(np.abs(deviations(found, truth)) < 3.0)
+    share = {n: found.estimates[n] / true - 1.0 for n, true in truth.items()}
+    assert max(map(abs, share.values())) < (0.02 if lateral else 0.03), share
 
 
 @pytest.mark.parametrize("method", ["filter-error", "multiple-shooting", "equation-error"])
-def test_every_method_takes_the_record(full: Vehicle, method: str) -> None:
-    found = methods.find(method).fitter()(
-        full.reduced("lateral"), {"sim": flown(full, 0.06)}, [WINDOW], Options(method=method), None, None
-    )
+def test_every_method_takes_the_record(full: Vehicle, flight: Flight, method: str) -> None:
+    found = fit_by(method, full.reduced("lateral"), {"sim": flight}, [WINDOW])
     assert found.problem.layout.vehicle.measured
     bias = {n: found.estimates[n] / full.value(n) - 1.0 for n in ("Clbeta", "Clp", "Claileron", "Cnbeta")}
     assert max(map(abs, bias.values())) < (0.05 if method == "equation-error" else 0.02), bias
 
 
-def test_what_was_not_recorded_is_held_and_told(full: Vehicle) -> None:
-    flight, longitudinal = flown(full, 0.06), full.reduced("longitudinal")
-    lateral, motion = ("beta", "p", "r", "phi"), {}
+def test_what_was_not_recorded_is_held_and_told(full: Vehicle, flight: Flight) -> None:
+    longitudinal, lateral, motion = full.reduced("longitudinal"), ("beta", "p", "r", "phi"), {}
     for lost in (lateral, ("phi",), ()):
         blind = replace(flight, data=flight.data.drop_vars(list(lost)))
         problem, prepared = estimation_problem(longitudinal, {"sim": blind}, [WINDOW], Options())
@@ -114,12 +98,8 @@ def test_what_was_not_recorded_is_held_and_told(full: Vehicle) -> None:
 
 
 def test_readings_become_states_at_the_center_of_gravity_without_errors_of_the_sensors(full: Vehicle) -> None:
-    changes = {
-        "sensors.q.bias": {"value": 0.05},
-        "sensors.V.bias": {"value": -1.0},
-        "sensors.alpha.bias": {"value": 0.02},
-    }
-    vehicle = full.reduced("lateral").coupled_to(("V", "alpha", "q", "theta")).with_numbers(changes)
+    biases = {f"sensors.{c}.bias": {"value": b} for c, b in (("q", 0.05), ("V", -1.0), ("alpha", 0.02))}
+    vehicle = full.reduced("lateral").coupled_to(("V", "alpha", "q", "theta")).with_numbers(biases)
     t = np.arange(200) * 0.02
     true = {
         "V": 30.0 + np.sin(t), "alpha": 0.1 + 0.03 * np.cos(2 * t), "beta": 0.1 * np.sin(3 * t), "q": 0.2 * np.cos(t),
@@ -143,12 +123,8 @@ def test_readings_become_states_at_the_center_of_gravity_without_errors_of_the_s
 def test_a_lateral_model_in_gusts_under_an_autopilot() -> None:
     """Filter error, which the gusts call for, with the vertical and axial gusts in the measured V and alpha."""
     scene = closed_loop.aircraft_scene(30.0 * KNOT, 3)
-    start = scene.start.reduced("lateral")
-    done = fit_by(FIT_ALONE, start, scene.flights, scene.windows)
-    found = done.estimate
+    done = run.fit(run.FIT_ALONE, scene.start.reduced("lateral"), scene.flights, scene.windows)
+    found, truth = done.estimate, {n: scene.truth[n] for n in OBSERVED}
     assert done.setup.options.method == "filter-error"
-    names = ("Clbeta", "Clp", "Clr", "Claileron", "Cnbeta", "Cnr", "Cnrudder")
-    std = dict(zip(found.estimates, error_bars(found).std.tolist(), strict=False))
-    error = {n: found.estimates[n] - scene.truth[n] for n in names}
-    assert all(abs(error[n]) < 3.0 * std[n] for n in names), error
-    assert max(abs(error[n] / scene.truth[n]) for n in ("Clbeta", "Clp", "Claileron")) < 0.03
+    assert np.all(np.abs(deviations(found, truth)) < 3.0)
+    assert max(abs(found.estimates[n] / truth[n] - 1.0) for n in ("Clbeta", "Clp", "Claileron")) < 0.03

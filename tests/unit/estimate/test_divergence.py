@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from unit.estimate.fits import fit_by
 from unit.flown import maneuver, with_few_free
 
 from stoop.errors import StoopError
 from stoop.estimate import methods, shooting_windows
 from stoop.estimate.estimate import Estimate
-from stoop.estimate.fit import Options
 from stoop.flight import Flight
 from stoop.kernels import filtering
 from stoop.kernels.kernel import Kernel
@@ -62,24 +62,18 @@ class Diverging:
 
 
 def fitted(method: str, vehicle: Vehicle, flight: Flight) -> Estimate:
-    options = Options(method=method, generations=6, budget=400.0)
-    found: Estimate = methods.find(method).fitter()(
-        vehicle, {"a": flight}, [Window("a", 0.0, 4.0)], options, None, None
-    )
-    return found
+    return fit_by(method, vehicle, {"a": flight}, [Window("a", 0.0, 4.0)], generations=6, budget=400.0)
 
 
 def ends_as_a_value(method: str, vehicle: Vehicle, flight: Flight) -> None:
     """Check that a fit ends with an estimate that has a status, or with one line of advice."""
     try:
-        found: Estimate | StoopError = fitted(method, vehicle, flight)
+        found = fitted(method, vehicle, flight)
     except StoopError as error:
-        found = error
-    if isinstance(found, StoopError):
-        assert "; " in str(found)  # what is wrong, and what to do
-        return
-    assert found.outcome.status in STATUSES
-    assert np.isfinite(found.z).all()
+        assert "; " in str(error)  # noqa: PT017 - what is wrong, and what to do
+    else:
+        assert found.outcome.status in STATUSES
+        assert np.isfinite(found.z).all()
 
 
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")

@@ -8,10 +8,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from scipy.signal import lfilter
+from unit.estimate.fits import fit_by
 
 from stoop.base.units import KNOT
 from stoop.errors import IdentificationError
-from stoop.estimate import filter_error, methods, scoring
+from stoop.estimate import filter_error, scoring
 from stoop.estimate.fit import Options
 from stoop.estimate.gusts import LIMITS, exceed_sensors, gust_levels, unexplained, with_turbulence
 from stoop.exporters.flight_logs import save_flight_as
@@ -21,7 +22,7 @@ from stoop.problem.windows import Window
 from stoop.simulation.fly import simulate_flight
 from stoop.strategy import Strategy
 from stoop.strategy import gusts as decision
-from stoop.strategy.decision import Fitted, Setup
+from stoop.strategy.decision import Fitted
 from stoop.strategy.run import FIT_ALONE, choose_method, fit, setup_of
 from stoop.vehicle import parse_vehicle
 from stoop.vehicle.builtin import resolve_vehicle
@@ -30,7 +31,7 @@ from stoop_studies.verify.defects import fixed_wing, wing_maneuvers
 
 from .conftest import MANEUVER
 
-WINDOWS = (Window("sim", 0.0, 15.0),)
+WINDOWS, TEN = (Window("sim", 0.0, 15.0),), (Window("sim", 0.0, 10.0),)
 GUSTS = "\n[turbulence]\n" + "".join(f"{a} = {{{{ intensity = {{0}}, length = 150.0 }}}}\n" for a in "uvw")
 
 
@@ -59,9 +60,6 @@ def test_calm_air_shows_no_gusts_whatever_the_sensors_are_off(numbers):
     assert not exceed_sensors(resolve_vehicle("twin-boom"), found)
 
 
-SCALES = ("p", "q", "r", "V", "alpha", "beta")
-
-
 @pytest.fixture(scope="module")
 def shaken():
     """Flights whose controls all move, in calm air and in light turbulence; three seeds."""
@@ -79,12 +77,12 @@ def test_scale_errors_of_sensors_are_no_gusts(shaken):
     """Omega x v_air enters the kinematics, so that 8 % of a gyro would look like gusts of 0.5 to 0.7 noise deviations."""
     vehicle, flights = shaken
     for (air, seed), flown in flights.items():
-        flight, window = flown["sim"], (Window("sim", 0.0, 10.0),)
-        for channel in SCALES if air == "calm" else ():
-            off = replace(flight, data=flight.data.assign({channel: 1.08 * flight.data[channel]}))
-            assert not exceed_sensors(vehicle, gust_levels(vehicle, {"sim": off}, window)), (channel, seed)
+        data = flown["sim"].data
+        for channel in ("p", "q", "r", "V", "alpha", "beta") if air == "calm" else ():
+            off = {"sim": replace(flown["sim"], data=data.assign({channel: 1.08 * data[channel]}))}
+            assert not exceed_sensors(vehicle, gust_levels(vehicle, off, TEN)), (channel, seed)
         if air == "light":
-            assert exceed_sensors(vehicle, 0.7 * gust_levels(vehicle, flown, window))
+            assert exceed_sensors(vehicle, 0.7 * gust_levels(vehicle, flown, TEN))
 
 
 @pytest.mark.parametrize(("angle", "axis"), [("alpha", 2), ("beta", 1)])
@@ -92,9 +90,7 @@ def test_a_missing_vane_hides_its_own_axis_only(shaken, angle, axis):
     vehicle, flights = shaken
     for (air, _), flown in flights.items():
         blind = replace(flown["sim"], data=flown["sim"].data.drop_vars(angle))
-        found, whole = (
-            gust_levels(vehicle, {"sim": f}, (Window("sim", 0.0, 10.0),)) for f in (blind, flown["sim"])
-        )
+        found, whole = (gust_levels(vehicle, {"sim": f}, TEN) for f in (blind, flown["sim"]))
         assert np.flatnonzero(np.isnan(found)).tolist() == [axis]
         assert exceed_sensors(vehicle, found) == (air == "light"), (air, found)
         assert np.delete(found, axis) == pytest.approx(np.delete(whole, axis), abs=0.2)
@@ -114,19 +110,14 @@ def test_noise_that_a_grid_spreads_over_neighbors_is_no_gust(shaken, tmp_path):
         assert exceed_sensors(vehicle, levels) == (air == "light")
 
 
-def plain(setup: Setup) -> str:
-    """Return the method of a fit that no decision has a word on."""
-    assert (setup.notices, setup.in_calm) == ((), "")
-    return setup.options.method
-
-
 def test_without_an_airspeed_or_by_reconstruction_nothing_is_known():
     flight = flown(2.0)["sim"]
     blind = {"sim": replace(flight, data=flight.data.drop_vars("V"))}
     assert np.isnan(levels(blind)).all()
     sources = {**flight.sources, "alpha": replace(flight.sources["alpha"], source="reconstructed")}
     assert np.isnan(levels({"sim": replace(flight, sources=sources)})).all()
-    assert plain(choose_method("", resolve_vehicle("twin-boom"), blind.values(), WINDOWS)) == "output-error"
+    found = choose_method("", resolve_vehicle("twin-boom"), blind.values(), WINDOWS)
+    assert (found.options.method, found.notices, found.in_calm) == ("output-error", (), "")
 
 
 def test_gusts_choose_the_filter_and_who_names_another_is_warned():
@@ -138,12 +129,11 @@ def test_gusts_choose_the_filter_and_who_names_another_is_warned():
         named = choose_method(name, vehicle, flights.values(), WINDOWS)
         assert (named.options.method, named.in_calm) == (name, "")
         assert [(n.code, n.severity) for n in named.notices] == [("gusts-ignored", "warning")]
-        change = decision.look_for_gusts(
-            setup_of(Strategy.default(), vehicle, flights, WINDOWS, options=Options(method=name))
-        )
-        assert change.done == f"{name} kept, which takes no gusts"
+        setup = setup_of(Strategy.default(), vehicle, flights, WINDOWS, options=Options(method=name))
+        assert decision.look_for_gusts(setup).done == f"{name} kept, which takes no gusts"
     for name in ("filter-error", "equation-error"):
-        assert plain(choose_method(name, vehicle, flights.values(), WINDOWS)) == name
+        named = choose_method(name, vehicle, flights.values(), WINDOWS)
+        assert (named.options.method, named.notices, named.in_calm) == (name, (), "")
     delay = "\n[sensors]\nalpha = { delay = { value = 0.02, free = true, bounds = [0.0, 0.1] } }\n"
     late = choose_method("", parse_vehicle(vehicle.text + delay, "late"), flights.values(), WINDOWS)
     assert (late.options.method, [n.code for n in late.notices]) == ("output-error", ["gusts-ignored"])
@@ -152,13 +142,9 @@ def test_gusts_choose_the_filter_and_who_names_another_is_warned():
 def test_a_table_of_the_file_is_kept_and_a_reduced_model_has_its_own_axes(gusty):
     plain = resolve_vehicle("twin-boom")
     assert with_turbulence(gusty) is gusty
-    blown = with_turbulence(plain)
-    assert blown.gusts == ("u", "v", "w")
-    assert parse_vehicle(blown.text, "again").file == blown.file, (
-        "the identified vehicle is written from the text"
-    )
-    short = with_turbulence(plain.reduced("longitudinal"))
-    assert short.gusts == ("u", "w")
+    blown, short = with_turbulence(plain), with_turbulence(plain.reduced("longitudinal"))
+    assert (blown.gusts, short.gusts) == (("u", "v", "w"), ("u", "w"))
+    assert parse_vehicle(blown.text, "again").file == blown.file, "the identified vehicle is written"
     free = {p.name for p in short.parameters if p.free and p.name.startswith("turbulence")}
     assert free == {"turbulence.u.intensity", "turbulence.w.intensity"}
 
@@ -176,24 +162,17 @@ def test_white_innovations_of_a_converged_fit_are_asked_for():
 
 def test_a_filter_whose_innovations_gusts_do_not_explain_ends_early(gusty_start, gusty_flight, monkeypatch):
     """Slow errors of all readings; a filter that was named goes on to its optimum."""
-    rng = np.random.default_rng(0)
-    slow = {
-        n: 5.0
-        * getattr(gusty_start.file.sensors, n).sigma
-        * lfilter([0.3], [1.0, -0.95], rng.standard_normal(gusty_flight.time.size))
-        for n in gusty_start.outputs
-    }
-    drifting = gusty_flight.data.assign({n: gusty_flight.data[n] + x for n, x in slow.items()})
-    flights = {"sim": replace(gusty_flight, data=drifting)}
-    searches = []
-    monkeypatch.setattr(
-        filter_error, "maximize", lambda *args: searches.append(args[3]) or scoring.maximize(*args)
-    )
+    rng, data, searches, plain = np.random.default_rng(0), gusty_flight.data, [], scoring.maximize
+    for n in gusty_start.outputs:
+        slow = lfilter([1.5], [1.0, -0.95], rng.standard_normal(gusty_flight.time.size))
+        data = data.assign({n: data[n] + getattr(gusty_start.file.sensors, n).sigma * slow})
+    flights = {"sim": replace(gusty_flight, data=data)}
+    monkeypatch.setattr(filter_error, "maximize", lambda *args: searches.append(args[3]) or plain(*args))
     done = fit(FIT_ALONE, gusty_start, flights, WINDOWS)
     assert done.setup.options.method == "output-error"
     assert "gusts-not-explained" in [n.code for n in done.estimate.notices]
     assert set(searches) == {filter_error.TOLERANCES.first}
-    found = methods.find("filter-error").fitter()(gusty_start, flights, WINDOWS, Options(), None, None)
+    found = fit_by("filter-error", gusty_start, flights, WINDOWS)
     assert searches[-1] == filter_error.TOLERANCES.last
     assert abs(found.innovation_correlation) > LIMITS.correlation
 
@@ -201,20 +180,16 @@ def test_a_filter_whose_innovations_gusts_do_not_explain_ends_early(gusty_start,
 @pytest.mark.parametrize("failing", ["output-error", "filter-error"])
 def test_the_method_that_fails_gives_way_to_the_other(monkeypatch, failing):
     """A search in calm air that was interrupted goes on where it was, and the filter begins anew."""
-    setup = setup_of(
-        Strategy.default(), resolve_vehicle("twin-boom"), {}, WINDOWS, options=Options(method="output-error")
-    )
-    state = SimpleNamespace(optimizer="ps-gde-lm")
+    vehicle, options = resolve_vehicle("twin-boom"), Options(method="output-error")
+    setup = setup_of(Strategy.default(), vehicle, {}, WINDOWS, options=options)
+    state, start = SimpleNamespace(optimizer="ps-gde-lm"), {"CLalpha": 5.0}
     setup, asked = replace(setup, in_calm="output-error", state=state).by("filter-error"), []
-    estimate = SimpleNamespace(
-        outcome=SimpleNamespace(status="converged"), start={"CLalpha": 5.0}, notices=()
-    )
+    estimate = SimpleNamespace(outcome=SimpleNamespace(status="converged"), start=start, notices=())
 
     def fitted(one):
-        asked.append(
-            (one.options.method, one.state, dict(one.options.start or {}), one.options.treatment.gives_up)
-        )
-        if one.options.method == failing:
+        own = one.options
+        asked.append((own.method, one.state, dict(own.start or {}), own.treatment.gives_up))
+        if own.method == failing:
             raise IdentificationError("the filter diverges from every start")
         return Fitted(one, estimate)
 
@@ -222,8 +197,5 @@ def test_the_method_that_fails_gives_way_to_the_other(monkeypatch, failing):
     done = decision.fit_in_gusts(setup, fitted)
     assert {done.setup.options.method, failing} == {"output-error", "filter-error"}
     calm = failing == "filter-error"  # then the filter begins at its estimates, and may give up early
-    assert asked == [
-        ("output-error", state, {}, False),
-        ("filter-error", None, {"CLalpha": 5.0} if calm else {}, calm),
-    ]
+    assert asked == [("output-error", state, {}, False), ("filter-error", None, start if calm else {}, calm)]
     assert [n.code for n in done.setup.notices] == (["filter-diverges"] if calm else [])

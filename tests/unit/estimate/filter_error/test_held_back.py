@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
+from stoop.base.arrays import FloatArray
 from stoop.estimate.fit import Options
 from stoop.estimate.fitted_filter import FittedFilter
 from stoop.flight import Flight
 from stoop.prediction.initial_state import Predictor
-from stoop.prediction.predict import predict
+from stoop.prediction.predict import Prediction, predict
 from stoop.problem.windows import Window
 from stoop.results.result import Covariance, NoiseCovariance, ProcessNoise, Result, from_json, to_json
 from stoop.simulation.fly import simulate_flight
@@ -24,52 +25,51 @@ from stoop.workflow.validation import validate
 
 from .conftest import MANEUVER
 
-LAST = Window("flight2", 0.0, 15.0)
-
 
 @pytest.fixture(scope="module")
 def flights(gusty: Vehicle) -> list[Flight]:
     return [simulate_flight(gusty, MANEUVER, seed=20 + k, name=f"flight{k}") for k in range(3)]
 
 
-def model(vehicle: Vehicle) -> Predictor:
-    """Return the model with the noise of the vehicle file, as a fit that found the truth would."""
-    noise = NoiseCovariance(
-        vehicle.outputs, np.diag([getattr(vehicle.file.sensors, c).sigma ** 2 for c in vehicle.outputs])
-    )
-    return Predictor(
-        vehicle,
-        Covariance((), np.empty((0, 0))),
-        noise,
-        FittedFilter.of_result(vehicle, noise, ProcessNoise("steady")),
-    )
+def ahead_of(vehicle: Vehicle, *flights: Flight) -> Prediction:
+    """Return predictions with the noise of the vehicle file, as a fit that found the truth would make them."""
+    sigma = np.array([getattr(vehicle.file.sensors, c).sigma for c in vehicle.outputs])
+    noise = NoiseCovariance(vehicle.outputs, np.diag(sigma**2))
+    known = FittedFilter.of_result(vehicle, noise, ProcessNoise("steady"))
+    model = Predictor(vehicle, Covariance((), np.empty((0, 0))), noise, known)
+    windows = [Window(f.name, 0.0, 15.0) for f in flights]
+    return predict(model, {f.name: f for f in flights}, windows, [{}] * len(flights))
 
 
-def test_innovations_of_the_truth_are_white_and_as_large_as_expected(
+def correlations(ahead: Prediction) -> FloatArray:
+    """Return those of neighboring innovations, in the standard errors of white ones, 1 / sqrt(n)."""
+    assert ahead.innovations is not None
+    each = [np.mean(v[1:] * v[:-1], axis=0) / np.mean(v**2, axis=0) for v in ahead.innovations]
+    return np.array(each) * np.sqrt(750)
+
+
+def test_innovations_of_the_truth_are_white_and_as_large_as_expected_and_of_a_wrong_model_not(
     gusty: Vehicle, flights: list[Flight]
 ) -> None:
-    """Of 18 curves; correlations of n samples scatter by 1 / sqrt(n)."""
-    windows = [Window(f.name, 0.0, 15.0) for f in flights]
-    ahead = predict(model(gusty), {f.name: f for f in flights}, windows, [{}] * 3)
-    assert ahead.innovations is not None
-    rms = np.array([np.sqrt(np.mean(v**2, axis=0)) for v in ahead.innovations])
+    """Of 18 curves."""
+    ahead = ahead_of(gusty, *flights)
+    rms, r = np.array([np.sqrt(np.mean(v**2, axis=0)) for v in ahead.innovations or ()]), correlations(ahead)
     assert np.all(np.abs(rms - 1.0) < 0.1)
-    r = np.array([np.mean(v[1:] * v[:-1], axis=0) for v in ahead.innovations]) * np.sqrt(750)
     assert np.mean(np.abs(r) < 1.96) > 0.8
     assert np.max(np.abs(r)) < 4.0
+    for name, factor in (("Cmelevator", 1.4), ("Cmalpha", 1.6), ("CLalpha", 1.4)):
+        wrong = gusty.with_numbers({name: {"value": factor * gusty.value(name)}})
+        assert np.max(np.abs(correlations(ahead_of(wrong, flights[2])))) > 4.0, name
 
 
 def test_the_likelihood_of_a_window_in_gusts_is_that_of_its_innovations(
     gusty: Vehicle, flights: list[Flight]
 ) -> None:
     """It tells a wrong control derivative by many standard errors, where a simulation in gusts can not."""
-    wrong, found, simulated = (
-        gusty.with_numbers({"Cmelevator": {"value": 1.2 * gusty.value("Cmelevator")}}),
-        [],
-        [],
-    )
+    wrong = gusty.with_numbers({"Cmelevator": {"value": 1.2 * gusty.value("Cmelevator")}})
+    found, simulated = [], []
     for vehicle in (gusty, wrong):
-        ahead = predict(model(vehicle), {"flight2": flights[2]}, [LAST], [{}])
+        ahead = ahead_of(vehicle, flights[2])
         assert ahead.innovations is not None
         assert ahead.expected is not None
         ((v,), (s,)) = ahead.innovations, ahead.expected
@@ -81,16 +81,6 @@ def test_the_likelihood_of_a_window_in_gusts_is_that_of_its_innovations(
     scores = [np.sum(one) / np.sqrt(len(one) * np.var(one)) for one in gains]
     assert scores[0] > 5.0
     assert scores[1] < scores[0]
-
-
-def test_innovations_of_a_wrong_model_are_not(gusty: Vehicle, flights: list[Flight]) -> None:
-    for name, factor in (("Cmelevator", 1.4), ("Cmalpha", 1.6), ("CLalpha", 1.4)):
-        wrong = gusty.with_numbers({name: {"value": factor * gusty.value(name)}})
-        ahead = predict(model(wrong), {"flight2": flights[2]}, [LAST], [{}])
-        assert ahead.innovations is not None
-        (v,) = ahead.innovations
-        r = np.mean(v[1:] * v[:-1], axis=0) / np.mean(v**2, axis=0) * np.sqrt(750)
-        assert np.max(np.abs(r)) > 4.0, name
 
 
 @pytest.fixture(scope="module")

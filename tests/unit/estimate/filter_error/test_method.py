@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from unit.estimate.fits import fit_by
 
 from stoop.assessment.error_bars import error_bars
 from stoop.estimate import methods
@@ -19,13 +20,12 @@ from .conftest import MANEUVER
 WINDOW = Window("sim", 0.0, 15.0)
 
 
-def errors(vehicle, flight, method):
-    """The fit, and errors of what was free over their standard errors."""
-    fitter = methods.find(method).fitter()
-    found = fitter(vehicle, {"sim": flight}, [Window("sim", 0.0, 15.0)], Options(method=method), None, None)
+def errors(vehicle, flight, method, **options):
+    """The fit, errors of what was free over their standard errors, and these."""
+    found = fit_by(method, vehicle, {"sim": flight}, [WINDOW], **options)
     truth, std = json.loads(flight.data.attrs["truth"]), error_bars(found).std
-    names = [p.name for p in found.problem.layout.parameters]
-    return found, np.array([found.estimates[n] - truth[n] for n in names]) / std[: len(names)]
+    off = np.array([found.estimates[p.name] - truth[p.name] for p in found.problem.layout.parameters])
+    return found, off / std[: len(off)], std[: len(off)]
 
 
 @pytest.fixture(scope="module")
@@ -34,7 +34,7 @@ def steady(gusty_start, gusty_flight):
 
 
 def test_truth_lies_within_the_error_bars_and_innovations_are_white(steady):
-    found, z = steady
+    found, z, _ = steady
     assert found.outcome.status == "converged"
     assert np.abs(z).max() < 3.5
     assert np.sqrt(np.mean(z**2)) < 1.6
@@ -42,42 +42,35 @@ def test_truth_lies_within_the_error_bars_and_innovations_are_white(steady):
         lag = np.mean(residual[1:] * residual[:-1], axis=0) / np.mean(residual**2, axis=0)
         assert np.abs(lag).max() < 4.0 / np.sqrt(len(residual))
         assert np.mean(residual**2) == pytest.approx(1.0, abs=0.1)
-    noise = np.sqrt(np.diag(found.measurement_noise))
-    true = [
-        getattr(found.problem.layout.vehicle.file.sensors, c).sigma
-        for c in found.problem.layout.vehicle.outputs
-    ]
-    assert noise == pytest.approx(true, rel=0.2)
+    vehicle = found.problem.layout.vehicle
+    true = [getattr(vehicle.file.sensors, c).sigma for c in vehicle.outputs]
+    assert np.sqrt(np.diag(found.measurement_noise)) == pytest.approx(true, rel=0.2)
 
 
 def test_the_first_noise_is_at_least_what_innovations_show(steady):
     """A search from the low noise of second differences costs a step for every factor of e."""
-    found, at = steady[0], steady[0].problem.layout.vehicle.outputs.index("theta")
-    likelihood = found.likelihood
-    low = found.optimum.copy()
-    low[likelihood.known + at] -= 4.0
-    there = raised(likelihood, low)
-    assert likelihood.known + at in np.flatnonzero(there != low)
-    assert there[likelihood.known + at] == pytest.approx(found.optimum[likelihood.known + at], abs=0.5)
-    assert np.array_equal(raised(likelihood, found.optimum), found.optimum)
+    found = steady[0]
+    at = found.likelihood.known + found.problem.layout.vehicle.outputs.index("theta")
+    low = found.optimum - 4.0 * (np.arange(len(found.optimum)) == at)
+    assert raised(found.likelihood, low)[at] == pytest.approx(found.optimum[at], abs=0.5)
+    assert np.array_equal(raised(found.likelihood, found.optimum), found.optimum)
 
 
 def test_a_limit_of_steps_ends_it_and_more_of_them_go_on(steady, gusty_start, gusty_flight):
-    args = (gusty_start, {"sim": gusty_flight}, [WINDOW])
-    fitter = methods.find("filter-error").fitter()
-    few = fitter(*args, Options(method="filter-error", generations=4))
+    args = ("filter-error", gusty_start, {"sim": gusty_flight}, [WINDOW])
+    few = fit_by(*args, generations=4)
     assert (few.outcome.status, few.outcome.generation) == ("generations", 4)
     assert "--generations" in few.outcome.advice
-    more = fitter(*args, Options(method="filter-error"), None, few.outcome.state)
+    more = fit_by(*args, state=few.outcome.state)
     assert more.outcome.status == "converged"
     assert np.array_equal(more.z, steady[0].z)
     older = replace(few.outcome.state, memory=np.empty((0, 0)))  # as a release wrote it that kept no secant
-    assert fitter(*args, Options(), None, older).outcome.status == "converged"
-    assert fitter(*args, Options(budget=100.0)).outcome.status == "budget"
+    assert fit_by(*args, state=older).outcome.status == "converged"
+    assert fit_by(*args, budget=100.0).outcome.status == "budget"
 
 
 def test_a_gain_that_follows_the_flight_finds_the_same(steady, gusty_start, gusty_flight):
-    varying, z = errors(gusty_start, gusty_flight, "filter-error-ekf")
+    varying, z, _ = errors(gusty_start, gusty_flight, "filter-error-ekf")
     assert np.abs(z).max() < 3.5
     for name in ("CLalpha", "Cmalpha", "Cmq", "Cmelevator"):
         assert varying.estimates[name] == pytest.approx(steady[0].estimates[name], rel=0.05)
@@ -86,30 +79,27 @@ def test_a_gain_that_follows_the_flight_finds_the_same(steady, gusty_start, gust
 def test_output_error_is_worse_than_filter_error_and_too_sure_by_weights_of_white_noise(gusty, gusty_start):
     """By the color of its residuals it is less sure."""
     fixed = gusty_start.with_numbers({f"turbulence.{a}.intensity": {"free": False} for a in "uw"})
-    cases = {"filter": (gusty_start, "filter-error", False), "colored": (fixed, "output-error", True)}
-    cases["plain"] = (fixed, "output-error", False)
-    off, held = {case: [] for case in cases}, {case: [] for case in cases}
-    for seed in range(8):
-        flight = simulate_flight(gusty, MANEUVER, seed=seed, name="sim")
-        truth = json.loads(flight.data.attrs["truth"])
-        for case, (vehicle, method, colored) in cases.items():
-            options = Options(method=method, treatment=Treatment(noise_color=colored))
-            found = methods.find(method).fitter()(vehicle, {"sim": flight}, [WINDOW], options, None, None)
-            error = np.array(
-                [found.estimates[p.name] - truth[p.name] for p in found.problem.layout.parameters[:10]]
-            )
-            off[case].append(error)
-            held[case].append(np.abs(error) <= 1.96 * error_bars(found).std[:10])
-    size = {case: np.sqrt(np.mean(np.square(e), axis=0)) for case, e in off.items()}
-    assert np.median(size["colored"] / size["filter"]) > 3.0
-    assert np.median(size["plain"] / size["filter"]) > 3.0
-    assert np.mean(held["filter"]) > 0.85
-    assert np.mean(held["plain"]) < 0.8 < np.mean(held["colored"])
+    cases = (
+        (gusty_start, "filter-error", False),
+        (fixed, "output-error", True),
+        (fixed, "output-error", False),
+    )
+    size, held = [], []
+    flights = [simulate_flight(gusty, MANEUVER, seed=seed, name="sim") for seed in range(8)]
+    for vehicle, method, colored in cases:
+        each = [errors(vehicle, one, method, treatment=Treatment(noise_color=colored))[1:] for one in flights]
+        z, std = (np.array(x)[:, :10] for x in zip(*each, strict=True))
+        size.append(np.sqrt(np.mean((z * std) ** 2, axis=0)))
+        held.append(np.mean(np.abs(z) <= 1.96))
+    assert np.median(size[1] / size[0]) > 3.0
+    assert np.median(size[2] / size[0]) > 3.0
+    assert held[0] > 0.85
+    assert held[2] < 0.8 < held[1]
 
 
 def test_without_gusts_in_the_file_white_accelerations_stand_for_them(gusty_flight, gusty_start):
     calm = replace(gusty_start, file=gusty_start.file.model_copy(update={"turbulence": None}))
-    found, z = errors(calm, gusty_flight, "filter-error")
+    found, z, _ = errors(calm, gusty_flight, "filter-error")
     assert "process-noise" in [n.code for n in found.notices]
     assert np.abs(z[:10]).max() < 5.0
 
@@ -127,12 +117,12 @@ def test_spikes_count_as_not_measured(steady, gusty_start, gusty_flight):
         sigma = getattr(gusty_start.file.sensors, channel).sigma
         at[channel] = np.flatnonzero(rng.random(data.sizes["time"]) < 0.01)
         data[channel][at[channel]] += 60.0 * sigma * rng.choice([-1.0, 1.0], len(at[channel]))
-    clean, (spiked, _) = steady[0], errors(gusty_start, replace(gusty_flight, data=data), "filter-error")
+    (clean, _, std), spiked = steady, errors(gusty_start, replace(gusty_flight, data=data), "filter-error")[0]
     assert not any(n.code == "outliers-missing" for n in clean.notices)
     (said,) = [n for n in spiked.notices if n.code == "outliers-missing"]
     assert set(said.values["channels"]) == set(gusty_start.outputs)
     lost = np.isnan(spiked.problem.pieces[0].measured)
     assert all(lost[at[channel], i].all() for i, channel in enumerate(gusty_start.outputs))
     assert lost.sum() <= 1.1 * sum(map(len, at.values()))
-    for (name, value), error in zip(clean.estimates.items(), error_bars(clean).std, strict=False):
+    for (name, value), error in zip(clean.estimates.items(), std, strict=False):
         assert spiked.estimates[name] == pytest.approx(value, abs=error)

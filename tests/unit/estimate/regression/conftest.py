@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import pytest
 
+from stoop.estimate.fit import Options, estimation_problem
 from stoop.flight import Flight
+from stoop.problem import Misfit
+from stoop.problem.windows import Window
 from stoop.simulation import trim
 from stoop.simulation.fly import simulate_flight
 from stoop.simulation.maneuver import Maneuver
@@ -14,13 +17,12 @@ from stoop.vehicle.builtin import resolve_vehicle
 DURATION = 25.0
 
 
-def multisines(duration: float = DURATION, rate: float = 50.0) -> Maneuver:
+def multisines() -> Maneuver:
     amplitudes = {"elevator": 0.2, "aileron": 0.08, "rudder": 0.12}
-    more = {"shape": "multisine", "start": 0.0, "duration": duration, "band": 1.2, "stride": 3}
-    inputs = [
-        {"control": c, "amplitude": a, "first": 3 + i, **more} for i, (c, a) in enumerate(amplitudes.items())
-    ]
-    return Maneuver.model_validate({"duration": duration, "rate": rate, "input": inputs})
+    more = {"shape": "multisine", "start": 0.0, "duration": DURATION, "band": 1.2, "stride": 3}
+    first = enumerate(amplitudes.items(), 3)
+    inputs = [{"control": c, "amplitude": a, "first": i, **more} for i, (c, a) in first]
+    return Maneuver.model_validate({"duration": DURATION, "rate": 50.0, "input": inputs})
 
 
 @pytest.fixture(scope="session")
@@ -38,3 +40,9 @@ def clean(full: Vehicle) -> Flight:
 @pytest.fixture(scope="session")
 def noisy(full: Vehicle) -> Flight:
     return simulate_flight(full, multisines(), seed=1, name="noisy")
+
+
+def posed(vehicle: Vehicle, flight: Flight, stop: float = DURATION) -> Misfit:
+    """Return the problem of a flight until a time."""
+    windows = [Window(flight.name, 0.0, stop)]
+    return estimation_problem(vehicle, {flight.name: flight}, windows, Options())[0]

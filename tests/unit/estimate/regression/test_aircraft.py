@@ -5,11 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from unit.estimate.regression.conftest import posed
 
-from stoop.estimate.fit import Options, estimation_problem
 from stoop.estimate.regression.aircraft import History, Motion, balance, histories
 from stoop.flight import Flight
-from stoop.problem.windows import Window
 from stoop.simulation.delays import first_order_lag
 from stoop.vehicle import Vehicle
 from stoop.vehicle.document import with_entries
@@ -17,11 +16,10 @@ from stoop.vehicle.load import parse_vehicle
 from stoop_studies.verify.defects import turned
 
 
-def of(vehicle: Vehicle, flight: Flight, stop: float = 25.0) -> tuple[History, ...]:
-    problem, _ = estimation_problem(
-        vehicle, {flight.name: flight}, [Window(flight.name, 0.0, stop)], Options()
-    )
-    return tuple(h for piece in problem.pieces for h in histories(problem.layout.vehicle, piece))
+def of(vehicle: Vehicle, flight: Flight) -> History:
+    problem = posed(vehicle, flight)
+    (found,) = (h for piece in problem.pieces for h in histories(problem.layout.vehicle, piece))
+    return found
 
 
 def by_hand(vehicle: Vehicle, flight: Flight) -> dict[str, np.ndarray]:
@@ -44,14 +42,11 @@ def by_hand(vehicle: Vehicle, flight: Flight) -> dict[str, np.ndarray]:
 
 def test_the_coefficients_are_those_that_were_flown(full: Vehicle, clean: Flight) -> None:
     """Against eq. (1) written out; rates are differentiated, so moments are as exact as a spline."""
-    (history,) = of(full, clean)
     wanted = by_hand(full, clean)
-    inside = slice(50, -50)
-    for coefficient, flown in history.coefficients.items():
+    for coefficient, flown in of(full, clean).coefficients.items():
         tolerance = 1e-5 if coefficient in ("CL", "CD", "CQ") else 2e-3
-        spread = np.ptp(wanted[coefficient])
-        error = np.abs(flown - wanted[coefficient])[inside].max()
-        assert error < tolerance * spread, coefficient
+        error = np.abs(flown - wanted[coefficient])[50:-50].max()
+        assert error < tolerance * np.ptp(wanted[coefficient]), coefficient
 
 
 def test_instruments_are_undone_and_terms_of_the_file_do_not_count(full: Vehicle, noisy: Flight) -> None:
@@ -63,27 +58,21 @@ def test_instruments_are_undone_and_terms_of_the_file_do_not_count(full: Vehicle
     fewer = full.text.replace("CL0 = 0.385", "CL0 = false").replace("Cmq = -47.6", "Cmq = false")
     thrust = {"propulsion.thrust": {"value": full.value("propulsion.thrust")}}
     bare = parse_vehicle(fewer, "bare").with_numbers(thrust)
-    (plain,) = of(full, noisy)
+    plain = of(full, noisy)
     for vehicle, flight in ((aligned, turned(*angles)(noisy)), (crooked, off), (bare, noisy)):
-        (found,) = of(vehicle, flight)
+        found = of(vehicle, flight)
         for coefficient, flown in plain.coefficients.items():
             np.testing.assert_allclose(found.coefficients[coefficient], flown, rtol=1e-8, atol=1e-9)
-    (history,) = of(full.reduced("lateral"), noisy)
-    assert tuple(history.coefficients) == ("CQ", "Cl", "Cn")
+    assert tuple(of(full.reduced("lateral"), noisy).coefficients) == ("CQ", "Cl", "Cn")
 
 
 def test_terms_are_the_ones_that_the_kernel_flies(full: Vehicle, noisy: Flight) -> None:
     """A regressor is what the coefficient's accelerations change by for a unit of its parameter."""
-    (history,) = of(full, noisy)
+    history, kernel, found = of(full, noisy), full.kernel(), Motion.of(full, posed(full, noisy).pieces[0])
     shifted = {"CLq": 3.0, "Clp": 0.7, "Cnrudder": -0.2, "CDalpha2": 1.5}
-    other = full.with_numbers({n: {"value": full.value(n) + d} for n, d in shifted.items()})
-    kernel = full.kernel()
-    problem, _ = estimation_problem(full, {"noisy": noisy}, [Window("noisy", 0.0, 25.0)], Options())
-    found = Motion.of(full, problem.pieces[0])
-    x = found.kernel_states(full)
-    rows = found.rows.copy()
-    for name in shifted:
-        rows[full.rows[name]] = other.value(name)
+    x, rows = found.kernel_states(full), found.rows.copy()
+    for name, delta in shifted.items():
+        rows[full.rows[name]] += delta
     before, after = (kernel.evaluate(r, x, found.inputs) for r in (found.rows, rows))
     _, gains = balance(full, found)
     told = np.zeros((6, len(history.time)))
@@ -97,6 +86,5 @@ def test_terms_are_the_ones_that_the_kernel_flies(full: Vehicle, noisy: Flight) 
 
 
 def test_a_lag_answers_a_ramp_as_its_formula_says() -> None:
-    t = 0.02 * np.arange(200)
-    lag = 0.1
+    t, lag = 0.02 * np.arange(200), 0.1
     np.testing.assert_allclose(first_order_lag(t, lag, 0.02), t - lag * (1.0 - np.exp(-t / lag)), atol=1e-12)

@@ -10,39 +10,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from naive.regression import best_subset, double_sum, press, rss, transform
 
-from stoop.estimate.regression import least_squares as domain
-from stoop.estimate.regression.least_squares import FrequencyDomain, TimeDomain
-from stoop.estimate.regression.structure import (
-    Model,
-    PartialF,
-    Press,
-    Regression,
-    orthogonal,
-    parents,
-    stepwise,
-)
+from stoop.estimate.regression import structure
+from stoop.estimate.regression.least_squares import FrequencyDomain, TimeDomain, fourier_transform
+from stoop.estimate.regression.structure import Model, Regression, orthogonal, stepwise
 from stoop.vehicle import terms
 
 
 def test_the_transform_is_the_sum() -> None:
-    signals = np.random.default_rng(2).standard_normal((80, 2))
-    frequencies = np.array([0.3, 0.7, 1.1, 1.5])
-    found = domain.fourier_transform(signals, frequencies, 0.05)
-    for k, f in enumerate(frequencies):
-        for i in range(2):
-            assert found[k, i] == pytest.approx(transform(signals[:, i], f, 0.05), abs=1e-11)
-
-
-@pytest.mark.parametrize("where", [TimeDomain(), FrequencyDomain(0.1, 2.0)])
-def test_a_model_that_holds_is_found_exactly(where: domain.Domain) -> None:
-    """A domain is linear: what holds sample by sample holds in it."""
-    rng = np.random.default_rng(5)
-    X = np.cumsum(rng.standard_normal((600, 3)), axis=0)
-    y = X @ [1.0, -2.0, 0.5]
-    rows = where.rows(np.column_stack([y, X]), 0.02)
-    np.testing.assert_allclose(
-        np.linalg.lstsq(rows[:, 1:], rows[:, 0], rcond=None)[0], [1.0, -2.0, 0.5], rtol=1e-9
-    )
+    signals, frequencies = np.random.default_rng(2).standard_normal((80, 2)), np.array([0.3, 0.7, 1.1, 1.5])
+    expected = [[transform(signal, f, 0.05) for signal in signals.T] for f in frequencies]
+    np.testing.assert_allclose(fourier_transform(signals, frequencies, 0.05), expected, atol=1e-11)
 
 
 @settings(max_examples=30, deadline=None)
@@ -62,22 +39,15 @@ def test_noise_keeps_its_variance_in_a_band() -> None:
 def test_frequencies_lie_one_over_the_record_apart() -> None:
     f = FrequencyDomain(0.1, 2.0).frequencies(500, 0.02)
     assert np.diff(f) == pytest.approx(0.1)
-    assert f[0] == pytest.approx(0.1)
+    assert (f[0], FrequencyDomain(0.0, 2.0).frequencies(500, 0.02)[0]) == pytest.approx((0.1, 0.1))
     assert f[-1] <= 2.0 + 1e-9
-    assert FrequencyDomain(0.0, 2.0).frequencies(500, 0.02)[0] == pytest.approx(0.1)
 
 
-def test_the_spread_is_the_double_sum() -> None:
+def test_the_spread_is_the_double_sum_and_for_white_residuals_in_a_band_the_normal_matrix() -> None:
     rng = np.random.default_rng(1)
-    v = np.convolve(rng.standard_normal(64), [1.0, 0.7, 0.3], "same")
-    X = rng.standard_normal((64, 3))
-    lags = 12  # a fifth of the rows
-    np.testing.assert_allclose(TimeDomain(span=0.01).scatter(X, v, 0.02), double_sum(X, v, lags), rtol=1e-9)
-
-
-def test_white_residuals_in_a_band_spread_as_the_normal_matrix() -> None:
-    rng = np.random.default_rng(1)
-    X, v = rng.standard_normal((50, 2)), rng.standard_normal(50)
+    v, X = np.convolve(rng.standard_normal(64), [1.0, 0.7, 0.3], "same"), rng.standard_normal((64, 3))
+    summed = double_sum(X, v, 12)  # a fifth of the rows
+    np.testing.assert_allclose(TimeDomain(span=0.01).scatter(X, v, 0.02), summed, rtol=1e-9)
     np.testing.assert_allclose(FrequencyDomain().scatter(X, v, 0.02), X.T @ X * np.mean(v**2))
 
 
@@ -129,14 +99,14 @@ def test_terms_that_cancel_are_found_on_the_way_down() -> None:
 
 def test_chance_alone_brings_in_a_term_as_seldom_as_is_said() -> None:
     """A significance of 0.2 among six candidates: Bonferroni holds it to at most 0.2, and to little less."""
-    rule = PartialF(0.2)
+    rule = structure.PartialF(0.2)
     hits = sum(bool(stepwise(rows(*drawn(seed, 60, 6)), rule).model.columns) for seed in range(150))
     assert 0.08 * 150 < hits < 0.28 * 150
 
 
 def test_products_and_powers_stand_on_their_variables() -> None:
     known = {"alpha", "beta", "q", "elevator", "rudder"}
-    names = (
+    names = [
         "alpha^3",
         "alpha",
         "elevator",
@@ -145,8 +115,8 @@ def test_products_and_powers_stand_on_their_variables() -> None:
         "abs(alpha)",
         "2*alpha",
         "rudder*elevator",
-    )
-    found = parents([terms.parse(name, known, "test") for name in names])
+    ]
+    found = structure.parents([terms.parse(name, known, "test") for name in names])
     assert found == ((1,), (), (), (1, 2), (), (), (), (2,))
 
 
@@ -157,6 +127,6 @@ def test_nothing_is_chosen_without_what_it_stands_on(seed: int) -> None:
     columns = np.column_stack([X, X[:, 0] ** 2, X[:, 1] ** 3, X[:, 0] * X[:, 2]])
     y = columns @ np.random.default_rng(seed).choice([0.0, 1.0], 6) + noise
     data = replace(rows(y, columns), parents=((), (), (), (0,), (1,), (0, 2)))
-    for criterion in (stepwise, orthogonal, lambda r: stepwise(r, Press())):
+    for criterion in (stepwise, orthogonal, lambda r: stepwise(r, structure.Press())):
         model = criterion(data).model
         assert all(set(data.parents_of(c)) <= set(model.columns) for c in model.columns)

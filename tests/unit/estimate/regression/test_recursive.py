@@ -6,13 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from unit.estimate.regression.conftest import DURATION, posed
 
-from stoop.estimate.fit import Options, estimation_problem
 from stoop.estimate.regression.aircraft import AircraftEquations
 from stoop.estimate.regression.least_squares import Estimates, FrequencyDomain, estimate, fourier_transform
 from stoop.estimate.regression.recursive import STENCIL, Estimate, RealTime, RecursiveTransform
 from stoop.flight import Flight
-from stoop.problem.windows import Window
 from stoop.simulation.delays import play, rate_limited
 from stoop.vehicle import Vehicle
 from stoop.vehicle.load import parse_vehicle
@@ -25,27 +24,22 @@ def test_the_difference_is_exact_for_polynomials_of_fourth_degree() -> None:
     np.testing.assert_allclose(slopes, [0.0, 1.0, 0.0, 0.0, 0.0], atol=1e-14)
 
 
-def flown(
-    vehicle: Vehicle, flight: Flight, online: RealTime, start: int = 0, stop: int | None = None
-) -> dict[str, Estimate]:
+def flown(vehicle: Vehicle, flight: Flight, stop: int | None = None) -> dict[str, Estimate]:
+    """Return what is known in real time after the first samples."""
+    dt = 1.0 / flight.rate
+    online = RealTime(vehicle, dt, BAND.frequencies(len(flight.time), dt), np.inf)
     names = [c for c in (*vehicle.outputs, *vehicle.inputs, "altitude") if c in flight.data]
-    table = np.column_stack([flight.column(c) for c in names])
-    for row in table[start:stop]:
+    for row in np.column_stack([flight.column(c) for c in names])[:stop]:
         online.update(dict(zip(names, row, strict=True)))
     return online.estimate()
 
 
-def batch_of(vehicle: Vehicle, flight: Flight, stop: float = 25.0) -> tuple[AircraftEquations, Estimates]:
-    problem, _ = estimation_problem(vehicle, {"noisy": flight}, [Window("noisy", 0.0, stop)], Options())
+def batch_of(vehicle: Vehicle, flight: Flight, stop: float = DURATION) -> tuple[AircraftEquations, Estimates]:
+    problem = posed(vehicle, flight, stop)
     equations = AircraftEquations.of(problem.layout, problem.pieces)
     found = estimate(equations, BAND)
     assert found is not None
     return equations, found
-
-
-def online(vehicle: Vehicle, flight: Flight, memory: float = np.inf) -> RealTime:
-    dt = 1.0 / flight.rate
-    return RealTime(vehicle, dt, BAND.frequencies(len(flight.time), dt), memory)
 
 
 @pytest.mark.parametrize("memory", [np.inf, 1.0])
@@ -62,15 +56,13 @@ def test_the_growing_transform_is_the_transform(memory: float) -> None:
 
 def test_the_end_is_that_of_the_batch(full: Vehicle, noisy: Flight) -> None:
     equations, batch = batch_of(full, noisy)
-    found = flown(full, noisy, online(full, noisy))
-    std = np.sqrt(np.diag(batch.covariance))
-    well = 0
-    for k, name in enumerate(equations.names):
-        if name in found and std[k] < 0.01 * abs(batch.values[k]):
-            assert found[name].value == pytest.approx(batch.values[k], rel=0.02), name
-            assert found[name].std_error == pytest.approx(std[k], rel=0.3), name
-            well += 1
-    assert well >= 6
+    found = flown(full, noisy)
+    each = zip(equations.names, batch.values, np.sqrt(np.diag(batch.covariance)), strict=True)
+    well = [(found[n], value, std) for n, value, std in each if n in found and std < 0.01 * abs(value)]
+    assert len(well) >= 6
+    for one, value, std in well:
+        assert one.value == pytest.approx(value, rel=0.02)
+        assert one.std_error == pytest.approx(std, rel=0.3)
 
 
 def with_servo(full: Vehicle, servo: str) -> Vehicle:
@@ -82,18 +74,17 @@ def with_servo(full: Vehicle, servo: str) -> Vehicle:
 def test_lags_and_delays_of_controls_are_those_of_the_batch(full: Vehicle, noisy: Flight) -> None:
     late = with_servo(full, "lag = 0.06\ndelay = 0.05\n")
     equations, batch = batch_of(late, noisy, 12.5)
-    found = flown(late, noisy, online(late, noisy), 0, 626)
+    found = flown(late, noisy, 626)
     for name in ("Cmelevator", "Cmalpha"):
         assert found[name].value == pytest.approx(batch.values[equations.names.index(name)], rel=0.02)
 
 
 def test_a_servo_is_followed_sample_by_sample(full: Vehicle, noisy: Flight) -> None:
     slow = with_servo(full, "rate_limit = 0.1\ndead_zone = 0.02\ndelay = 0.02\n")
-    found = flown(slow, noisy, online(slow, noisy), 0, 400)
+    found = flown(slow, noisy, 400)
     moved = rate_limited(play(noisy.column("elevator"), 0.02), 0.1 / noisy.rate)
     assert np.abs(moved - noisy.column("elevator")).max() > 0.02, "it shows"
     followed = replace(noisy, data=noisy.data.assign(elevator=("time", moved)))
-    late = with_servo(full, "delay = 0.02\n")
-    expected = flown(late, followed, online(late, followed), 0, 400)
+    expected = flown(with_servo(full, "delay = 0.02\n"), followed, 400)
     assert found.keys() == expected.keys()
     assert all(found[n].value == pytest.approx(one.value, rel=1e-6, abs=1e-9) for n, one in expected.items())

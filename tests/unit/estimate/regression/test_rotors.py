@@ -6,13 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from unit.estimate.regression.conftest import posed
+from unit.flown import with_few_free
 
-from stoop.estimate.fit import Options, estimation_problem
 from stoop.estimate.regression.least_squares import Estimates, TimeDomain, estimate
 from stoop.estimate.regression.rotors import MOMENTS, RotorEquations
 from stoop.flight import Flight
 from stoop.flight.flight import from_columns
-from stoop.problem.windows import Window
 from stoop.simulation import initial_states, parameter_rows
 from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.vehicle.builtin import builtin_vehicle
@@ -52,14 +52,10 @@ def regressed(mixed: bool) -> tuple[dict[str, float], Estimates]:
 
 def solved_for(vehicle: Vehicle, flight: Flight, free: tuple[str, ...]) -> tuple[dict[str, float], Estimates]:
     """Fit some numbers and hold the others."""
-    held = [p.name for p in vehicle.parameters if p.free and p.name not in free]
-    own = vehicle.with_numbers({name: {"free": False} for name in held})
-    problem, _ = estimation_problem(own, {"quad": flight}, [Window("quad", 0.0, 3.99)], Options())
-    equations = RotorEquations.of(problem.layout, problem.pieces)
-    solved = estimate(equations, TimeDomain(), bounded=True)
+    problem = posed(with_few_free(vehicle, free), flight, 3.99)
+    solved = estimate(RotorEquations.of(problem.layout, problem.pieces), TimeDomain(), bounded=True)
     assert solved is not None
-    names = [p.name for p in problem.layout.parameters]
-    return dict(zip(names, solved.values, strict=False)), solved
+    return {p.name: v for p, v in zip(problem.layout.parameters, solved.values, strict=False)}, solved
 
 
 def test_the_truth_comes_back() -> None:
@@ -71,11 +67,9 @@ def test_the_truth_comes_back() -> None:
 def test_gyros_and_accelerometers_are_enough() -> None:
     """Thrust, lag and inertia of a vehicle without drag, from a log that holds neither velocity nor attitude."""
     truth = {"rotors.T2": 7.0, "rotors.lag": 0.06, "mass.inertia.xx": 0.02, "mass.inertia.yy": 0.03}
-    none = {"rotors.inflow", "rotors.drag"} | {
-        f"body_drag.{kind}.{k}" for kind in ("linear", "quadratic") for k in "xyz"
-    }
-    still = {p.name: {"value": 0.0} for p in builtin_vehicle("quad-x").parameters if p.name in none}
-    vehicle = builtin_vehicle("quad-x").with_numbers({**still, **{n: {"free": True} for n in truth}})
+    vehicle, none = builtin_vehicle("quad-x"), ("rotors.inflow", "rotors.drag", "body_drag.")
+    still = {p.name: {"value": 0.0} for p in vehicle.parameters if p.name.startswith(none)}
+    vehicle = vehicle.with_numbers({**still, **{n: {"free": True} for n in truth}})
     noise = {c: 0.01 * np.random.default_rng(i).standard_normal(400) for i, c in enumerate(("ax", "ay"))}
     whole = flown(vehicle, False, truth, noise)  # without drag they would read zero, as a dead sensor does
     sensed = replace(whole, data=whole.data.drop_vars(["vn", "ve", "vd", "phi", "theta", "psi"]))
@@ -98,8 +92,7 @@ def test_a_turned_inertial_unit_with_scale_errors_is_in_the_equations() -> None:
         "p = { scale = 1.1 }\nr = { scale = 0.9 }\naz = { scale = 1.05 }\n"
     )
     vehicle = parse_vehicle(text, "turned")
-    flight = flown(vehicle, False, {})
-    problem, _ = estimation_problem(vehicle, {"quad": flight}, [Window("quad", 0.0, 3.99)], Options())
+    problem = posed(vehicle, flown(vehicle, False, {}), 3.99)
     (stretch,) = RotorEquations.of(problem.layout, problem.pieces).stretches
     inside = slice(20, -20)
     error = (stretch.measured - stretch.modeled(vehicle, parameter_rows(vehicle, {})))[inside]

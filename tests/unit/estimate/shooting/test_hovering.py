@@ -6,12 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from unit.estimate.fits import fit_by
 from unit.flown import maneuver
 
 from stoop.checks.excitation import in_ratio, ratios
 from stoop.checks.rotors import foreign_motors, rotor_notices
 from stoop.errors import FlightError, IdentificationError
-from stoop.estimate import methods, multiple_shooting
+from stoop.estimate import multiple_shooting
 from stoop.estimate.fit import Options, estimation_problem
 from stoop.flight import from_columns
 from stoop.problem.windows import Window
@@ -23,16 +24,10 @@ from stoop.workflow import identify
 WINDOW = [Window("sim", 0.0, 16.0)]
 WIND = (2.0, -1.0, 0.0)
 INPUTS = (
-    ("roll", "doublet", 1.0, 0.15, 8.0),
-    ("pitch", "doublet", 2.0, 0.15, 8.0),
-    ("yaw", "doublet", 3.0, 0.4, 1.5),
-    ("heave", "3-2-1-1", 4.0, 0.25, 2.0),
-    ("north", "doublet", 6.0, 2.0, 2.5),
-    ("east", "doublet", 8.0, 2.0, 2.5),
-    ("down", "doublet", 9.5, 2.0, 1.0),
-    ("roll", "doublet", 13.0, 0.15, -8.0),
-    ("pitch", "doublet", 14.0, 0.15, -8.0),
-)
+    ("roll", "doublet", 1.0, 0.15, 8.0), ("pitch", "doublet", 2.0, 0.15, 8.0), ("yaw", "doublet", 3.0, 0.4, 1.5),
+    ("heave", "3-2-1-1", 4.0, 0.25, 2.0), ("north", "doublet", 6.0, 2.0, 2.5), ("east", "doublet", 8.0, 2.0, 2.5),
+    ("down", "doublet", 9.5, 2.0, 1.0), ("roll", "doublet", 13.0, 0.15, -8.0), ("pitch", "doublet", 14.0, 0.15, -8.0),
+)  # fmt: skip
 WRONG = {
     "rotors.T1": 0.8, "rotors.T2": 1.2, "rotors.inflow": 1.3, "rotors.drag": 0.7, "rotors.torque_ratio": 1.25,
     "rotors.lag": 1.3,
@@ -62,14 +57,11 @@ def job(start, flight):
     return identify(start, flight, ["0:11"], validate=["11.5:16"])
 
 
-def off(quad, parameters) -> np.ndarray:
-    return np.array([(p.estimate - quad.value(n)) / p.std_error for n, p in parameters.items()])
-
-
 def test_windows_are_the_default_and_find_the_truth(quad, job):
     result = job.result
     assert (result.method, result.status) == ("multiple-shooting", "converged")
-    assert np.abs(off(quad, result.parameters)).max() < 3.5
+    off = [(p.estimate - quad.value(n)) / p.std_error for n, p in result.parameters.items()]
+    assert np.abs(off).max() < 3.5
     assert result.parameters["rotor.m3.factor"].estimate == pytest.approx(0.85, abs=0.01)
     assert result.parameters["rotors.delay"].estimate == pytest.approx(0.012, abs=1e-3)
     for channel, blown in zip(("vn", "ve", "vd"), WIND, strict=True):
@@ -92,7 +84,7 @@ def test_accelerations_alone_come_close(quad, start, flight):
     for name in ("rotors.T2", "rotors.torque_ratio", "rotors.drag", "rotor.m3.factor", "rotors.delay"):
         assert result.parameters[name].estimate == pytest.approx(quad.value(name), rel=0.1), name
     with pytest.raises(IdentificationError, match="equation-error or multiple-shooting"):
-        methods.find("frequency-domain").fitter()(start, {"sim": flight}, WINDOW, Options())
+        fit_by("frequency-domain", start, {"sim": flight}, WINDOW)
 
 
 def test_a_hopeless_start_is_searched_for(start, flight, monkeypatch, resumed):
@@ -103,15 +95,11 @@ def test_a_hopeless_start_is_searched_for(start, flight, monkeypatch, resumed):
     )  # fmt: skip
     groups = ("rotors.", "rotor.", "body_drag.")
     numbers = {p.name: {"free": False} for p in start.parameters if p.free and p.name.startswith(groups)}
-    right = {n: start.value(n) / f for n, f in WRONG.items()} | {
-        "rotors.delay": 0.012,
-        "rotor.m3.factor": 0.85,
-    }
+    right = {n: start.value(n) / f for n, f in WRONG.items()}
+    right |= {"rotors.delay": 0.012, "rotor.m3.factor": 0.85}
     numbers |= {n: {"value": v, "free": False} for n, v in right.items()}
-    numbers |= {
-        "rotors.T2": {"value": 0.7, "free": True, "bounds": (0.1, 20.0)},
-        "rotors.T1": {"value": 0.5, "free": True, "bounds": (0.0, 10.0)},
-    }
+    for name, far, bounds in (("rotors.T2", 0.7, (0.1, 20.0)), ("rotors.T1", 0.5, (0.0, 10.0))):
+        numbers[name] = {"value": far, "free": True, "bounds": bounds}
     args = (start.with_numbers(numbers), {"sim": flight}, [Window("sim", 0.0, 8.0)], Options(budget=900.0))
     fit = resumed(multiple_shooting.fit, *args)
     assert fit.outcome.optimizer == "ps-gde-lm"
@@ -123,9 +111,8 @@ def test_without_mass_and_inertia_ratios_are_told(quad, flight):
     free = {n: {"free": True} for n in ("mass.mass", *(f"mass.inertia.{a}" for a in ("xx", "yy", "zz")))}
     unknown = quad.with_numbers({**free, "mass.mass": {"value": 3.0, "free": True}})
     problem, _ = estimation_problem(unknown, {"sim": flight}, WINDOW, Options())
-    names = [p.name for p in problem.layout.parameters]
-    assert "mass.mass" not in names
-    assert "mass.inertia.xx" in names
+    names = {p.name for p in problem.layout.parameters}
+    assert names & {"mass.mass", "mass.inertia.xx"} == {"mass.inertia.xx"}
     assert "rotors.T2 4 +/- 0.1 N/kg" in ratios(problem.layout.vehicle, {"rotors.T2": (12.0, 0.3)})
     text = quad.text.replace("[rotors]", "[rotors]\ndrag_inflow = { value = 0.001, free = %s }", 1)
     told, held = (parse_vehicle(text % word, "quad").with_numbers(free) for word in ("true", "false"))
@@ -141,6 +128,10 @@ def changed(flight, **columns):
     return replace(from_columns("sim", flight.time, {**kept, **columns}, ()), sources=flight.sources)
 
 
+def noticed(start, flight, **columns):
+    return rotor_notices(estimation_problem(start, {"sim": changed(flight, **columns)}, WINDOW, Options())[0])
+
+
 def test_motors_off_and_rates_that_lack_are_no_flight(start, flight):
     off = {f"motor_{i}": np.where(flight.time < 12.0, 0.01 * i, 0.6 + 0.01 * i) for i in range(1, 5)}
     blank = dict.fromkeys("pqr", np.full(len(flight.time), np.nan))
@@ -151,22 +142,19 @@ def test_motors_off_and_rates_that_lack_are_no_flight(start, flight):
         with pytest.raises(IdentificationError, match=advice):
             estimation_problem(start, {"sim": changed(flight, **columns)}, WINDOW, Options())
     partly = {n: np.where(flight.time < 3.0, 0.0, flight.column(n)) for n in off}
-    problem, _ = estimation_problem(start, {"sim": changed(flight, **partly)}, WINDOW, Options())
-    (one,) = (one for one in rotor_notices(problem) if one.code == "motors-off")
+    (one,) = (one for one in noticed(start, flight, **partly) if one.code == "motors-off")
     assert one.values["first"] == pytest.approx(3.0, abs=0.02)
 
 
 def test_saturation_and_stillness_are_said(start, flight):
     full = np.where(flight.time < 4.0, 1.0, flight.column("motor_2"))
-    problem, _ = estimation_problem(start, {"sim": changed(flight, motor_2=full)}, WINDOW, Options())
-    (one,) = (one for one in rotor_notices(problem) if one.code == "command-saturated")
+    (one,) = (one for one in noticed(start, flight, motor_2=full) if one.code == "command-saturated")
     assert (one.subject, one.values["end"]) == ("motor_2", "upper")
     assert one.values["share"] == pytest.approx(0.25, abs=0.005)
     rng = np.random.default_rng(0)
     still = {f"motor_{i}": 0.6 + 1e-4 * rng.standard_normal(len(flight.time)) for i in range(1, 5)}
     still |= {c: 0.01 * rng.standard_normal(len(flight.time)) for c in "pqr"}
-    problem, _ = estimation_problem(start, {"sim": changed(flight, **still)}, WINDOW, Options())
-    codes = [one.code for one in rotor_notices(problem)]
+    codes = [one.code for one in noticed(start, flight, **still)]
     assert codes.count("axis-not-excited") == 3
     assert "lift-not-excited" in codes
 

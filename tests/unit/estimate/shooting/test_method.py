@@ -1,14 +1,11 @@
 """An aircraft that is unstable in pitch and is flown by a damper: windows that meet find it."""
 
-import json
-
 import numpy as np
 import pytest
+from unit.estimate.fits import deviations, fit_by
 from unit.flown import maneuver, with_few_free
 
-from stoop.assessment.error_bars import error_bars
 from stoop.errors import IdentificationError
-from stoop.estimate import methods
 from stoop.estimate.fit import Options, estimation_problem
 from stoop.estimate.multiple_shooting import MultipleShooting
 from stoop.flight import from_columns
@@ -29,8 +26,7 @@ MANEUVER = maneuver(15.0, ("elevator", "3-2-1-1", 1.0, 0.5, 0.04), ("elevator", 
 def unstable():
     """A divergence that doubles in half a second."""
     vehicle = resolve_vehicle("twin-boom").reduced("longitudinal")
-    point = trim(vehicle)  # where Cmalpha is changed about, so that the trim stays
-    alpha = point.start["alpha"]
+    alpha = trim(vehicle).start["alpha"]  # where Cmalpha is changed about, so that the trim stays
     changed = {"Cmalpha": {"value": 1.5}, "Cm0": {"value": vehicle.value("Cm0") - 3.62 * alpha}}
     return with_few_free(vehicle, FREE).with_numbers(changed)
 
@@ -55,18 +51,18 @@ def flight(unstable):
     columns = dict(zip(unstable.outputs, (np.array(readings) + sigma * noise).T, strict=True))
     columns |= dict(zip(unstable.inputs, np.array(inputs).T, strict=True))
     columns["altitude"] = np.full(len(readings), 200.0)
-    made = from_columns("damped", MANEUVER.time, columns, ("simulated flight",))
-    thrust = point.changes.get("propulsion.thrust", unstable.value("propulsion.thrust"))
-    made.data.attrs["truth"] = json.dumps(
-        {n: unstable.value(n) for n in FREE} | {"propulsion.thrust": thrust}
-    )
-    return made
+    return from_columns("damped", MANEUVER.time, columns, ("simulated flight",))
 
 
 @pytest.fixture(scope="module")
-def start(unstable, flight):
+def truth(unstable):
+    thrust = trim(unstable).changes.get("propulsion.thrust", unstable.value("propulsion.thrust"))
+    return {n: unstable.value(n) for n in FREE} | {"propulsion.thrust": thrust}
+
+
+@pytest.fixture(scope="module")
+def start(unstable, truth):
     """Coefficients that are wrong by up to 40 %, stable in pitch."""
-    truth = json.loads(flight.data.attrs["truth"])
     rng = np.random.default_rng(5)
     wrong = {n: {"value": truth[n] * rng.uniform(0.6, 1.4)} for n in FREE if n != "Cmalpha"}
     thrust = {"propulsion.thrust": {"value": truth["propulsion.thrust"]}}
@@ -81,19 +77,15 @@ def found(start, flight):
     return MultipleShooting()(start, {"damped": flight}, WINDOW, Options(method="multiple-shooting"))
 
 
-def test_truth_comes_back_within_three_standard_errors(start, flight, found):
+def test_truth_comes_back_within_three_standard_errors(start, flight, found, truth):
     """Open loop even the truth runs away, from a first sample that is known to the noise only."""
-    truth, bars = json.loads(flight.data.attrs["truth"]), error_bars(found)
     problem, _ = estimation_problem(start, {"damped": flight}, WINDOW, Options())
     right = problem.layout.unit(np.array([truth[p.name] for p in problem.layout.parameters]))
     readings = np.sum(np.isfinite(problem.pieces[0].measured))
     assert not problem.costs(right[None, :], len(problem.prices) - 1)[0] < 1e3 * readings
     assert found.outcome.status == "converged"
-    z = [
-        (found.estimates[p.name] - truth[p.name]) / s
-        for p, s in zip(found.problem.layout.parameters, bars.std, strict=False)
-    ]
-    assert np.abs(z).max() < 3.0
+    own = {p.name: truth[p.name] for p in found.problem.layout.parameters}
+    assert np.abs(deviations(found, own)).max() < 3.0
     assert found.estimates["Cmalpha"] == pytest.approx(1.5, abs=0.1)
 
 
@@ -110,7 +102,6 @@ def test_a_budget_ends_it_where_the_windows_are_and_more_of_it_goes_on(start, fl
     short = MultipleShooting()(*args, Options(method="multiple-shooting", budget=100.0))
     assert short.outcome.status == "budget"
     assert short.trajectories <= 100.0
-    assert "allow more" in short.outcome.advice
     assert "the windows meet within" in short.outcome.advice
     more = MultipleShooting()(*args, Options(method="multiple-shooting"), None, short.outcome.state)
     assert more.outcome.status == "converged"
@@ -127,14 +118,14 @@ def test_a_hostile_start_ends_in_a_value_or_in_one_line(unstable, flight, seed):
         if p.free:
             reach = 1e3 * max(abs(p.value), 0.1)
             wild[p.name] = {"value": float(rng.uniform(-reach, reach)), "bounds": [-reach, reach]}
-    found, said, hostile = None, "", unstable.with_numbers(wild)
+    hostile = unstable.with_numbers(wild)
     try:
         found = MultipleShooting()(hostile, {"damped": flight}, WINDOW, Options(budget=2000.0))
     except IdentificationError as error:
-        said = str(error)
-    assert "\n" not in said
-    assert found is None or np.isfinite(found.z).all()
-    assert found is None or found.outcome.status == "converged" or found.outcome.advice
+        assert "\n" not in str(error)  # noqa: PT017
+    else:
+        assert np.isfinite(found.z).all()
+        assert found.outcome.status == "converged" or found.outcome.advice
 
 
 def test_an_interrupted_fit_is_resumed_to_the_same_result(start, flight, resumed):
@@ -144,22 +135,14 @@ def test_an_interrupted_fit_is_resumed_to_the_same_result(start, flight, resumed
 
 
 def test_the_length_of_the_windows_does_not_matter(start, flight, found):
+    options = Options(method="multiple-shooting")
     for length in (0.5, 2.0):
-        other = MultipleShooting(length)(
-            start, {"damped": flight}, WINDOW, Options(method="multiple-shooting")
-        )
+        other = MultipleShooting(length)(start, {"damped": flight}, WINDOW, options)
         assert other.estimates == pytest.approx(found.estimates, rel=1e-3, abs=1e-4)
 
 
-def test_a_stable_aircraft_is_found_as_by_output_error(wrong, flight_of_wrong):
-    args = (wrong, {"sim": flight_of_wrong}, [Window("sim", 0.0, 16.0)])
-    one = methods.find("output-error").fitter()(*args, Options(), None, None)
-    many = MultipleShooting()(*args, Options(method="multiple-shooting"))
-    bars = error_bars(one)
-    for p, sigma in zip(one.problem.layout.parameters, bars.std, strict=False):
-        assert many.estimates[p.name] == pytest.approx(one.estimates[p.name], abs=0.05 * sigma)
-
-
-@pytest.fixture(scope="module")
-def flight_of_wrong(aircraft):
-    return simulate_flight(aircraft, parse_maneuver(demo.MANEUVER, "calm"), seed=3, name="sim")
+def test_a_stable_aircraft_is_found_as_by_output_error(wrong, aircraft):
+    calm = simulate_flight(aircraft, parse_maneuver(demo.MANEUVER, "calm"), seed=3, name="sim")
+    each = ("output-error", "multiple-shooting")
+    one, many = (fit_by(method, wrong, {"sim": calm}, [Window("sim", 0.0, 16.0)]) for method in each)
+    assert np.abs(deviations(one, many.estimates)).max() < 0.05

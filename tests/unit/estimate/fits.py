@@ -1,0 +1,31 @@
+"""Fits by the name of a method, and how far their estimates are from the truth."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from stoop.assessment.error_bars import error_bars
+from stoop.base.arrays import FloatArray
+from stoop.estimate import methods
+from stoop.estimate.estimate import Estimate
+from stoop.estimate.fit import Options
+from stoop.flight import Flight
+from stoop.problem.windows import Window
+from stoop.vehicle import Vehicle
+
+
+def fit_by(
+    method: str, vehicle: Vehicle, flights: Mapping[str, Flight], windows: Sequence[Window], **options: Any
+) -> Estimate:
+    fitter, state = methods.find(method).fitter(), options.pop("state", None)
+    found: Estimate = fitter(vehicle, flights, windows, Options(method=method, **options), None, state)
+    return found
+
+
+def deviations(found: Estimate, truth: Mapping[str, float]) -> FloatArray:
+    """Return the errors of the estimates of these numbers over their standard errors."""
+    std = dict(zip(found.estimates, error_bars(found).std.tolist(), strict=False))
+    return np.array([(found.estimates[n] - true) / std[n] for n, true in truth.items()])
