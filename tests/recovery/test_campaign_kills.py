@@ -36,14 +36,7 @@ class Campaign:
     def start(self) -> psutil.Popen:
         """Return the running driver, started if need be."""
         if self.process is None or self.process.poll() is not None:
-            words = [
-                sys.executable,
-                str(self.code / CASE.name),
-                "store.sqlite",
-                "table.csv",
-                "--workers",
-                "2",
-            ]
+            words = [sys.executable, self.code / CASE.name, "store.sqlite", "table.csv", "--workers", "2"]
             environment = {**os.environ, LOG: str(self.folder / "log"), "PYTHONPATH": str(self.code)}
             with (self.folder / "driver.err").open("w") as errors:
                 self.process = psutil.Popen(

@@ -13,11 +13,10 @@ from collections.abc import Mapping
 
 import numpy as np
 import pytest
-from recovery.maneuvers import maneuver
+from unit.estimate.fits import deviations
+from unit.flown import maneuver
 
 from stoop.assessment.covariance import NORMAL_95
-from stoop.assessment.error_bars import error_bars
-from stoop.estimate.estimate import Estimate
 from stoop.estimate.fit import Options
 from stoop.estimate.multiple_shooting import fit
 from stoop.problem.windows import Window
@@ -82,19 +81,15 @@ def misled(vehicle: Vehicle, seed: int) -> tuple[Vehicle, dict[str, float]]:
     return vehicle.with_numbers(changes), truth
 
 
-def sigmas_off(found: Estimate, truth: dict[str, float]) -> np.ndarray:
-    std = error_bars(found).std
-    errors = [found.estimates[p.name] - truth[p.name] for p in found.problem.layout.parameters]
-    return np.array(errors) / std[: len(errors)]
-
-
 def flown(name: str, gusts: float, seed: int) -> np.ndarray:
     true, calm = vehicles(name, gusts)
-    flight = simulate_flight(true, maneuver(SECONDS, *LEGS, wind=[2.0, -1.0, 0.0]), seed=seed, name="sim")
+    flight = simulate_flight(
+        true, maneuver(SECONDS, *LEGS, rate=100.0, wind=[2.0, -1.0, 0.0]), seed=seed, name="sim"
+    )
     start, truth = misled(calm, seed)
     found = fit(start, {"sim": flight}, [Window("sim", 0.0, SECONDS)], Options(seed=seed))
     assert found.outcome.status == "converged"
-    return sigmas_off(found, truth)
+    return deviations(found, {p.name: truth[p.name] for p in found.problem.layout.parameters})
 
 
 def test_a_quadrotor_comes_back_in_calm_air() -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from recovery.maneuvers import maneuver
+from unit.flown import maneuver
 
 from stoop.base.variables import EULER
 from stoop.estimate.fit import Options
@@ -54,12 +54,10 @@ def test_the_default_needs_no_state() -> None:
     text = (EXAMPLES / "crazyflie.toml").read_text()
     text = text.replace('drive = "command"', f'drive = "command"\nlag = {LAG}', 1)
     truth, gusty = (parse_vehicle(text + more, "crazyflie.toml") for more in ("", GUSTS))
-    flight = simulate_flight(gusty, maneuver(20.0, *TUMBLING), seed=1)
+    flight = simulate_flight(gusty, maneuver(20.0, *TUMBLING, rate=100.0), seed=1)
     sensed = replace(flight, data=flight.data.drop_vars([*WIND, *EULER], errors="ignore"))
-    begun = truth.with_numbers(
-        {n: {"value": f * truth.value(n), "free": True, "bounds": None} for n, f in WRONG_SMALL.items()}
-    )
-    result = identify(begun, sensed, ["0.5:19.5"]).result
+    wrong = {n: {"value": f * truth.value(n), "free": True, "bounds": None} for n, f in WRONG_SMALL.items()}
+    result = identify(truth.with_numbers(wrong), sensed, ["0.5:19.5"]).result
     assert (result.method, result.status) == ("equation-error", "converged")
     assert "no-states-recorded" in {n.code for n in result.notices}
     found = {name: result.parameters[name].estimate for name in WRONG_SMALL}
@@ -91,7 +89,7 @@ inertia = 6e-5
 SPINS = maneuver(
     16.0, ("roll", "doublet", 1.0, 0.15, 8.0), ("pitch", "doublet", 2.0, 0.15, 8.0), ("yaw", "doublet", 3.0, 0.4, 1.5),
     ("heave", "3-2-1-1", 4.0, 0.25, 2.0), ("yaw", "doublet", 7.0, 0.2, 2.0), ("north", "doublet", 8.0, 2.0, 2.5),
-    ("east", "doublet", 11.0, 2.0, 2.5),
+    ("east", "doublet", 11.0, 2.0, 2.5), rate=100.0,
 )  # fmt: skip
 WRONG = {
     "rotors.inertia": {"value": 2e-5, "free": True, "bounds": (1e-6, 3e-4)},
@@ -118,38 +116,33 @@ def test_what_spins_rotors_up_is_found(method: str) -> None:
 ROTOR, LIFT = 1.3, 0.2  #: true coefficients
 LOW_QUAD = builtin_text("quad-x") + f"\n[ground_effect]\nradius = 0.127\nrotor = {ROTOR}\n"
 LOW_WING = builtin_text("twin-boom") + f"\n[ground_effect]\nlift = {LIFT}\n"
-
-
 LOW_HOVER = maneuver(
     20.0, ("down", "doublet", 1.0, 1.5, 0.2), ("roll", "doublet", 6.0, 0.15, 6.0), ("pitch", "doublet", 7.5, 0.15, 6.0),
-    ("yaw", "doublet", 9.0, 0.4, 1.0), ("heave", "3-2-1-1", 11.0, 0.25, 1.5), ("down", "doublet", 14.0, 1.5, 0.2), altitude=0.45,
+    ("yaw", "doublet", 9.0, 0.4, 1.0), ("heave", "3-2-1-1", 11.0, 0.25, 1.5), ("down", "doublet", 14.0, 1.5, 0.2),
+    altitude=0.45, rate=100.0,
 )  # fmt: skip
 LOW_PASS = maneuver(
     20.0, ("elevator", "3-2-1-1", 1.0, 0.3, 0.05), ("height", "doublet", 5.0, 2.0, 0.3), ("elevator", "doublet", 12.0, 0.5, 0.05),
-    ("height", "doublet", 14.0, 1.5, 0.3), altitude=0.6,
+    ("height", "doublet", 14.0, 1.5, 0.3), altitude=0.6, rate=100.0,
 )  # fmt: skip
 
 
-@pytest.mark.parametrize("method", ["equation-error", ""])
-def test_the_ground_effect_of_rotors_is_recovered(method: str) -> None:
-    true = parse_vehicle(LOW_QUAD, "quad")
-    flight = simulate_flight(true, LOW_HOVER, seed=1, name="low")
-    assert 0.05 < float(flight.column("height").min()) < 0.25
-    start = true.with_numbers({"ground_effect.rotor": {"value": 0.5}})
-    job = identify(start, flight, ["0:20"], options=Options(method=method))
-    found = job.result.parameters["ground_effect.rotor"]
-    assert abs(found.estimate - ROTOR) < 3.5 * found.std_error
-    assert found.std_error < 0.2 * ROTOR
-
-
-def test_the_ground_effect_on_lift_is_recovered() -> None:
-    true = parse_vehicle(LOW_WING, "wing").reduced("longitudinal")
-    flight = simulate_flight(true, LOW_PASS, seed=2, name="low")
-    start = true.with_numbers({"ground_effect.lift": {"value": 0.0, "bounds": (-1.0, 1.0)}})
-    job = identify(start, flight, ["0:20"])
-    found = job.result.parameters["ground_effect.lift"]
-    assert abs(found.estimate - LIFT) < 3.5 * found.std_error
-    assert found.std_error < 0.3 * LIFT
+@pytest.mark.parametrize(
+    ("method", "name", "value", "share"),
+    [("equation-error", "rotor", ROTOR, 0.2), ("", "rotor", ROTOR, 0.2), ("", "lift", LIFT, 0.3)],
+)
+def test_the_ground_effect_is_recovered(method: str, name: str, value: float, share: float) -> None:
+    if name == "rotor":
+        true, flown, wrong = parse_vehicle(LOW_QUAD, "quad"), LOW_HOVER, {"value": 0.5}
+    else:
+        true, flown = parse_vehicle(LOW_WING, "wing").reduced("longitudinal"), LOW_PASS
+        wrong = {"value": 0.0, "bounds": (-1.0, 1.0)}
+    flight = simulate_flight(true, flown, seed=1 if name == "rotor" else 2, name="low")
+    start = true.with_numbers({f"ground_effect.{name}": wrong})
+    result = identify(start, flight, ["0:20"], options=Options(method=method)).result
+    found = result.parameters[f"ground_effect.{name}"]
+    assert abs(found.estimate - value) < 3.5 * found.std_error
+    assert found.std_error < share * value
 
 
 def test_near_the_ground_less_command_holds_the_vehicle_and_far_above_as_much_as_ever() -> None:
@@ -168,7 +161,7 @@ def test_near_the_ground_less_command_holds_the_vehicle_and_far_above_as_much_as
 
 QUAD_TEXT = (files("stoop.data") / "quad_x.toml").read_text(encoding="utf-8")
 LEGS = (("roll", "3-2-1-1", 4.0, 0.15, 10.0), ("north", "doublet", 10.0, 3.0, 2.0))
-WINDY = maneuver(25.0, *LEGS, altitude=100.0, wind=[2.0, -1.0, 0.0])
+WINDY = maneuver(25.0, *LEGS, rate=100.0, altitude=100.0, wind=[2.0, -1.0, 0.0])
 
 
 def with_factor(factor: float) -> Vehicle:

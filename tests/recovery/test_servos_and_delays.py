@@ -10,11 +10,9 @@ from importlib.resources import files
 
 import numpy as np
 import pytest
+from unit.estimate.fits import deviations, fit_by
 
-from stoop.assessment.error_bars import error_bars
-from stoop.estimate import methods
 from stoop.estimate.estimate import Estimate
-from stoop.estimate.fit import Options
 from stoop.flight import Flight, from_columns
 from stoop.problem.windows import Window
 from stoop.simulation.fly import simulate_flight
@@ -22,6 +20,7 @@ from stoop.simulation.maneuver import Maneuver
 from stoop.vehicle import Vehicle, parse_vehicle
 
 SUBSTEPS = 20
+WINDOW = [Window("sim", 0.0, 15.0)]
 SERVO = {"controls.elevator.rate_limit": 0.35, "controls.elevator.dead_zone": 0.012}  #: rad/s, rad
 DELAYS = {"alpha": 0.033, "q": 0.012, "theta": 0.05}  #: s; 1.65, 0.6, and 2.5 samples
 LATE = {f"sensors.{channel}.delay": late for channel, late in DELAYS.items()}
@@ -72,17 +71,6 @@ def flight(vehicle: Vehicle, seed: int, late: dict[str, float]) -> Flight:
     return from_columns("sim", flown.time[::SUBSTEPS], columns)
 
 
-def fitted(method: str, flown: Flight, start: Vehicle) -> Estimate:
-    fitter = methods.find(method).fitter()
-    return fitter(start, {"sim": flown}, [Window("sim", 0.0, 15.0)], Options(method=method), None, None)
-
-
-def deviations(found: Estimate, known: dict[str, float]) -> np.ndarray:
-    """Return the errors in standard errors."""
-    std = dict(zip((p.name for p in found.problem.layout.parameters), error_bars(found).std, strict=False))
-    return np.array([(found.estimates[n] - value) / std[n] for n, value in known.items()])
-
-
 def spoiled(vehicle: Vehicle, seed: int) -> Vehicle:
     """Free the coefficients, wrong by up to 40 %."""
     rng = np.random.default_rng([seed, 2])
@@ -96,8 +84,8 @@ def recovered(
 ) -> tuple[Estimate, np.ndarray]:
     """Fit coefficients and what else is unknown; return the fit and all errors in standard errors."""
     unknown = {n: {"value": UNKNOWN[n][0], "bounds": UNKNOWN[n][1], "free": True} for n in added}
-    flown = flight(vehicle, seed, DELAYS if added is LATE else {})
-    found = fitted(method, flown, spoiled(vehicle, seed).with_numbers(unknown))
+    flown = {"sim": flight(vehicle, seed, DELAYS if added is LATE else {})}
+    found = fit_by(method, spoiled(vehicle, seed).with_numbers(unknown), flown, WINDOW)
     return found, deviations(found, {n: vehicle.value(n) for n in FREE} | added)
 
 
@@ -121,7 +109,8 @@ def test_delays_come_back_in_calm_air(method: str) -> None:
 def test_known_delays_leave_the_noise_as_it_is_in_gusts() -> None:
     vehicle = prompt(GUSTS)
     known = {n: {"value": late, "free": False} for n, late in LATE.items()}
-    found = fitted("filter-error", flight(vehicle, 1, DELAYS), spoiled(vehicle, 1).with_numbers(known))
+    start, flown = spoiled(vehicle, 1).with_numbers(known), {"sim": flight(vehicle, 1, DELAYS)}
+    found = fit_by("filter-error", start, flown, WINDOW)
     assert found.outcome.status == "converged"
     assert np.abs(deviations(found, {n: vehicle.value(n) for n in FREE})).max() < 3.5
     noise = dict(zip(vehicle.outputs, np.sqrt(np.diag(found.measurement_noise)), strict=True))

@@ -10,10 +10,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import pytest
-from recovery.maneuvers import maneuver
+from unit.estimate.fits import fit_by
+from unit.flown import maneuver
 
-from stoop.estimate.fit import Options
-from stoop.estimate.methods import find
 from stoop.flight import Flight
 from stoop.flight.flight import dataset
 from stoop.flight.gridding import Channels, grid_channels
@@ -52,40 +51,26 @@ class Log:
 
     def at(self, rate: float) -> Flight:
         """Return what is read of a log whose motors came at a rate, Hz, and all else at 250 Hz."""
-        parts = []
+        parts, names = [], [*map(str, self.flown.data.data_vars)]
         for stream, step in (("motion", 2), ("motors", round(FINE / rate))):
-            names = [
-                c
-                for c in map(str, self.flown.data.data_vars)
-                if c.startswith("motor_") == (stream == "motors")
-            ]
+            own = [c for c in names if c.startswith("motor_") == (stream == "motors")]
             few = slice(step // 2, None, step)
-            parts.append(
-                Channels(stream, self.flown.time[few], {c: self.flown.column(c)[few] for c in names})
-            )
+            parts.append(Channels(stream, self.flown.time[few], {c: self.flown.column(c)[few] for c in own}))
         grid, data, sources = grid_channels(parts, 100.0, "log")
         return Flight("log", None, dataset(grid.time, data), grid.rate, sources)
 
     def off(self, rate: float, method: str) -> float:
         """Return how far the moments of inertia are off, of their size; the larger."""
         begun = self.vehicle.with_numbers({name: {"free": True, "bounds": (1e-3, 1.0)} for name in INERTIA})
-        window, fitter = Window("log", 0.2, SECONDS - 0.2), find(method).fitter()
-        found = fitter(begun, {"log": self.at(rate)}, [window], Options(method=method), None, None)
+        found = fit_by(method, begun, {"log": self.at(rate)}, [Window("log", 0.2, SECONDS - 0.2)])
         return max(abs(found.estimates[n] / self.vehicle.value(n) - 1.0) for n in INERTIA)
 
 
 @pytest.fixture(scope="module")
 def log() -> Log:
     """Return a flight of doublets whose motors are shaken about two axes."""
-    keys = {
-        "shape": "multisine",
-        "start": 0.0,
-        "duration": SECONDS,
-        "amplitude": SHAKEN,
-        "band": 200.0,
-        "stride": 7,
-    }
-    shaken = [{"control": c, "first": 601 + i, **keys} for i, c in enumerate(("roll", "pitch"))]
+    keys = {"shape": "multisine", "start": 0.0, "duration": SECONDS, "amplitude": SHAKEN, "band": 200.0}
+    shaken = [{"control": c, "first": 601 + i, "stride": 7, **keys} for i, c in enumerate(("roll", "pitch"))]
     doublets = maneuver(SECONDS, *INPUTS).model_dump(mode="json", exclude_defaults=True)["input"]
     flown = Maneuver.model_validate({"duration": SECONDS, "rate": FINE, "input": [*doublets, *shaken]})
     vehicle = builtin_vehicle("quad-x")

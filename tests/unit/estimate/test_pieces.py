@@ -42,35 +42,30 @@ def quad() -> Vehicle:
     return builtin_vehicle("quad-x").with_numbers({name: {"value": w} for name, w in WIND.items()})
 
 
-def drifting(vehicle: Vehicle, without: tuple[str, ...] = ()) -> Flight:
-    """Return a flight whose every channel stands still, a motor that is off among them."""
+def drifting(vehicle: Vehicle) -> Prepared:
+    """Return a piece of a flight whose every channel stands still, a motor that is off among them."""
     t = np.arange(200) * 0.01
     ground = rotation(*ANGLES) @ THROUGH_AIR + list(WIND.values())
-    columns = dict(zip(("vn", "ve", "vd"), ground, strict=True)) | dict(
-        zip(("phi", "theta", "psi"), ANGLES, strict=True)
-    )
+    columns = dict(zip(("vn", "ve", "vd", "phi", "theta", "psi"), (*ground, *ANGLES), strict=True))
     columns |= {"p": 0.3, "q": -0.2, "r": 0.1, "ax": 0.0, "ay": 0.0, "az": -9.8, "altitude": 120.0}
     columns |= {f"motor_{i}": 0.2 * i for i in (1, 2, 3)} | {"motor_4": 0.0}
-    kept = {name: np.full(len(t), value) for name, value in columns.items() if name not in without}
-    return from_columns("drift", t, kept)
+    flight = from_columns("drift", t, {name: np.full(len(t), value) for name, value in columns.items()})
+    return prepare(vehicle, {"drift": flight}, [Window("drift", 0.0, 1.9)])
 
 
 def test_the_wind_is_taken_off_and_the_attitude_undone(quad: Vehicle) -> None:
-    prepared = prepare(quad, {"drift": drifting(quad)}, [Window("drift", 0.0, 1.9)])
+    prepared = drifting(quad)
     (piece,) = prepared.pieces
     assert set(piece.start) == set(quad.start_names)
-    assert [piece.start[n] for n in "uvw"] == pytest.approx(list(THROUGH_AIR), abs=1e-9)
-    assert [piece.start[n] for n in ("p", "q", "r", "phi", "theta", "psi", "h")] == pytest.approx(
-        [0.3, -0.2, 0.1, *ANGLES, 120.0]
-    )
+    found = [piece.start[n] for n in (*"uvwpqr", "phi", "theta", "psi", "h")]
+    assert found == pytest.approx([*THROUGH_AIR, 0.3, -0.2, 0.1, *ANGLES, 120.0], abs=1e-9)
     assert all(isinstance(value, float) for value in piece.start.values())
-    assert piece.measured.shape[1] == 12
-    assert not prepared.notices
+    assert (piece.measured.shape[1], prepared.notices) == (12, ())
 
 
 def test_nuisances(quad: Vehicle) -> None:
-    prepared = prepare(quad, {"drift": drifting(quad)}, [Window("drift", 0.0, 1.9)])
-    found = {n.name: n for n in nuisances(quad, prepared)}
+    """The wind is one of them, and no parameter of the search."""
+    found = {n.name: n for n in nuisances(quad, drifting(quad))}
     assert [n for n in found if not found[n].is_bias] == [
         "u", "v", "w", "p", "q", "r", "phi", "theta", "psi", "m1.lag", "m2.lag", "m3.lag", "m4.lag",
     ]  # fmt: skip
@@ -78,12 +73,9 @@ def test_nuisances(quad: Vehicle) -> None:
     assert all(found[f"m{i}.lag"].center == 0.0 for i in (1, 2, 3, 4)), "it is added to the command"
     assert [(found[n].center, found[n].scale) for n in WIND] == [(2.0, 3.0), (-1.0, 3.0), (0.2, 0.5)]
     assert found["sensors.p.bias"].is_bias
-
-
-def test_wind_is_no_parameter_of_the_search(quad: Vehicle) -> None:
-    layout = Layout.of(quad, [])
-    assert not [p.name for p in layout.parameters if p.name.startswith("sensors.")]
-    assert "rotors.T2" in [p.name for p in layout.parameters]
+    searched = [p.name for p in Layout.of(quad, []).parameters]
+    assert not [name for name in searched if name.startswith("sensors.")]
+    assert "rotors.T2" in searched
 
 
 def test_a_channel_that_is_stuck_or_all_spikes_counts_as_not_measured() -> None:

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from unit.estimate.fits import fit_by
 from unit.flown import maneuver, with_few_free
 
 from stoop.assessment.assessment import pack
@@ -19,7 +20,6 @@ from stoop.base.npz import read_arrays
 from stoop.errors import IdentificationError
 from stoop.estimate import methods
 from stoop.estimate.estimate import Estimate
-from stoop.estimate.fit import Options
 from stoop.flight import Flight
 from stoop.flight.flight import from_columns
 from stoop.prediction.predict import expected_biases, predict, predictor
@@ -34,7 +34,7 @@ FREE = ("CLalpha", "Cmalpha", "Cmq", "Cmelevator")
 MANEUVER = maneuver(8.0, ("elevator", "3-2-1-1", 0.5, 0.4, 0.05))
 
 
-Problem = tuple[Vehicle, dict[str, Flight], Window]
+Problem = tuple[Vehicle, dict[str, Flight], list[Window]]
 
 
 @pytest.fixture(scope="module")
@@ -47,19 +47,15 @@ def aircraft() -> Problem:
         columns = {c: record.column(c).copy() for c in record.names}
         columns["q"][[50, 170]] += 3.0
         out[name] = from_columns(name, record.time, columns)
-    return vehicle, out, Window("a", 0.0, 8.0)
+    return vehicle, out, [Window("a", 0.0, 8.0)]
 
 
 @pytest.fixture(scope="module")
 def quadrotor() -> Problem:
     vehicle = with_few_free(resolve_vehicle("quad-x"), TRUTH)
-    wobble = np.random.default_rng(1).normal(0.0, WOBBLE, (3, 400))
-    noise = dict(zip("pqr", wobble, strict=True))
-    return (
-        vehicle,
-        {n: replace(flown(vehicle, False, TRUTH, noise), name=n) for n in "ab"},
-        Window("a", 0.0, 3.99),
-    )
+    noise = dict(zip("pqr", np.random.default_rng(1).normal(0.0, WOBBLE, (3, 400)), strict=True))
+    flights = {n: replace(flown(vehicle, False, TRUTH, noise), name=n) for n in "ab"}
+    return vehicle, flights, [Window("a", 0.0, 3.99)]
 
 
 def same(one: Any, other: Any) -> None:
@@ -82,13 +78,6 @@ def saved(found: Estimate) -> dict[str, Any]:
     return read_arrays(file, 2**28)
 
 
-def fitted(method: str, problem: Problem) -> tuple[Estimate, dict[str, Flight]]:
-    vehicle, flights, window = problem
-    fitter = methods.find(method).fitter()
-    found: Estimate = fitter(vehicle, flights, [window], Options(method=method), None, None)
-    return found, flights
-
-
 def compared(found: Estimate) -> list[Any]:
     """Return what assessments read of an estimate."""
     bars, evidence = error_bars(found), found.evidence
@@ -108,7 +97,8 @@ def compared(found: Estimate) -> list[Any]:
 def test_an_estimate_comes_back_with_the_same_bits(
     method: str, kind: str, request: pytest.FixtureRequest
 ) -> None:
-    found, flights = fitted(method, request.getfixturevalue(kind))
+    problem = request.getfixturevalue(kind)
+    found = fit_by(method, *problem)
     again = methods.restore(method, saved(found), "model.npz")
     same(compared(again), compared(found))
     assert type(again) is type(found)
@@ -120,7 +110,7 @@ def test_an_estimate_comes_back_with_the_same_bits(
     window, ahead = [Window("b", 1.0, 3.5)], []
     for one in (again, found):
         model = predictor(one, error_bars(one).covariance)
-        found_ahead = predict(model, flights, window, [expected_biases(one, "b")])
+        found_ahead = predict(model, problem[1], window, [expected_biases(one, "b")])
         ahead.append([found_ahead.readings, found_ahead.deviations, found_ahead.innovations or ()])
     same(*ahead)
 
@@ -134,23 +124,21 @@ def changed(arrays: Mapping[str, Any], **entries: Any) -> dict[str, Any]:
 
 def test_damaged_arrays_are_refused_in_one_line(aircraft: Problem) -> None:
     """Each array of the state shorter, longer, with another dimension, as text, and absent; those of another method."""
-    whole = saved(fitted("output-error", aircraft)[0])
-    other = saved(fitted("equation-error", aircraft)[0])
-    mutations = (
+    whole, other = (saved(fit_by(method, *aircraft)) for method in ("output-error", "equation-error"))
+    changes = (
         lambda x: x[:-1],
         lambda x: np.concatenate([x, x[:1]]),
         lambda x: x[None],
         lambda x: x.astype("U3"),
     )
     mutated = ("z", "time.0", "inputs.0", "measured.0", "recorded.0", "covariance", "root")
-    damaged = [whole | {name: change(whole[name])} for name in mutated for change in mutations]
+    damaged = [whole | {name: change(whole[name])} for name in mutated for change in changes]
     damaged += [{k: x for k, x in whole.items() if k != name} for name in mutated]
     entries: list[dict[str, Any]] = [{"pieces": []}, {"ladder": []}, {"measured": ["nothing"]}]
     entries += [{"ladder": [rung]} for rung in ([], [0], [10**6], [1, 1], ["a"])]
     damaged += [changed(whole, **one) for one in entries]
     damaged += [whole | {"head": np.frombuffer(text, np.uint8)} for text in (b"[" * 100_000, b"{")]
+    refused = r"^m\.npz: holds no estimate of output-error .*fit again$"
     for arrays in (*damaged, {}, other):
-        with pytest.raises(
-            IdentificationError, match=r"^m\.npz: holds no estimate of output-error .*fit again$"
-        ):
+        with pytest.raises(IdentificationError, match=refused):
             methods.restore("output-error", arrays, "m.npz")

@@ -15,22 +15,15 @@ from hypothesis.extra import numpy as hnp
 from stoop.base.notices import as_notice, notice
 from stoop.errors import OutputError, StoopError
 from stoop.estimate.filter_gains import STATED
+from stoop.results import result as results
 from stoop.results.modes import ConditionModes, DerivedValue, MeasuredMode, ModeEstimate, StateEquations
 from stoop.results.result import (
-    SCHEMA,
-    Covariance,
     GoodnessOfFit,
-    InitialState,
     ManeuverResult,
-    NoiseCovariance,
     ParameterEstimate,
     ProcessNoise,
-    Quantity,
     Result,
-    SensorBiases,
-    WindEstimate,
     from_json,
-    read_result,
     to_json,
 )
 from stoop.results.uncertainty import ParameterRepeatability, Repeatability, SingleEstimate
@@ -39,9 +32,9 @@ number = st.floats(allow_nan=True, allow_infinity=False)
 any_number = st.floats()
 finite = st.floats(allow_nan=False, allow_infinity=False)
 name = st.text(st.characters(codec="utf-8"), max_size=12)
-quantity = st.builds(Quantity, number, number, name)
+quantity = st.builds(results.Quantity, number, number, name)
 quantities = st.dictionaries(name, quantity, max_size=3)
-state = st.builds(InitialState, st.integers(0, 9), st.integers(0, 9), number, quantities)
+state = st.builds(results.InitialState, st.integers(0, 9), st.integers(0, 9), number, quantities)
 figures = st.builds(GoodnessOfFit, number, number, number, number)
 
 
@@ -62,8 +55,8 @@ notices = st.lists(name.map(as_notice), max_size=2).map(tuple)
 result = st.builds(
     Result,
     parameters=st.dictionaries(name, parameter, max_size=3),
-    covariance=st.integers(0, 3).flatmap(lambda n: st.builds(Covariance, st.tuples(*[name] * n), square(n))),
-    noise_covariance=st.just(NoiseCovariance((), np.empty((0, 0)))),
+    covariance=st.integers(0, 3).flatmap(lambda n: st.builds(results.Covariance, st.tuples(*[name] * n), square(n))),
+    noise_covariance=st.just(results.NoiseCovariance((), np.empty((0, 0)))),
     initial_states=st.lists(state, max_size=2).map(tuple), biases=st.just(()), wind=st.just(()),
     maneuvers=st.lists(maneuver, max_size=2).map(tuple), cost=number, trajectories=number, seconds=number,
     seed=st.integers(0, 2**63), optimizer=name, status=name, advice=name, trust=notices, notices=notices,
@@ -73,9 +66,10 @@ result = st.builds(
 
 def minimal(**changes: object) -> Result:
     given: dict[str, object] = {
-        "parameters": {"CLalpha": ParameterEstimate(5.0, 0.1)}, "covariance": Covariance(("CLalpha",), np.array([[0.01]])),
-        "noise_covariance": NoiseCovariance((), np.empty((0, 0))), "cost": 1.0, "trajectories": 10.0, "seconds": 0.5,
-        "seed": 1, "optimizer": "scouts", "status": "converged",
+        "parameters": {"CLalpha": ParameterEstimate(5.0, 0.1)},
+        "covariance": results.Covariance(("CLalpha",), np.array([[0.01]])),
+        "noise_covariance": results.NoiseCovariance((), np.empty((0, 0))), "cost": 1.0, "trajectories": 10.0,
+        "seconds": 0.5, "seed": 1, "optimizer": "scouts", "status": "converged",
     }  # fmt: skip
     given |= dict.fromkeys(("initial_states", "biases", "wind", "maneuvers"), ())
     return Result(**(given | changes))  # type: ignore[arg-type]
@@ -88,10 +82,8 @@ def test_round_trip(original: Result) -> None:
     again = from_json(text)
     assert to_json(again) == text
     np.testing.assert_array_equal(again.covariance.matrix, original.covariance.matrix)
-    assert repr(again.parameters) == repr(original.parameters)  # repr: NaN equals NaN
-    assert repr(again.maneuvers) == repr(original.maneuvers)
-    assert repr(again.initial_states) == repr(original.initial_states)
-    assert again.versions == original.versions
+    for part in ("parameters", "maneuvers", "initial_states", "versions"):
+        assert repr(getattr(again, part)) == repr(getattr(original, part))  # repr: NaN equals NaN
 
 
 @given(any_number, any_number)
@@ -102,7 +94,7 @@ def test_text_is_strict_json(cost: float, estimate: float) -> None:
     parameter = ParameterEstimate(np.float64(estimate), at_bound=np.bool_(True))  # type: ignore[arg-type]
     text = to_json(minimal(cost=cost, parameters={"a": parameter}, seed=np.int64(7)))
     document = json.loads(text, parse_constant=refuse)
-    assert (document["schema"], document["seed"]) == (SCHEMA, 7)
+    assert (document["schema"], document["seed"]) == (results.SCHEMA, 7)
     assert document["cost"] == (cost if math.isfinite(cost) else None)
     assert document["parameters"]["a"]["bound_upper"] is None
     again = from_json(json.dumps(document | {"later": 1})).parameters["a"]
@@ -122,11 +114,12 @@ def test_a_file_of_an_older_version_is_read() -> None:
     assert repr(again.maneuvers[0].channels["q"]) == repr(channel)
     assert again.modes == ()
     assert not again.repeatability.parameters
-    for method, noise in (  # then told by a notice
-        ("filter-error-ekf", ProcessNoise("varying", ("w", "q"), (0.3, 0.1))),
-        ("stabilized-output-error", ProcessNoise("steady", share=STATED)),
-        ("output-error", ProcessNoise()),
-    ):
+    told = {
+        "filter-error-ekf": ProcessNoise("varying", ("w", "q"), (0.3, 0.1)),
+        "output-error": ProcessNoise(),
+    }
+    told["stabilized-output-error"] = ProcessNoise("steady", share=STATED)
+    for method, noise in told.items():  # then by a notice
         found = notice("process-noise", states=noise.states, intensities=noise.intensities)
         said = (notice("filter-error"), found)[: 1 + bool(noise.states)]
         document = json.loads(to_json(minimal(method=method, notices=said)))
@@ -135,7 +128,7 @@ def test_a_file_of_an_older_version_is_read() -> None:
 
 
 def test_nested_parts_survive() -> None:
-    some, own = DerivedValue(2.0, 0.1, 1.8, 2.2), {"vn": Quantity(1.0, 0.1, "m/s")}
+    some, own = DerivedValue(2.0, 0.1, 1.8, 2.2), {"vn": results.Quantity(1.0, 0.1, "m/s")}
     remarks = (notice("mode-becomes-real", share=0.2), notice("mode-stability-unknown"))
     seen = MeasuredMode(0, 1.0, 3.0, ("r", "beta"), some, some, notice("response-no-rest"))
     mode = ModeEstimate(
@@ -146,22 +139,20 @@ def test_nested_parts_survive() -> None:
     repeated = ParameterRepeatability((single, single), 1.0, 0.07, 0.0, 1, 1.0, "agree")
     whole = minimal(
         modes=(ConditionModes((0, 2), "trim", 20.0, 100.0, 0.05, (mode,), linear=linear),),
-        repeatability=Repeatability((0, 1), {"Clp": repeated}), biases=(SensorBiases(1, own),),
-        wind=(WindEstimate("a", own, 0.5, ()),),
-        noise_covariance=NoiseCovariance(("p", "q"), np.array([[1.0, 0.2], [0.2, 2.0]])),
+        repeatability=Repeatability((0, 1), {"Clp": repeated}), biases=(results.SensorBiases(1, own),),
+        wind=(results.WindEstimate("a", own, 0.5, ()),),
+        noise_covariance=results.NoiseCovariance(("p", "q"), np.array([[1.0, 0.2], [0.2, 2.0]])),
     )  # fmt: skip
     text = to_json(whole)
     again = from_json(text)
-    (condition,) = json.loads(text)["modes"]  # texts, as readers of older versions expect
-    assert condition["remark"] == ""
+    (condition,), (found,) = json.loads(text)["modes"], again.modes
     said = "two real modes in 20 % of the draws; stability not determined by the data"
-    assert condition["modes"][0]["remark"] == said
-    assert condition["modes"][0]["measured"][0]["remark"] == "not identified: the controls never rest"
+    own = condition["modes"][0]  # texts, as readers of older versions expect
+    unsaid = "not identified: the controls never rest"
+    assert (condition["remark"], own["remark"], own["measured"][0]["remark"]) == ("", said, unsaid)
     assert to_json(again) == text
-    (found,) = again.modes
     assert (found.remark, found.linear, repr(found.modes[0].frequency)) == (None, linear, repr(some))
-    assert [str(one) for one in found.modes[0].remark] == [said]
-    assert str(found.modes[0].measured[0].remark) == "not identified: the controls never rest"
+    assert [*map(str, found.modes[0].remark), str(found.modes[0].measured[0].remark)] == [said, unsaid]
     assert (again.repeatability, again.biases) == (whole.repeatability, whole.biases)
     assert repr(again.wind) == repr(whole.wind)
     np.testing.assert_array_equal(again.noise_covariance.matrix, whole.noise_covariance.matrix)
@@ -178,13 +169,13 @@ def test_what_is_no_result_is_refused_in_one_line(tmp_path: Path) -> None:
         assert str(caught.value).startswith("folder/result.json: "), text[:80]
         assert "\n" not in str(caught.value), text[:80]
     with pytest.raises(StoopError, match="cannot read the result file"):
-        read_result(tmp_path / "none.json")
+        results.read_result(tmp_path / "none.json")
 
 
 def test_a_file_is_written_whole_or_not_at_all(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "result.json"
     minimal().save(path)
-    assert to_json(read_result(path)) == to_json(minimal())
+    assert to_json(results.read_result(path)) == to_json(minimal())
     with pytest.raises(OutputError, match=r"none.*cannot be written.*choose another"):
         minimal().save(tmp_path / "none" / "result.json")
 
@@ -194,5 +185,5 @@ def test_a_file_is_written_whole_or_not_at_all(tmp_path: Path, monkeypatch: pyte
     monkeypatch.setattr(Path, "replace", fail)
     with pytest.raises(OutputError, match="No space left"):
         minimal(cost=2.0).save(path)
-    assert read_result(path).cost == 1.0
+    assert results.read_result(path).cost == 1.0
     assert list(tmp_path.iterdir()) == [path]

@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from unit.estimate.fits import deviations, fit_by
 from unit.flown import maneuver, with_few_free
 
-from stoop.assessment.error_bars import error_bars
 from stoop.base.arrays import FloatArray
 from stoop.errors import IdentificationError
-from stoop.estimate import methods
-from stoop.estimate.estimate import Estimate
-from stoop.estimate.fit import Options
 from stoop.estimate.regression.aircraft import Motion
 from stoop.estimate.two_stage import reconstructed
 from stoop.flight import Flight
@@ -24,12 +21,8 @@ from stoop.vehicle.builtin import resolve_vehicle
 COEFFICIENTS = ("CL0", "CLalpha", "Cm0", "Cmalpha", "Cmq", "Cmelevator")
 WINDOW = Window("sim", 0.0, 10.0)
 FLIGHTS = 10
-MANEUVER = maneuver(
-    10.0,
-    ("elevator", "3-2-1-1", 0.5, 0.4, 0.05),
-    ("elevator", "doublet", 5.0, 0.6, 0.04),
-    noise={"alpha": 0.015},
-)
+INPUTS = ("elevator", "3-2-1-1", 0.5, 0.4, 0.05), ("elevator", "doublet", 5.0, 0.6, 0.04)
+MANEUVER = maneuver(10.0, *INPUTS, noise={"alpha": 0.015})
 BIASES = """
 [sensors.q]
 bias = { value = 0.0, free = true, prior = 0.01 }
@@ -50,23 +43,12 @@ def flown(vehicle: Vehicle, seed: int) -> Flight:
     return simulate_flight(true, MANEUVER, seed=seed, name="sim")
 
 
-def fitted(method: str, vehicle: Vehicle, flight: Flight) -> Estimate:
-    found: Estimate = methods.find(method).fitter()(
-        vehicle, {"sim": flight}, [WINDOW], Options(method=method), None, None
-    )
-    return found
-
-
 def errors(method: str, vehicle: Vehicle) -> tuple[FloatArray, FloatArray]:
     """Return the errors (flights, k) of the coefficients over their size, and over their standard errors."""
-    shares, scores = [], []
-    for seed in range(FLIGHTS):
-        found = fitted(method, vehicle, flown(vehicle, seed))
-        std = dict(zip(found.estimates, error_bars(found).std, strict=False))
-        away = np.array([found.estimates[n] - vehicle.value(n) for n in COEFFICIENTS])
-        shares.append(away / [abs(vehicle.value(n)) for n in COEFFICIENTS])
-        scores.append(away / [std[n] for n in COEFFICIENTS])
-    return np.array(shares), np.array(scores)
+    truth = {n: vehicle.value(n) for n in COEFFICIENTS}
+    found = [fit_by(method, vehicle, {"sim": flown(vehicle, seed)}, [WINDOW]) for seed in range(FLIGHTS)]
+    shares = [[one.estimates[n] / true - 1.0 for n, true in truth.items()] for one in found]
+    return np.array(shares), np.array([deviations(one, truth) for one in found])
 
 
 def test_known_truth_comes_back_within_its_intervals(vehicle: Vehicle) -> None:
@@ -100,9 +82,9 @@ def test_states_and_biases_are_reconstructed(vehicle: Vehicle) -> None:
 def test_what_two_stages_cannot_do_is_told(vehicle: Vehicle, monkeypatch: pytest.MonkeyPatch) -> None:
     quad, flight = resolve_vehicle("quad-x"), flown(vehicle, 1)
     with pytest.raises(IdentificationError, match="two-stage is for aircraft; use --method"):
-        methods.find("two-stage").fitter()(quad, {}, [WINDOW], Options(method="two-stage"))
+        fit_by("two-stage", quad, {}, [WINDOW])
     for steps, told in ((None, []), (1, ["warning"])):
         if steps:
             monkeypatch.setattr("stoop.estimate.two_stage.MAX_STEPS", steps)
-        found = [n for n in fitted("two-stage", vehicle, flight).notices if n.code == "path-not-converged"]
-        assert [n.severity for n in found] == told
+        found = fit_by("two-stage", vehicle, {"sim": flight}, [WINDOW]).notices
+        assert [n.severity for n in found if n.code == "path-not-converged"] == told

@@ -61,24 +61,17 @@ def test_a_window_receives_what_the_whole_record_does(vehicle: Vehicle, flight: 
 
 
 def test_commands_are_known_back_to_a_hole(vehicle: Vehicle, flight: Flight) -> None:
-    start = 2.0
-    k = int(np.searchsorted(flight.time, start))
     elevator = flight.column("elevator").copy()
-    elevator[k - 7] = np.nan
+    elevator[int(np.searchsorted(flight.time, 2.0)) - 7] = np.nan
     holed = replace(flight, data=flight.data.assign(elevator=("time", elevator)))
-    sizes = [
-        len(p.before) for f in (flight, holed) for p in pieces(vehicle, f, start) if p.before is not None
-    ]
-    assert sizes == [round(HISTORY * flight.rate), 6]
-    (first,) = pieces(vehicle, flight, 0.0)
-    assert first.before is not None
-    assert first.before.shape == (0, len(vehicle.recorded))
+    given = ((flight, 2.0), (holed, 2.0), (flight, 0.0))
+    shapes = [p.before.shape for f, start in given for p in pieces(vehicle, f, start) if p.before is not None]
+    assert shapes == [(n, len(vehicle.recorded)) for n in (round(HISTORY * flight.rate), 6, 0)]
 
 
 def test_a_fit_of_such_a_window_finds_the_truth(vehicle: Vehicle, flight: Flight) -> None:
-    done = search(
-        vehicle, [flight], [f"{begun(flight)}:{scenes.DURATION}"], strategy=Strategy.named("textbook")
-    ).estimate
+    window, textbook = f"{begun(flight)}:{scenes.DURATION}", Strategy.named("textbook")
+    done = search(vehicle, [flight], [window], strategy=textbook).estimate
     truth = scenes.aircraft()
     assert done.estimates["controls.elevator.delay"] == pytest.approx(DELAY, abs=0.005)
     assert done.estimates["Cmq"] == pytest.approx(truth.value("Cmq"), rel=0.1)

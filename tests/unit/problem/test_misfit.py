@@ -8,64 +8,66 @@ from importlib.resources import files
 import numpy as np
 import pytest
 from naive import march
+from naive.aircraft import Aircraft
+from unit.flown import maneuver as flown_by
 
 from stoop.problem import Layout, Misfit, Nuisance, Piece, Weights
 from stoop.problem.color import ChannelColor, Color, ColoredWeights
 from stoop.problem.evidence import invert, observed_information, simulation_evidence
 from stoop.problem.misfit import horizon_ladder
 from stoop.simulation.fly import fly
-from stoop.simulation.maneuver import Maneuver
-from stoop.vehicle import Vehicle, load_vehicle, parse_vehicle
+from stoop.vehicle import Vehicle, parse_vehicle
 from stoop_studies.verify import scenes
 
-SPEC = {"duration": 2.0, "rate": 50.0}
+TWIN = (files("stoop") / "data" / "twin_boom.toml").read_text()
 
 
-def step(control: str, start: float) -> dict[str, object]:
-    return {"control": control, "shape": "doublet", "start": start, "step": 0.3, "amplitude": 0.05}
+def sigmas(vehicle: Vehicle) -> np.ndarray:
+    return np.array([getattr(vehicle.file.sensors, c).sigma for c in vehicle.outputs])
 
 
 @pytest.fixture(scope="module")
 def vehicle() -> Vehicle:
     changes = {n: {"free": False} for n in ("CLV", "CDV", "CmV", "CDalpha2", "CDalpha", "CLq")}
     changes |= {"mass.mass": {"free": True, "bounds": (150.0, 230.0)}, "Cmq": {"prior": 5.0}}
-    twin = load_vehicle(str(files("stoop") / "data" / "twin_boom.toml"))
-    return twin.reduced("longitudinal").with_numbers(changes)
+    return parse_vehicle(TWIN, "twin").reduced("longitudinal").with_numbers(changes)
 
 
 def piece(vehicle: Vehicle, maneuver: int, start: float, changes: dict[str, float]) -> Piece:
-    flown = fly(vehicle, Maneuver.model_validate({**SPEC, "input": [step("elevator", start)]}))
-    noise = np.array([getattr(vehicle.file.sensors, c).sigma for c in vehicle.outputs])
-    measured = flown.outputs + noise * np.random.default_rng(maneuver).standard_normal(flown.outputs.shape)
+    flown = fly(vehicle, flown_by(2.0, ("elevator", "doublet", start, 0.3, 0.05)))
+    measured = flown.outputs + sigmas(vehicle) * np.random.default_rng(maneuver).standard_normal(
+        flown.outputs.shape
+    )
     return Piece(maneuver, flown.time, flown.inputs, measured, flown.trim.start, changes)
 
 
 @pytest.fixture(scope="module")
 def problem(vehicle: Vehicle) -> Misfit:
     """Two maneuvers, the first in two pieces with holes in the measurements, the second heavier."""
-    pieces = [
-        piece(vehicle, 0, 0.3, {}),
-        piece(vehicle, 0, 0.6, {}),
-        piece(vehicle, 1, 0.5, {"mass.inertia.yy": 130.0}),
-    ]
+    each = ((0, 0.3, {}), (0, 0.6, {}), (1, 0.5, {"mass.inertia.yy": 130.0}))
+    pieces = [piece(vehicle, *own) for own in each]
     pieces[0].measured[40:60, 2] = np.nan
     pieces[0].measured[90] = np.nan
     pieces[1].measured[:, 4] = np.nan
     nuisances = [
         Nuisance(n, p.maneuver, i, p.start.get(n, 0.0), s)
-        for i, p in enumerate(pieces)
-        for n, s in (("V", 2.0), ("alpha", 0.1), ("q", 0.2), ("theta", 0.1))
-    ]
+        for i, p in enumerate(pieces) for n, s in (("V", 2.0), ("alpha", 0.1), ("q", 0.2), ("theta", 0.1))
+    ]  # fmt: skip
     nuisances += [Nuisance(f"sensors.{c}.bias", m, None, 0.0, 0.02) for m in (0, 1) for c in ("q", "az")]
     free = [p for p in Layout.of(vehicle, nuisances).parameters if not p.name.endswith(".bias")]
     layout = Layout(vehicle, tuple(free), tuple(nuisances))
-    sigma = np.array([getattr(vehicle.file.sensors, c).sigma for c in vehicle.outputs])
-    return Misfit(layout, tuple(pieces), Weights.of(sigma**2), horizon_ladder(pieces))
+    return Misfit(layout, tuple(pieces), Weights.of(sigmas(vehicle) ** 2), horizon_ladder(pieces))
 
 
 def points(problem: Misfit, count: int) -> np.ndarray:
     middle = problem.layout.unit(np.array([p.value for p in problem.layout.parameters]))
     return np.clip(middle + 0.02 * np.random.default_rng(1).standard_normal((count, problem.dimension)), 0, 1)
+
+
+def point(problem: Misfit, nuisances: float = 0.0, seed: int = 2) -> np.ndarray:
+    """Return all unknowns near the middle, nuisances of a size."""
+    extra = nuisances * np.random.default_rng(seed).standard_normal(problem.extra)
+    return np.concatenate([points(problem, 1)[0], extra])
 
 
 def test_cost_is_the_sum_of_squared_residuals(problem: Misfit) -> None:
@@ -78,15 +80,10 @@ def test_cost_is_the_sum_of_squared_residuals(problem: Misfit) -> None:
 
 def test_cost_by_hand(problem: Misfit, vehicle: Vehicle) -> None:
     """The twin flies each piece; squares over sigma squared; one prior and every nuisance add theirs."""
-    from naive.aircraft import Aircraft
-
-    X = points(problem, 1)
-    values = dict(
-        zip((p.name for p in problem.layout.parameters), problem.layout.physical(X)[0], strict=True)
-    )
+    X, text = points(problem, 1), vehicle.text + '\n[model]\nreduce = "longitudinal"\n'
+    named = zip(problem.layout.parameters, problem.layout.physical(X)[0], strict=True)
+    values = {p.name: x for p, x in named}
     total = ((values["Cmq"] - vehicle.value("Cmq")) / 5.0) ** 2
-    text = vehicle.text + '\n[model]\nreduce = "longitudinal"\n'
-    sigma = np.array([getattr(vehicle.file.sensors, c).sigma for c in vehicle.outputs])
     for p in problem.pieces:
         twin = Aircraft(text, values | dict(p.changes), {})
 
@@ -97,17 +94,16 @@ def test_cost_by_hand(problem: Misfit, vehicle: Vehicle) -> None:
             lambda x, u, t=twin: t.rates(x, name(u)), lambda x, u, t=twin: t.readings(x, name(u)),
             twin.start(p.start, name(p.inputs[0])), p.inputs, p.dt,
         )  # fmt: skip
-        total += np.nansum(((y - p.measured) / sigma) ** 2)
+        total += np.nansum(((y - p.measured) / sigmas(vehicle)) ** 2)
     assert problem.costs(X, len(problem.ladder) - 1)[0] == pytest.approx(total, rel=1e-4)
 
 
 def test_jacobian_is_the_slope_of_the_residuals(problem: Misfit) -> None:
-    z = np.concatenate([points(problem, 1)[0], 0.3 * np.random.default_rng(2).standard_normal(problem.extra)])
+    z = point(problem, 0.3)
     for rung in (0, len(problem.ladder) - 1):
         r = problem.residuals(z[None, :], rung)[0]
         found, spent = problem.jacobian(z, rung, r)
-        J = found.dense()
-        h = 1e-5
+        J, h = found.dense(), 1e-5
         steps = h * np.eye(len(z))
         slope = (problem.residuals(z + steps, rung) - problem.residuals(z - steps, rung)).T / (2 * h)
         largest = np.abs(slope).max(axis=0)
@@ -128,8 +124,7 @@ def test_products_and_gradient_are_those_of_residuals_and_jacobian(problem: Misf
         colors = Color((ChannelColor(np.array([1.0, 0.9, 0.7])),) * count, (1,) * count)
         problem = problem.weighted(ColoredWeights(plain.covariance, plain.root, colors))
         assert problem.weights.logdet < plain.logdet
-    generator = np.random.default_rng(3)
-    z = np.concatenate([points(problem, 1)[0], 0.3 * generator.standard_normal(problem.extra)])
+    generator, z = np.random.default_rng(4), point(problem, 0.3, seed=3)
     z[0] = 1.0
     for rung in (0, len(problem.ladder) - 1):
         r = problem.residuals(z[None, :], rung)[0]
@@ -139,17 +134,16 @@ def test_products_and_gradient_are_those_of_residuals_and_jacobian(problem: Misf
         size = np.abs(R) @ np.abs(left)
         assert problem.products(Z, rung, left) / size == pytest.approx(R @ left / size, abs=1e-13)
         J = problem.jacobian(z, rung, r)[0].dense()
-        size = np.abs(left) @ np.abs(J)
-        found = problem.gradient(z, rung, r, left)
-        # rounding over the step of a difference
-        assert found / size == pytest.approx(left @ J / size, abs=1e-5)
-        X = points(problem, 1)
-        full = problem.residuals(np.append(X[0], np.zeros(problem.extra))[None], rung)
-        assert problem.costs(X, rung)[0] == pytest.approx(np.sum(full**2))
+        size, found = np.abs(left) @ np.abs(J), problem.gradient(z, rung, r, left)
+        assert found / size == pytest.approx(
+            left @ J / size, abs=1e-5
+        )  # rounding over the step of a difference
+        full = problem.residuals(point(problem)[None], rung)
+        assert problem.costs(points(problem, 1), rung)[0] == pytest.approx(np.sum(full**2))
 
 
 def test_jacobian_at_a_bound_steps_inwards(problem: Misfit) -> None:
-    z = np.concatenate([points(problem, 1)[0], np.zeros(problem.extra)])
+    z = point(problem)
     z[0], z[1] = 1.0, 0.0
     r = problem.residuals(z[None, :], 0)[0]
     J = problem.jacobian(z, 0, r)[0].dense()
@@ -159,14 +153,8 @@ def test_jacobian_at_a_bound_steps_inwards(problem: Misfit) -> None:
         np.testing.assert_allclose(J[:, entry], slope, rtol=1e-2, atol=1e-2 * np.abs(J[:, entry]).max())
 
 
-def likelihood(error: np.ndarray, covariance: np.ndarray) -> float:
-    """Return e' R^-1 e of the channels that were measured, R being their part of the covariance."""
-    seen = np.flatnonzero(np.isfinite(error))
-    e = error[seen]
-    return float(e @ np.linalg.solve(covariance[np.ix_(seen, seen)], e)) if seen.size else 0.0
-
-
 def test_a_correlated_noise_covariance(problem: Misfit) -> None:
+    """The cost is e' R^-1 e of the channels that were measured, R being their part of the covariance."""
     sigma = np.sqrt(np.diag(problem.weights.covariance))
     correlation = 0.4 ** np.abs(np.subtract.outer(np.arange(6), np.arange(6)))
     full = problem.weighted(Weights.of(correlation * np.outer(sigma, sigma)))
@@ -175,9 +163,10 @@ def test_a_correlated_noise_covariance(problem: Misfit) -> None:
     expected = np.sum(full.layout.prior_residuals(Z) ** 2, axis=1)
     for i, p in enumerate(full.pieces):
         for b in range(3):
-            expected[b] += sum(
-                likelihood(e, full.weights.covariance) for e in full.outputs(Z[b], i) - p.measured
-            )
+            for e in full.outputs(Z[b], i) - p.measured:
+                seen = np.flatnonzero(np.isfinite(e))
+                R = full.weights.covariance[np.ix_(seen, seen)]
+                expected[b] += e[seen] @ np.linalg.solve(R, e[seen])
     np.testing.assert_allclose(full.costs(X, len(full.ladder) - 1), expected, rtol=1e-10)
     assert full.weights.logdet == pytest.approx(np.linalg.slogdet(full.weights.covariance)[1])
     diagonal = problem.weighted(Weights.of(np.diag(sigma**2)))
@@ -199,24 +188,20 @@ def test_a_diverging_candidate_costs_infinity_and_disturbs_none(problem: Misfit)
 
 
 def test_tied_biases_share_their_slope() -> None:
-    text = (
-        files("stoop") / "data" / "twin_boom.toml"
-    ).read_text() + '\n[sensors.az]\nbias = "=sensors.ax.bias"\n'
-    tied = parse_vehicle(text, "tied").reduced("longitudinal")
+    tied = parse_vehicle(TWIN + '\n[sensors.az]\nbias = "=sensors.ax.bias"\n', "tied").reduced("longitudinal")
     p = piece(tied, 0, 0.5, {})
     free = tuple(q for q in tied.parameters if q.name == "CL0")
     layout = Layout(tied, free, (Nuisance("sensors.ax.bias", 0, None, 0.0, 0.2),))
     misfit = Misfit(layout, (p,), Weights.of(np.ones(6)), horizon_ladder((p,)))
     z = np.array([0.5, 0.0])
     J = misfit.jacobian(z, 0, misfit.residuals(z[None, :], 0)[0])[0].dense()
-    count = misfit.ladder[0][0]
-    slope = J[: count * 6, 1].reshape(count, 6)
-    assert slope == pytest.approx(np.tile([0.0, 0.0, 0.0, 0.0, 0.2, 0.2], (count, 1)))
+    slope = J[: misfit.ladder[0][0] * 6, 1].reshape(-1, 6)
+    assert slope == pytest.approx(np.tile([0.0, 0.0, 0.0, 0.0, 0.2, 0.2], (len(slope), 1)))
 
 
 def test_angles_are_compared_around_the_circle() -> None:
-    twin = load_vehicle(str(files("stoop") / "data" / "twin_boom.toml"))
-    flown = fly(twin, Maneuver.model_validate({**SPEC, "input": [step("rudder", 0.5)]}))
+    twin = parse_vehicle(TWIN, "twin")
+    flown = fly(twin, flown_by(2.0, ("rudder", "doublet", 0.5, 0.3, 0.05)))
     around = flown.outputs.copy()
     around[:, twin.outputs.index("psi")] += np.where(np.arange(len(around)) % 2, 2 * np.pi, 0.0)
     around[:, twin.outputs.index("phi")] -= 2 * np.pi
@@ -244,15 +229,11 @@ def test_the_first_horizon_is_as_short_as_the_inputs_allow_and_each_next_one_thr
         # a sixteenth of the energy is 50 samples behind the first step
         ("two inputs", [one(inputs)], ((150,), (450,), (1000,))),
         ("from 1.2 s on", [one(inputs[60:])], ((90,),)),
-        (
-            "each piece within its own length",
-            [one(inputs), one(inputs[80:580])],
-            ((150, 45), (450, 135), (1000, 500)),
-        ),
+        ("each within its own length", [one(inputs), one(inputs[80:580])], ((150, 45), (450, 135), (1000, 500))),
         ("not before 0.4 s", [one(np.eye(1000, 1, -7))], ((20,),)),
         ("within half of the piece", [one(np.eye(1000, 1, -999))], ((500,), (1000,))),
         ("still", [one(np.zeros((1000, 2)))], ((100,), (300,), (1000,))),
-    ):
+    ):  # fmt: skip
         assert horizon_ladder(pieces)[: len(ladder)] == ladder, case
 
 
@@ -272,12 +253,10 @@ def test_layout_turns_units(problem: Misfit) -> None:
 @pytest.mark.parametrize("right", [True, False])
 def test_observed_information_is_the_slope_of_the_gradient(problem: Misfit, right: bool) -> None:
     """That of Gauss and Newton where the readings are those of the model; with large residuals it is not."""
-    z = np.concatenate([points(problem, 1)[0], np.zeros(problem.extra)])
+    z = point(problem)
     if right:
-        read = [problem.outputs(z, i) for i in range(len(problem.pieces))]
-        problem = replace(
-            problem, pieces=tuple(replace(p, measured=y) for p, y in zip(problem.pieces, read, strict=True))
-        )
+        read = (replace(p, measured=problem.outputs(z, i)) for i, p in enumerate(problem.pieces))
+        problem = replace(problem, pieces=tuple(read))
     rung = len(problem.ladder) - 1
 
     def gradient(z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -328,7 +307,7 @@ def test_a_positive_number_has_its_prior_in_the_logarithm() -> None:
 
 
 def test_a_bias_is_shared_by_the_pieces_of_its_maneuver(problem: Misfit) -> None:
-    z = np.concatenate([points(problem, 1)[0], np.zeros(problem.extra)])
+    z = point(problem)
     places = [(n.name, n.maneuver) for n in problem.layout.nuisances]
     moved = z + 2.0 * np.eye(len(z))[problem.dimension + places.index(("sensors.q.bias", 0))]
     shift = 0.04 * (np.arange(6) == problem.layout.vehicle.outputs.index("q"))

@@ -25,22 +25,18 @@ def test_a_sample_that_lacks_channels_has_the_covariance_of_those_it_has() -> No
     rng = np.random.default_rng(0)
     root = rng.standard_normal((4, 4))
     covariance = root @ root.T + np.eye(4)
-    weights = Weights.of(covariance)
     seen = rng.random((50, 4)) < 0.6
     error = rng.standard_normal((50, 4)) * seen
-    plain = 0.0
-    for e, s in zip(error, seen, strict=True):
-        if s.any():
-            plain += float(e[s] @ np.linalg.solve(covariance[np.ix_(s, s)], e[s]))
-    assert float(np.sum(weights.whiten(error, seen) ** 2)) == pytest.approx(plain)
+    each = zip(error, seen, strict=True)
+    plain = sum(e[s] @ np.linalg.solve(covariance[np.ix_(s, s)], e[s]) for e, s in each)
+    assert np.sum(Weights.of(covariance).whiten(error, seen) ** 2) == pytest.approx(plain)
 
 
 @pytest.mark.parametrize("covariance", [np.array([4.0, 9.0, 1.0]), np.eye(3) + 0.5])
 def test_coloring_undoes_whitening(covariance: np.ndarray) -> None:
-    rng = np.random.default_rng(1)
+    rng, weights = np.random.default_rng(1), Weights.of(covariance)
     seen = rng.random((30, 3)) < 0.7
     error = rng.standard_normal((30, 3)) * seen
-    weights = Weights.of(covariance)
     np.testing.assert_allclose(weights.colored(weights.whiten(error, seen), seen), error, atol=1e-12)
 
 
@@ -98,22 +94,18 @@ def test_slow_errors_of_the_sensors_are_weighed_by_their_color(
     rng, data = np.random.default_rng(5), flight.data
     for channel in ("p", "q", "r", "alpha", "beta", "phi", "theta"):
         steps = np.append(0.0, np.radians(0.05) * rng.standard_normal(len(flight.time) - 1))
-        drift = lfilter([1.0], [1.0, -0.98], steps)
         if channel in flight.names:
-            read = ("time", flight.column(channel) + drift, flight.data[channel].attrs)
-            data = data.assign({channel: read})
-    disturbed = dataclasses.replace(flight, data=data)
-    window = [Window("sim", 0.0, 30.0)]
-    found = fit(wrong, {"sim": disturbed}, window, Options())
-    plain = fit(wrong, {"sim": disturbed}, window, Options(treatment=Treatment(noise_color=False)))
+            data = data.assign({channel: data[channel] + lfilter([1.0], [1.0, -0.98], steps)})
+    disturbed, window = {"sim": dataclasses.replace(flight, data=data)}, [Window("sim", 0.0, 30.0)]
+    found = fit(wrong, disturbed, window, Options())
+    plain = fit(wrong, disturbed, window, Options(treatment=Treatment(noise_color=False)))
     assert [one.name for one in found.decisions if one.name == "noise-color"]
     assert not isinstance(plain.problem.weights, ColoredWeights)
     np.testing.assert_array_equal(plain.disagreement, 0.0)
     true = np.array([aircraft.value(n) for n in plain.estimates])
     size = error_bars(plain).std[: len(true)]
-    off = [
-        (np.array([*one.estimates.values()]) - true)[size > 0.0] / size[size > 0.0] for one in (found, plain)
-    ]
+    known = size > 0.0
+    off = [(np.array([*one.estimates.values()]) - true)[known] / size[known] for one in (found, plain)]
     assert np.sqrt(np.mean(off[0] ** 2)) < 0.8 * np.sqrt(np.mean(off[1] ** 2))
     free, bars = found.evidence.free, error_bars(found)
     assert np.all(bars.std[free] >= np.minimum(np.abs(found.disagreement[free]), bars.priors))

@@ -50,8 +50,7 @@ def test_a_start_that_was_read_is_the_true_one(pitot: bool, flown: Flight) -> No
     scale = "V = { scale = 1.0 }" if pitot else ""
     vehicle = vehicle_with(f"wind_error = {ERROR.tolist()}\n{scale}")
     wrong = reconstructed(flown, ERROR)
-    names = (*AIR, *RATES, *EULER)
-    read = {n: wrong.column(n)[::50] for n in names}
+    read = {n: wrong.column(n)[::50] for n in (*AIR, *RATES, *EULER)}
     if pitot:
         read["V"] = flown.column("V")[::50]
     found = at_center_of_gravity(vehicle, read)
@@ -67,9 +66,8 @@ def test_coefficients_hold_although_the_wind_was_wrong(flown: Flight) -> None:
         ("wind", "wind_error = [{value = 0.0, prior = 1.5}, {value = 0.0, prior = 1.5}, 0.0]"),
         ("scale", "V = { scale = {value = 1.0, prior = 0.08} }"),
     ):
-        found = stoop.fit(
-            vehicle_with(sensors), wrong, maneuvers=["0:12"], strategy="textbook"
-        ).result.parameters
+        fitted = stoop.fit(vehicle_with(sensors), wrong, maneuvers=["0:12"], strategy="textbook")
+        found = fitted.result.parameters
         aerodynamic = {n: p for n, p in found.items() if n[0] == "C" and p.identifiable and not p.at_bound}
         assert len(aerodynamic) > 12
         z[name] = np.array([(p.estimate - truth.value(n)) / p.std_error for n, p in aerodynamic.items()])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 
 import numpy as np
 import pytest
@@ -26,8 +27,7 @@ DOMAIN = Domain((33.0, 37.0), 35.0, 200.0, DENSITY, (0.0, 0.2))
 
 def test_a_linear_expression_has_the_error_of_the_delta_method(aircraft: Vehicle) -> None:
     names, covariance = ("CLalpha", "CD0"), np.array([[0.04, -0.001], [-0.001, 0.0001]])
-    rng = np.random.default_rng(0)
-    values = rng.multivariate_normal([4.78, 0.06], covariance, 20_000)
+    values = np.random.default_rng(0).multivariate_normal([4.78, 0.06], covariance, 20_000)
     one = parse_expressions({"sum": "2*CLalpha - 30*CD0 + mass.inertia.yy/60"}, aircraft)["sum"]
     drawn = parameter_rows(aircraft, dict(zip(names, values.T, strict=True)), len(values))
     rows = np.hstack([parameter_rows(aircraft), drawn])
@@ -52,18 +52,12 @@ def test_bad_expressions_are_refused_in_one_line(aircraft: Vehicle) -> None:
     for text, message in (
         ("CLalphaa/CD0", "no number 'CLalphaa'; did you mean CLalpha"),
         ("mass.inertia.x", "no number 'mass.inertia.x'; did you mean mass.inertia"),
-        ("__import__('os')", "there is no function __import__"),
-        ("CD0.real", "has no number 'CD0.real'"),
-        ("CD0 +", "cannot read the term"),
-        ("CD0**CL0", "not allowed"),
-        ("[CD0]", "not allowed"),
-    ):
+        ("__import__('os')", "there is no function __import__"), ("CD0.real", "has no number 'CD0.real'"),
+        ("CD0 +", "cannot read the term"), ("CD0**CL0", "not allowed"), ("[CD0]", "not allowed"),
+    ):  # fmt: skip
         with pytest.raises(StoopError, match="expression x") as caught:
             parse_expressions({"x": text}, aircraft)
         assert message in str(caught.value), text
-
-
-def test_numbers_with_exponents_and_names_with_points(aircraft: Vehicle) -> None:
     found = parse_expressions({"x": "1e2*mass.mass + abs(Cmq)^2"}, aircraft)["x"]
     assert found.values(parameter_rows(aircraft)) == pytest.approx(100 * 189.40 + 47.6**2)
 
@@ -77,14 +71,6 @@ def found() -> Propagation:
     rng = np.random.default_rng(0)
     draws = Draws(("mass.mass",), rng.normal(1.5, 0.03, (400, 1)), "covariance")
     return propagate_draws(resolve_vehicle("quad-x"), draws, HOVER)
-
-
-def test_speeds_faster_than_flown_are_marked(found: Propagation) -> None:
-    told = next(n for n in found.notices if n.code == "propagate-faster-than-flown")
-    ((low, high),) = found.extrapolated
-    assert (told.values["low"], told.values["high"], told.values["flown"]) == (low, high, 3.0)
-    assert 3.5 < low < 4.0
-    assert high == 6.0
 
 
 def throttle(weight: float) -> float:
@@ -119,10 +105,14 @@ def test_what_does_not_hover_is_counted_or_an_error() -> None:
         propagate_draws(heavy, draws, HOVER)
 
 
-def test_forward_flight_is_that_of_trim(found: Propagation) -> None:
+def test_forward_flight_is_that_of_trim_and_speeds_faster_than_flown_are_marked(found: Propagation) -> None:
     theta = next(c for c in found.curves if c.name == "theta")
     alone = trim(resolve_vehicle("quad-x"), altitude=0.0, velocity=(6.0, 0.0, 0.0))
     assert theta.estimate[-1] == pytest.approx(alone.start["theta"], abs=1e-6)
+    told = next(n for n in found.notices if n.code == "propagate-faster-than-flown")
+    ((low, high),) = found.extrapolated
+    assert dict(told.values) | {"low": low, "high": high, "flown": 3.0} == told.values
+    assert (3.5 < low < 4.0, high) == (True, 6.0)
 
 
 CRUISE = Domain((34.0, 36.0), 35.0, 200.0, DENSITY, (0.0, 0.2))
@@ -163,31 +153,21 @@ def test_trims_about_an_unknown_rudder_are_marked_as_by_single_draws(
     whole: Vehicle, rudderless: Propagation
 ) -> None:
     """The naive twin: each draw is trimmed by itself, with and without the spread of what is unknown."""
-    draws = drawn(whole, 400)
+    draws, figures = drawn(whole, 400), ("alpha", "phi", "elevator", "rudder")
     trims = np.flatnonzero(np.isfinite(rudderless.samples["alpha"]))[:SINGLES]
 
-    def singles(values: FloatArray) -> FloatArray:
+    def spread(values: FloatArray) -> FloatArray:
         rows = []
         for row in values[trims]:
             numbers = {n: {"value": float(v)} for n, v in zip(draws.names, row, strict=True)}
-            try:
+            with suppress(StoopError):
                 point = trim(whole.with_numbers(numbers), 35.0, 200.0, 0.0, DENSITY)
-            except StoopError:
-                rows.append([np.nan] * 4)
-                continue
-            rows.append(
-                [
-                    point.start["alpha"],
-                    point.start["phi"],
-                    *(point.deflections[c] for c in ("elevator", "rudder")),
-                ]
-            )
-        return np.array(rows)
+                rows.append([{**point.start, **point.deflections}[n] for n in figures])
+        return np.var(rows, axis=0)
 
     held = draws.values.copy()
     held[:, : len(UNKNOWN)] = [whole.value(n) for n in UNKNOWN]
-    shares = 1.0 - np.nanvar(singles(held), axis=0) / np.nanvar(singles(draws.values), axis=0)
-    for name, single in zip(("alpha", "phi", "elevator", "rudder"), shares, strict=True):
+    for name, single in zip(figures, 1.0 - spread(held) / spread(draws.values), strict=True):
         assert single > 0.97, name
         assert rudderless[name].prior_share == pytest.approx(single, abs=0.03)
         assert rudderless[name].rests_on_prior

@@ -33,11 +33,13 @@ def spread(vehicle: Vehicle, names: tuple[str, ...], count: int, size: float = 0
 def polar_aircraft() -> Vehicle:
     """Return an aircraft whose lift and drag depend on the angle of attack alone: CD = CD0 + CDalpha2 alpha^2."""
     zero: dict[str, Any] = {n: {"value": 0.0} for n in ("CL0", "CLelevator", "CDalpha", "Cm0")}
-    return (
-        resolve_vehicle("twin-boom")
-        .reduced("longitudinal")
-        .with_numbers({**zero, "CDalpha2": {"value": 1.3}})
-    )
+    whole = resolve_vehicle("twin-boom").with_numbers({**zero, "CDalpha2": {"value": 1.3}})
+    return whole.reduced("longitudinal")
+
+
+def speed_of(lift: float, weight: float = 189.40 * GRAVITY) -> float:
+    """Return the airspeed at which a lift coefficient carries a weight."""
+    return math.sqrt(2.0 * weight / (DENSITY * 2.8667 * lift))
 
 
 @pytest.mark.parametrize("name", ["twin-boom", "vtail"])
@@ -54,15 +56,15 @@ def test_draws_are_those_of_one_at_a_time(name: str, request: pytest.FixtureRequ
     models = linear_flights(flight, at)
     assert at.flies.all()
     for i, values in enumerate(draws.values):
-        numbers = {n: {"value": float(v)} for n, v in zip(names, values, strict=True)}
-        point = trim(vehicle.with_numbers(numbers), speed, 200.0, 0.0, DENSITY)
-        theirs = linearize(vehicle.with_numbers(numbers), point)
-        for angle in ("alpha", "theta", "phi"):
-            assert at.start[angle][i] == pytest.approx(point.start[angle], abs=1e-8)
-        for control, value in point.deflections.items():
-            assert at.deflections[control][i] == pytest.approx(value, abs=1e-8)
-        for thrust, value in point.thrust.items():
-            assert at.thrust[thrust][i] == pytest.approx(value, rel=1e-7)
+        one = vehicle.with_numbers({n: {"value": float(v)} for n, v in zip(names, values, strict=True)})
+        point = trim(one, speed, 200.0, 0.0, DENSITY)
+        theirs = linearize(one, point)
+        angles = {n: point.start[n] for n in ("alpha", "theta", "phi")}
+        assert {n: at.start[n][i] for n in angles} == pytest.approx(angles, abs=1e-8)
+        assert {n: at.deflections[n][i] for n in point.deflections} == pytest.approx(
+            point.deflections, abs=1e-8
+        )
+        assert {n: at.thrust[n][i] for n in point.thrust} == pytest.approx(point.thrust, rel=1e-7)
         assert models.names == theirs.states
         assert np.allclose(models.A[i], theirs.A, atol=1e-6 * np.abs(theirs.A).max())
         for control, effect in models.effects.items():
@@ -73,9 +75,8 @@ def test_draws_are_those_of_one_at_a_time(name: str, request: pytest.FixtureRequ
 
 def test_static_margin_is_the_ratio_of_two_slopes_and_moves_with_the_moment_point() -> None:
     """A moment point ahead of the center of gravity by 0.1 chord, at small angles without drag: 0.1 less."""
-    moved = builtin_text("twin-boom").replace(
-        "alpha = 0.0\n", "alpha = 0.0\nmoment_point = [0.055, 0.0, 0.0]\n"
-    )
+    ahead = "alpha = 0.0\nmoment_point = [0.055, 0.0, 0.0]\n"
+    moved = builtin_text("twin-boom").replace("alpha = 0.0\n", ahead)
     numbers = {n: {"value": 0.0} for n in ("CD0", "CDalpha", "CL0")}
     for vehicle, alpha, margin in (
         (resolve_vehicle("twin-boom"), 0.1, 2.12 / 4.78),
@@ -94,44 +95,35 @@ def test_best_glide_of_a_parabolic_polar() -> None:
     found = propagate_draws(vehicle, draws, domain)
     # (CL/CD)max = CLalpha / (2 sqrt(CD0 CDalpha2)) at alpha = sqrt(CD0 / CDalpha2)
     best = 4.78 / (2.0 * math.sqrt(0.06 * 1.3))
-    alpha = math.sqrt(0.06 / 1.3)
-    lift = 4.78 * alpha
-    glide = math.atan(1.0 / best)
-    speed = math.sqrt(2.0 * 189.40 * GRAVITY * math.cos(glide) / (DENSITY * 2.8667 * lift))
+    weight = 189.40 * GRAVITY
+    speed = speed_of(4.78 * math.sqrt(0.06 / 1.3), weight * math.cos(math.atan(1.0 / best)))
     assert found["best glide ratio"].estimate == pytest.approx(best, rel=1e-3)
     assert found["airspeed of the best glide"].estimate == pytest.approx(speed, rel=5e-3)
     # relative: d ln = d ln CLalpha - 1/2 d ln CD0
     relative = math.hypot(0.02, 0.01)
     assert found["best glide ratio"].std_error / best == pytest.approx(relative, rel=0.25)
-    least = found["least sink rate"].estimate
-    alpha_slow = math.sqrt(
-        3.0 * 0.06 / 1.3
-    )  # CL^3/CD^2 is greatest where the induced drag is three times the other
-    lift, drag = 4.78 * alpha_slow, 4.0 * 0.06
+    # CL^3/CD^2 is greatest where the induced drag is three times the other
+    lift, drag = 4.78 * math.sqrt(3.0 * 0.06 / 1.3), 4.0 * 0.06
     flat = math.atan(drag / lift)
-    slow = math.sqrt(2.0 * 189.40 * GRAVITY * math.cos(flat) / (DENSITY * 2.8667 * lift))
-    assert least == pytest.approx(slow * math.sin(flat), rel=1e-2)
+    sink = speed_of(lift, weight * math.cos(flat)) * math.sin(flat)
+    assert found["least sink rate"].estimate == pytest.approx(sink, rel=1e-2)
 
 
 def test_lowest_airspeed_within_the_angles_of_attack_flown() -> None:
     """Thrust along the body's axis: V^2 = 2 W / (rho S (CL + CD tan alpha)) in level flight."""
     vehicle, alpha = polar_aircraft(), 0.15
-    found = propagate_draws(
-        vehicle, spread(vehicle, ("CLalpha",), 50), Domain((30.0, 40.0), 35.0, 200.0, DENSITY, (0.0, alpha))
-    )
-    lift, drag = 4.78 * alpha, 0.06 + 1.3 * alpha**2
-    slowest = math.sqrt(2.0 * 189.40 * GRAVITY / (DENSITY * 2.8667 * (lift + drag * math.tan(alpha))))
+    domain = Domain((30.0, 40.0), 35.0, 200.0, DENSITY, (0.0, alpha))
+    found = propagate_draws(vehicle, spread(vehicle, ("CLalpha",), 50), domain)
+    slowest = speed_of(4.78 * alpha + (0.06 + 1.3 * alpha**2) * math.tan(alpha))
     assert found["lowest airspeed, alpha as flown"].estimate == pytest.approx(slowest, rel=1e-3)
     assert "propagate-no-stall" in [n.code for n in found.notices]
 
 
 def test_a_lift_with_a_maximum_gives_a_stall_speed() -> None:
-    text = builtin_text("twin-boom").replace(
-        "CLalpha = 4.78",
-        'CLalpha = 4.78\nCLalpha2 = { term = "alpha^2", value = -8.0, bounds = [-50.0, 0.0] }',
-    )
+    bent = 'CLalpha = 4.78\nCLalpha2 = { term = "alpha^2", value = -8.0, bounds = [-50.0, 0.0] }'
+    text = builtin_text("twin-boom").replace("CLalpha = 4.78", bent)
     vehicle = parse_vehicle(text, "stalling").reduced("longitudinal")
-    flow = {"V": np.array([35.0])} | {"alpha": np.zeros(1)}
+    flow = {"V": np.array([35.0]), "alpha": np.zeros(1)}
     peak = lift_maximum(vehicle, parameter_rows(vehicle), flow, {"elevator": np.zeros(1)}, 0.0, 0.4)
     assert peak == pytest.approx(4.78 / 16.0, abs=1e-6)
     domain = Domain((33.0, 40.0), 35.0, 200.0, DENSITY, (0.0, 0.4))
@@ -154,9 +146,8 @@ def test_extrapolation_beyond_the_angles_flown_is_told() -> None:
 
 def test_draws_that_do_not_trim_are_counted_and_nothing_that_trims_is_an_error() -> None:
     vehicle = polar_aircraft()
-    draws = Draws(
-        ("CLalpha",), np.concatenate([np.full((40, 1), 4.78), np.full((10, 1), 0.01)]), "covariance"
-    )
+    slopes = np.repeat([4.78, 0.01], [40, 10])[:, None]
+    draws = Draws(("CLalpha",), slopes, "covariance")
     found = propagate_draws(vehicle, draws, DOMAIN)
     assert found["alpha"].failed == pytest.approx(0.2)
     assert {"propagate-no-trim", "propagate-figure-failed"} <= {n.code for n in found.notices}
