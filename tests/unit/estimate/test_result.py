@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
-from hypothesis.extra import numpy as hnp
 
 from stoop.base.notices import as_notice, notice
 from stoop.errors import OutputError, StoopError
@@ -28,41 +28,6 @@ from stoop.results.result import (
 )
 from stoop.results.uncertainty import ParameterRepeatability, Repeatability, SingleEstimate
 
-number = st.floats(allow_nan=True, allow_infinity=False)
-any_number = st.floats()
-finite = st.floats(allow_nan=False, allow_infinity=False)
-name = st.text(st.characters(codec="utf-8"), max_size=12)
-quantity = st.builds(results.Quantity, number, number, name)
-quantities = st.dictionaries(name, quantity, max_size=3)
-state = st.builds(results.InitialState, st.integers(0, 9), st.integers(0, 9), number, quantities)
-figures = st.builds(GoodnessOfFit, number, number, number, number)
-
-
-def square(size: int) -> st.SearchStrategy[np.ndarray]:
-    return hnp.arrays(np.float64, (size, size), elements=number)
-
-
-parameter = st.builds(
-    ParameterEstimate, number, number, number, number, bound_lower=finite | st.just(-math.inf),
-    bound_upper=finite | st.just(math.inf), at_bound=st.booleans(), identifiable=st.booleans(), unit=name,
-    prior_mean=number, prior_std=number, start=number,
-)  # fmt: skip
-maneuver = st.builds(
-    ManeuverResult, name, number, number, st.sampled_from(["fit", "validation"]),
-    st.lists(st.tuples(number, number), max_size=3).map(tuple), st.dictionaries(name, figures, max_size=3),
-)  # fmt: skip
-notices = st.lists(name.map(as_notice), max_size=2).map(tuple)
-result = st.builds(
-    Result,
-    parameters=st.dictionaries(name, parameter, max_size=3),
-    covariance=st.integers(0, 3).flatmap(lambda n: st.builds(results.Covariance, st.tuples(*[name] * n), square(n))),
-    noise_covariance=st.just(results.NoiseCovariance((), np.empty((0, 0)))),
-    initial_states=st.lists(state, max_size=2).map(tuple), biases=st.just(()), wind=st.just(()),
-    maneuvers=st.lists(maneuver, max_size=2).map(tuple), cost=number, trajectories=number, seconds=number,
-    seed=st.integers(0, 2**63), optimizer=name, status=name, advice=name, trust=notices, notices=notices,
-    versions=st.dictionaries(name, name, max_size=2), inputs=st.dictionaries(name, name, max_size=2),
-)  # fmt: skip
-
 
 def minimal(**changes: object) -> Result:
     given: dict[str, object] = {
@@ -75,18 +40,7 @@ def minimal(**changes: object) -> Result:
     return Result(**(given | changes))  # type: ignore[arg-type]
 
 
-@settings(max_examples=40)
-@given(result)
-def test_round_trip(original: Result) -> None:
-    text = to_json(original)
-    again = from_json(text)
-    assert to_json(again) == text
-    np.testing.assert_array_equal(again.covariance.matrix, original.covariance.matrix)
-    for part in ("parameters", "maneuvers", "initial_states", "versions"):
-        assert repr(getattr(again, part)) == repr(getattr(original, part))  # repr: NaN equals NaN
-
-
-@given(any_number, any_number)
+@given(st.floats(), st.floats())
 def test_text_is_strict_json(cost: float, estimate: float) -> None:
     def refuse(constant: str) -> float:
         raise AssertionError(f"{constant} is no JSON")
@@ -127,35 +81,41 @@ def test_a_file_of_an_older_version_is_read() -> None:
         assert from_json(json.dumps(document)).process_noise == noise, method
 
 
-def test_nested_parts_survive() -> None:
-    some, own = DerivedValue(2.0, 0.1, 1.8, 2.2), {"vn": results.Quantity(1.0, 0.1, "m/s")}
+def test_every_part_survives() -> None:
+    some, own = DerivedValue(2.0, 0.1, 1.8, 2.2), {"vn": results.Quantity(1.0, math.nan, "m/s")}
     remarks = (notice("mode-becomes-real", share=0.2), notice("mode-stability-unknown"))
     seen = MeasuredMode(0, 1.0, 3.0, ("r", "beta"), some, some, notice("response-no-rest"))
     mode = ModeEstimate(
         "Dutch roll", some, some, some, some, DerivedValue(), "sampled", 0.2, remarks, measured=(seen,)
-    )
+    )  # fmt: skip
     linear = StateEquations(("p", "r"), ("rudder",), ((-1.0, 2.0), (0.0, -3.0)), ((4.0,), (5.0,)))
     single = SingleEstimate(1.0, 0.1, True)
     repeated = ParameterRepeatability((single, single), 1.0, 0.07, 0.0, 1, 1.0, "agree")
+    one = ParameterEstimate(
+        1.0, 0.1, 0.8, 1.2, bound_lower=-2.0, bound_upper=3.0, at_bound=True, identifiable=False, unit="1/s",
+        prior_mean=0.5, prior_std=0.2, start=0.7,
+    )  # fmt: skip
+    figures = {"\u00fc\x00": GoodnessOfFit(0.1, math.nan, -1e300, 0.4)}
     whole = minimal(
         modes=(ConditionModes((0, 2), "trim", 20.0, 100.0, 0.05, (mode,), linear=linear),),
         repeatability=Repeatability((0, 1), {"Clp": repeated}), biases=(results.SensorBiases(1, own),),
-        wind=(results.WindEstimate("a", own, 0.5, ()),),
-        noise_covariance=results.NoiseCovariance(("p", "q"), np.array([[1.0, 0.2], [0.2, 2.0]])),
+        wind=(results.WindEstimate("a", own, 0.5, ()),), parameters={"Clp": one}, trust=(notice("filter-error"),),
+        initial_states=(results.InitialState(0, 1, 2.0, own),), notices=(as_notice("it"),), advice="allow more",
+        maneuvers=(ManeuverResult("a", 0.0, 1.0, "validation", ((0.0, 1.0), (2.0, 3.0)), figures),),
+        versions={"stoop": "1"}, inputs={"a.csv": "f0"},
+        noise_covariance=results.NoiseCovariance(("p", "q"), np.array([[1.0, math.nan], [0.2, 2.0]])),
     )  # fmt: skip
     text = to_json(whole)
     again = from_json(text)
-    (condition,), (found,) = json.loads(text)["modes"], again.modes
+    assert (to_json(again), str(again.trust[0])) == (text, str(whole.trust[0]))
+    for part in {f.name for f in fields(whole)} - {"modes", "trust"}:
+        assert repr(getattr(again, part)) == repr(getattr(whole, part)), part  # NaN equals NaN
+    (found,), own = again.modes, json.loads(text)["modes"][0]["modes"][0]  # texts, as older readers expect
     said = "two real modes in 20 % of the draws; stability not determined by the data"
-    own = condition["modes"][0]  # texts, as readers of older versions expect
     unsaid = "not identified: the controls never rest"
-    assert (condition["remark"], own["remark"], own["measured"][0]["remark"]) == ("", said, unsaid)
-    assert to_json(again) == text
+    assert (own["remark"], own["measured"][0]["remark"]) == (said, unsaid)
     assert (found.remark, found.linear, repr(found.modes[0].frequency)) == (None, linear, repr(some))
     assert [*map(str, found.modes[0].remark), str(found.modes[0].measured[0].remark)] == [said, unsaid]
-    assert (again.repeatability, again.biases) == (whole.repeatability, whole.biases)
-    assert repr(again.wind) == repr(whole.wind)
-    np.testing.assert_array_equal(again.noise_covariance.matrix, whole.noise_covariance.matrix)
 
 
 def test_what_is_no_result_is_refused_in_one_line(tmp_path: Path) -> None:
