@@ -1,4 +1,4 @@
-"""The color of residuals against its definition; the correction of covariances for it, its limits and its coverage."""
+"""The color of residuals and the scatter of maneuvers: definitions, limits, and coverage of the errors corrected by them."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from numpy.testing import assert_allclose
 from scipy.fft import irfft
 from scipy.signal import lfilter
 
+from stoop.assessment.clusters import Influence, cluster_influence, cluster_scatter, moderated_scatter
 from stoop.assessment.coloring import ColoredNoise, Coloring, between_lags, fit_noise
 from stoop.assessment.covariance import NORMAL_95, data_information, standard_errors
 from stoop.assessment.error_bars import Uncertainty, estimate_uncertainty
@@ -207,3 +208,96 @@ def test_unseen_unknowns_are_infinite_and_disturb_no_other() -> None:
     _, found = judged(np.concatenate([jacobian, np.zeros((500, CHANNELS, 1))], axis=2), measured)
     assert_allclose(found.corrected[:8, :8], whole.corrected, rtol=1e-9)
     assert standard_errors(found.corrected)[8] == standard_errors(found.cramer_rao)[8] == np.inf
+
+
+SAMPLES, SHARED, OWN = 60, 12, 2
+WHITE = ColoredNoise.white(1)
+
+
+def seen_by(clusters: int, seed: int) -> list[np.ndarray]:
+    """Return (n, 1, k) of each maneuver: parameters that all share, then unknowns that it alone sees."""
+    random, out = np.random.default_rng(seed), []
+    for g in range(clusters):
+        jacobian = np.zeros((SAMPLES, 1, SHARED + clusters * OWN))
+        jacobian[:, 0, :SHARED] = random.normal(size=(SAMPLES, SHARED))
+        own = SHARED + g * OWN
+        jacobian[:, 0, own : own + OWN] = random.normal(size=(SAMPLES, OWN))
+        out.append(jacobian)
+    return out
+
+
+def linear_fit(
+    jacobians: list[np.ndarray], noise: list[np.ndarray], prior: np.ndarray
+) -> tuple[Coloring, np.ndarray]:
+    """Return a linear fit to noise (n,) of each maneuver, with a prior of mean zero, and its estimates."""
+    pieces = [PieceEvidence(v[:, None], J) for v, J in zip(noise, jacobians, strict=True)]
+    information = data_information(pieces) + prior
+    score = sum(J[:, 0].T @ v for v, J in zip(noise, jacobians, strict=True))
+    estimates = np.linalg.solve(information, score)
+    fitted = tuple(PieceEvidence(p.residual - p.jacobian @ estimates, p.jacobian) for p in pieces)
+    return Coloring(fitted, invert(information), prior), estimates
+
+
+def test_expectation_and_degrees_of_freedom_by_simulation() -> None:
+    """Under the noise that is assumed the ratios average 1, and scatter as chi-squares with their degrees of freedom."""
+    jacobians, random = seen_by(3, seed=1), np.random.default_rng(2)
+    prior = np.diag([4.0] * 3 + [0.0] * (SHARED - 3) + [25.0] * (3 * OWN))
+    ratios = []
+    for _ in range(1500):
+        drawn = [random.normal(size=SAMPLES) for _ in jacobians]
+        fit, _ = linear_fit(jacobians, drawn, prior)
+        mean = random.normal(size=len(prior)) * np.sqrt(np.diag(prior))  # of the priors, as noise of theirs
+        moved = -fit.inverse.matrix @ mean
+        shifted = tuple(PieceEvidence(s.residual + s.jacobian @ moved, s.jacobian) for s in fit.segments)
+        moves = cluster_influence(Coloring(shifted, fit.inverse, prior), WHITE, [0, 1, 2], SHARED)
+        ratios.append(moves.ratio)
+    found = np.array(ratios)
+    assert_allclose(found.mean(axis=0), 1.0, atol=0.12)
+    assert_allclose(found.var(axis=0), 2.0 / moves.degrees, rtol=0.3)
+
+
+def test_nothing_to_compare() -> None:
+    fit, _ = linear_fit(seen_by(1, 0), [np.ones(SAMPLES)], np.zeros((SHARED + OWN,) * 2))
+    assert cluster_scatter(fit, WHITE, ["one"], SHARED) is None
+    apart = seen_by(2, 0)
+    apart[0][:, :, : SHARED // 2] = 0.0  # no parameter in common
+    apart[1][:, :, SHARED // 2 : SHARED] = 0.0
+    drawn = [np.random.default_rng(i).normal(size=SAMPLES) for i in range(2)]
+    fit, _ = linear_fit(apart, drawn, np.zeros((SHARED + 2 * OWN,) * 2))
+    assert cluster_scatter(fit, WHITE, [0, 1], SHARED) is None
+
+
+def test_common_excess_and_chance() -> None:
+    ones, chance = np.ones(40), np.random.default_rng(0).chisquare(3, 40) / 3
+    calm, excess, known = (
+        moderated_scatter(Influence(ratio, 3.0 * ones, prior * ones), 4)
+        for ratio, prior in ((0.9 * ones, 0.0), (9.0 * chance, 0.0), (9.0 * ones, 1.0))
+    )
+    assert np.all((calm.stretch >= 1.0) & (calm.stretch < 1.15))
+    assert excess.excess == pytest.approx(3.0, rel=0.15)
+    assert np.median(excess.stretch) == pytest.approx(3.0, rel=0.25)
+    assert_allclose(known.stretch, 1.0)  # what the prior says, maneuvers do not change
+
+
+@pytest.mark.parametrize(("excess", "low", "high"), [(0.0, 0.93, 0.995), (0.4, 0.90, 0.98)])
+@pytest.mark.parametrize("clusters", [2, 5])
+def test_intervals_of_effects_that_differ_between_maneuvers(
+    clusters: int, excess: float, low: float, high: float
+) -> None:
+    """Parameters that are a little different in each maneuver: intervals hold their mean, and plain ones do not."""
+    random, holds, plain = np.random.default_rng(3), [], []
+    prior = np.diag([0.0] * SHARED + [25.0] * (clusters * OWN))
+    for seed in range(150):
+        jacobians = seen_by(clusters, seed)
+        noise = [
+            random.normal(size=SAMPLES) + J[:, 0, :SHARED] @ (excess * random.normal(size=SHARED))
+            for J in jacobians
+        ]
+        fit, estimates = linear_fit(jacobians, noise, prior)
+        off = np.abs(estimates / np.sqrt(np.diag(fit.inverse.matrix)))[:SHARED]
+        scatter = cluster_scatter(fit, WHITE, list(range(clusters)), SHARED)
+        assert scatter is not None
+        holds.append(off <= NORMAL_95 * scatter.stretch)
+        plain.append(off <= NORMAL_95)
+    assert low <= np.mean(holds) <= high
+    assert np.mean(plain) < 0.8 or excess == 0.0

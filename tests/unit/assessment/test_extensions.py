@@ -1,4 +1,4 @@
-"""Score tests of extensions: responses against simulations, and what is named on flights of known truth."""
+"""Score tests of extensions against simulations and known truth, by each method; error bars hold what the model lacks."""
 
 from __future__ import annotations
 
@@ -7,23 +7,30 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.optimize import minimize
 from unit.flown import maneuver
 
 from stoop.assessment import extensions
 from stoop.assessment.error_bars import error_bars
-from stoop.assessment.extensions import LIMITS, extension_notices, extension_tests
+from stoop.assessment.extensions import LIMITS, extension_notices, extension_tests, scored
+from stoop.assessment.model_error import LEVEL, lacks_nothing, model_error, variances
 from stoop.base.arrays import FloatArray
+from stoop.estimate import filter_error, multiple_shooting
 from stoop.estimate.estimate import Estimate
-from stoop.estimate.fit import Options, fit
+from stoop.estimate.fit import Options, OutputErrorEstimate, fit
 from stoop.estimate.response import simulation_responses
 from stoop.flight import Flight
 from stoop.problem.misfit import Misfit
 from stoop.problem.windows import Window
+from stoop.results.extensions import ExtensionTests
 from stoop.simulation.fly import simulate_flight
-from stoop.vehicle import Vehicle
+from stoop.strategy import decision
+from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop.vehicle.document import with_entries
-from stoop.vehicle.extensions import catalogue
+from stoop.vehicle.extensions import catalogue, extended
+from stoop.workflow import identify
+from stoop_studies.verify import scenes
 
 DURATION = 9.0
 STEPS = {
@@ -115,3 +122,167 @@ def test_what_is_known_of_a_held_number_does_not_contradict_it() -> None:
         (number,) = (one for one in catalogue(held) if one.name == name)
         assert number.believes(0.6 * value) == contradicts
         assert number.believes(-0.6 * value) == contradicts
+
+
+SECONDS = 16.0
+INPUTS = (
+    ("roll", "doublet", 1.0, 0.15, 8.0), ("pitch", "doublet", 2.0, 0.15, 8.0), ("yaw", "doublet", 3.0, 0.4, 1.5),
+    ("heave", "3-2-1-1", 4.0, 0.25, 2.0), ("north", "doublet", 4.5, 2.0, 2.5), ("east", "doublet", 5.0, 2.0, 2.5),
+    ("down", "doublet", 5.5, 2.0, 1.0), ("roll", "doublet", 11.0, 0.15, 8.0), ("pitch", "doublet", 12.0, 0.15, 8.0),
+    ("yaw", "doublet", 13.0, 0.4, 1.5), ("heave", "3-2-1-1", 14.0, 0.25, 2.0),
+)  # fmt: skip
+TEXT = resolve_vehicle("quad-x").text
+FORWARD = TEXT + "\n[sensors]\naccelerometer_position = [0.05, 0.0, 0.0]\n"
+DEFECTS = {
+    "mass.mass": (TEXT, TEXT.replace("mass = 1.5\n", "mass = 1.8\n"), 1.5),
+    "mass.inertia.xx": (TEXT, TEXT.replace("xx = 0.0291", "xx = 0.0437"), 0.0291),
+    "rotors.lag": (TEXT, TEXT.replace("lag = 0.05\n", ""), 0.05),
+    "sensors.accelerometer_position.x": (FORWARD, TEXT, 0.05),
+    "rotor.m1.factor": (TEXT.replace("[rotor.m1]", "[rotor.m1]\nfactor = 0.9"), TEXT, 0.9),
+    "body_drag.quadratic.x": (TEXT, TEXT[: TEXT.index("[body_drag]")], 0.02),
+}  #: extension -> the file of the truth, the file of the fit, the true value
+
+
+def lacking(truth: str, fitted: str, seed: int) -> ExtensionTests:
+    flown = maneuver(SECONDS, *INPUTS, rate=100.0, wind=(2.0, -1.0, 0.0))
+    flight = simulate_flight(parse_vehicle(truth, "truth"), flown, seed=seed, name="sim")
+    windows = [Window("sim", 0.0, SECONDS)]
+    done = multiple_shooting.fit(parse_vehicle(fitted, "quad"), {"sim": flight}, windows, Options(seed=1))
+    return extension_tests(done, error_bars(done))
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_right_quadrotor_lacks_nothing(seed: int) -> None:
+    found = lacking(TEXT, TEXT, seed)
+    assert (found.tested > 30, found.found) == (True, ())
+
+
+@pytest.mark.parametrize("name", DEFECTS)
+def test_defect_of_a_quadrotor_is_named(name: str) -> None:
+    truth, fitted, value = DEFECTS[name]
+    found = lacking(truth, fitted, 1)
+    best = found.found[0]
+    assert name in (best.name, *best.rivals)
+    (one,) = (e for e in found.found if e.name == name)
+    # a large change is more than one linear step
+    assert one.value == pytest.approx(value, rel=0.5)
+
+
+def lacking_in_gusts(truth: Vehicle) -> ExtensionTests:
+    rng, flown, names = np.random.default_rng(1), scenes.maneuvers(), ("pitch", "roll")
+    flights = {n: simulate_flight(truth, flown[n], seed=int(rng.integers(2**31)), name=n) for n in names}
+    windows = [Window(n, 0.0, scenes.DURATION) for n in names]
+    done = filter_error.steady(scenes.turbulent_aircraft(), flights, windows, Options(seed=1))
+    return extension_tests(done, error_bars(done))
+
+
+def test_lag_is_named_in_gusts_and_a_right_aircraft_lacks_nothing() -> None:
+    right = scenes.turbulent_aircraft()
+    best = lacking_in_gusts(with_entries(right, {("controls", "aileron", "lag"): 0.04})).found[0]
+    assert best.name in ("controls.aileron.lag", "controls.aileron.delay")
+    assert best.value == pytest.approx(0.04, rel=0.3)
+    assert lacking_in_gusts(right).found == ()
+
+
+def test_gusts_that_a_method_assumes_are_extended_with_the_vehicle() -> None:
+    """The table is set after the file was read, as the method of gusty flights does."""
+    vehicle = scenes.turbulent_aircraft()
+    assert "turbulence" not in vehicle.text
+    wider, _ = extended(vehicle)
+    assert wider.states == vehicle.states
+    assert set(vehicle.rows) <= set(wider.rows)
+
+
+def test_variances_of_extensions_that_share_nothing() -> None:
+    """Each is what its score exceeds its noise by, or zero: the maximum of the evidence of one number."""
+    z, G, S = np.array([5.0, -0.5, 20.0]), np.diag([2.0, 1.0, 4.0]), np.diag([4.0, 1.0, 9.0])
+    expected = np.maximum(z**2 - np.diag(S), 0.0) / np.diag(G) ** 2
+    assert variances(z, G, S) == pytest.approx(expected, rel=1e-2, abs=1e-6)
+
+
+def test_variances_of_greatest_evidence() -> None:
+    """No other variances explain scores of extensions that resemble each other better."""
+    rng = np.random.default_rng(4)
+    V = rng.standard_normal((60, 5)) + 1.5 * rng.standard_normal((60, 1))
+    G = V.T @ V
+    S, z = G.copy(), G @ np.array([0.0, 0.6, 0.0, -0.8, 0.0]) + np.linalg.cholesky(G) @ rng.standard_normal(5)
+
+    def deviance(tau: np.ndarray) -> float:
+        C = S + G @ np.diag(tau) @ G
+        return float(np.linalg.slogdet(C)[1] + z @ np.linalg.solve(C, z))
+
+    found = variances(z, G, S)
+    others = [minimize(deviance, z, bounds=[(0.0, None)] * 5).fun for z in (np.full(5, 0.1), np.eye(5)[1])]
+    assert deviance(found) < min(others) + 0.05
+
+
+def test_scores_of_noise_are_significant_as_often_as_stated() -> None:
+    rng = np.random.default_rng(1)
+    root = rng.standard_normal((40, 12)) @ rng.standard_normal((12, 40)) + 3.0 * rng.standard_normal((40, 40))
+    S = root @ root.T
+    std = np.sqrt(np.diag(S))
+    draws = (rng.standard_normal((2000, 40)) @ root.T) / std
+    share = np.mean([not lacks_nothing(one, S / np.outer(std, std)) for one in draws])
+    assert 0.6 * LEVEL < share < 2.0 * LEVEL
+
+
+def test_a_right_model_keeps_its_error_bars() -> None:
+    done = fitted(0.0)
+    bars, (found, _) = error_bars(done), decision.test(done)
+    known = scored(done, bars)
+    assert known is not None
+    assert not model_error(known).any()
+    assert np.array_equal(found.bars.std, bars.std)
+    assert not found.notices
+
+
+def test_a_lag_that_is_lacking_widens_what_it_moves() -> None:
+    """Roll damping and aileron are off by more than their error bars, and not by those that hold what is lacking."""
+    done, right = fitted(0.04), fitted(0.0)
+    bars, (found, _) = error_bars(done), decision.test(done)
+    names = [p.name for p in done.problem.layout.parameters]
+    (said,) = (one for one in found.notices if one.code == "bars-widened")
+    for name in ("Clp", "Claileron"):
+        i = names.index(name)
+        off = abs(done.estimates[name] - right.estimates[name])
+        assert 3.0 * bars.std[i] < off < 3.0 * found.bars.std[i]
+        assert any(text.startswith(name) for text in said.values["most"])
+    assert np.all(found.bars.std >= bars.std)
+    assert np.array_equal(found.bars.covariance, bars.covariance)
+
+
+def test_no_number_becomes_less_known_than_its_prior_says(pitch: OutputErrorEstimate) -> None:
+    bars = error_bars(pitch)
+    own = bars.free < len(bars.std)
+    std = np.append(bars.std[bars.free[own]], np.ones(np.count_nonzero(~own)))
+    bound = np.array([0.5, 1.2, np.inf])[np.arange(len(std)) % 3]
+    wide = replace(bars, priors=bound * std).with_model_error(2.0 * std**2)
+    expected = np.clip(bound, 1.0, np.sqrt(3.0))[own]
+    assert wide.std[bars.free[own]] / std[own] == pytest.approx(expected)
+
+
+def test_another_weighting_makes_no_number_less_known_than_its_prior_says(pitch: OutputErrorEstimate) -> None:
+    """The prior alone says by how much an estimate is off: its variance and the square of the distance from its mean."""
+    apart = np.random.default_rng(3).normal(0.0, 2.0, len(pitch.z))
+    alone, both = (error_bars(replace(pitch, by_white=pitch.z + move)) for move in (0.0 * apart, apart))
+    layout, free = pitch.problem.layout, both.free[both.free < len(both.std)]
+    added, own = (layout.scales * apart)[free], np.ix_(free, free)
+    assert both.covariance[own] == pytest.approx(alone.covariance[own] + np.outer(added, added))
+    means = [0.0] * layout.dimension + [n.center for n in layout.nuisances]
+    limits = [np.hypot(u.prior, u.estimate - m) for u, m in zip(pitch.unknowns, means, strict=True)]
+    limits, whole = np.array(limits)[free], np.hypot(alone.std[free], added)
+    assert np.isfinite(limits).any()
+    assert np.any(whole > limits)
+    assert both.std[free] == pytest.approx(np.maximum(alone.std[free], np.minimum(whole, limits)))
+
+
+def test_a_parameter_at_its_bound_makes_others_lean(wrong: Vehicle, flight: Flight) -> None:
+    """CL0 held far from the truth: CLalpha takes its place, with an error bar that is only conditional."""
+    boxed = wrong.with_numbers({"CL0": {"value": 0.3, "bounds": (0.2, 0.35)}})
+    job = identify(boxed, flight, ["0:12"])
+    bars = error_bars(job.estimate)
+    assert bars.at_bound[[p.name for p in job.estimate.problem.layout.parameters].index("CL0")]
+    assert "CLalpha" in bars.conditional
+    held = job.result.parameters["CL0"]
+    assert (held.at_bound, np.isnan(held.std_error)) == (True, True)
+    assert any("CLalpha" in w and "Known only if CL0" in w for w in job.result.warnings)

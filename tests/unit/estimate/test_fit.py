@@ -1,3 +1,5 @@
+"""Output error: starts, refusals, budgets, interruptions, optimizers, and the band of a fitted response by every method."""
+
 from __future__ import annotations
 
 import itertools
@@ -6,7 +8,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from threadpoolctl import threadpool_limits
+from unit.flown import maneuver
 
+import stoop
 from stoop import optimize
 from stoop.assessment.error_bars import error_bars
 from stoop.errors import IdentificationError, StoopError
@@ -191,3 +195,11 @@ def test_an_interrupted_search_keeps_its_best_and_ends_where_an_undisturbed_one_
         resumed = fit(wrong, {"sim": flight}, WINDOW, Options(), state=state)
         assert np.array_equal(whole.z, resumed.z)
         assert resumed.outcome.cost <= state.evaluations.cost
+
+
+@pytest.mark.parametrize("method", ["output-error", "filter-error", "multiple-shooting"])
+def test_the_band_of_a_right_model_holds_the_readings(aircraft: Vehicle, method: str) -> None:
+    flight = simulate_flight(aircraft, maneuver(12.0, ("elevator", "3-2-1-1", 1.0, 0.3, 0.1)), 3, name="f")
+    (trace,) = stoop.fit(aircraft, flight, ["0:12"], options=Options(method=method)).traces
+    errors = np.array([(one.measured - one.simulated) / one.deviation for one in trace.channels.values()])
+    assert np.mean(np.abs(errors[np.isfinite(errors)]) < 1.96) == pytest.approx(0.95, abs=0.03)

@@ -28,7 +28,7 @@ from stoop.simulation.fly import simulate_flight
 from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 
-from .regression.test_rotors import TRUTH, WOBBLE, flown
+from .regression.test_aircraft import TRUTH, WOBBLE, flown
 
 FREE = ("CLalpha", "Cmalpha", "Cmq", "Cmelevator")
 MANEUVER = maneuver(8.0, ("elevator", "3-2-1-1", 0.5, 0.4, 0.05))
