@@ -10,6 +10,7 @@ import re
 from pathlib import Path
 
 import numpy as np
+from unit.flown import maneuver
 
 from stoop.cli.main import main
 from stoop.exporters.flight_logs import save_flight_as
@@ -20,22 +21,7 @@ from stoop.vehicle.load import load_vehicle
 
 TRUTH = builtin_vehicle("twin-boom")
 NAMES = [p.name for p in TRUTH.parameters if p.free and p.value]
-OFF = 0.2  #: of each derivative, to one side or the other
-SMALL = [
-    {"control": c, "shape": "doublet", "start": s, "step": 1.0, "amplitude": 0.01}
-    for c, s in (("elevator", 2.0), ("aileron", 7.0), ("rudder", 12.0))
-]  #: what the pilot did before there was a design
-
-
-def guess() -> str:
-    """Return the vehicle file with every derivative off, and priors that say so."""
-    text, rng = builtin_text("twin-boom"), np.random.default_rng(3)
-    for name in NAMES:
-        value = TRUTH.value(name) * (1.0 + OFF * float(rng.choice([-1.0, 1.0])))
-        number = f"{name} = {{ value = {value!r}, prior = {0.3 * abs(value)!r} }}"
-        text, count = re.subn(rf"^{name} = .*$", number, text, flags=re.M)
-        assert count == 1, name
-    return text
+BEFORE = (("elevator", 2.0), ("aileron", 7.0), ("rudder", 12.0))
 
 
 def flown(folder: Path, name: str, maneuver: Maneuver, seed: int, model: Path) -> Path:
@@ -54,9 +40,15 @@ def errors(folder: Path) -> tuple[np.ndarray, np.ndarray]:
 
 
 def test_the_loop_from_log_to_a_better_model(tmp_path: Path) -> None:
-    model = tmp_path / "guess.toml"
-    model.write_text(guess())
-    usual = Maneuver.model_validate({"duration": 20.0, "airspeed": 35.0, "input": SMALL})
+    model, text, rng = tmp_path / "guess.toml", builtin_text("twin-boom"), np.random.default_rng(3)
+    for name in NAMES:  # every derivative is off, and priors say so
+        value = TRUTH.value(name) * (1.0 + 0.2 * float(rng.choice([-1.0, 1.0])))
+        number = f"{name} = {{ value = {value!r}, prior = {0.3 * abs(value)!r} }}"
+        text, count = re.subn(rf"^{name} = .*$", number, text, flags=re.M)
+        assert count == 1, name
+    model.write_text(text)
+    pilot = [(control, "doublet", start, 1.0, 0.01) for control, start in BEFORE]
+    usual = maneuver(20.0, *pilot, rate=100.0, airspeed=35.0)
     before = flown(tmp_path, "before.ulg", usual, 1, model)
     known = ["--vehicle", str(model), "--maneuver", "0.2:19.8"]
     assert main(["identify", str(before), *known, "-o", str(tmp_path / "first")]) == 0

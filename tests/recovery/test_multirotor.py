@@ -31,20 +31,11 @@ AIR: tuple[tuple[str, float, Flights, float, float], ...] = (
     ("turbulence of 0.5 m/s", 0.5, {"quad-x": range(8), "hexa-x": range(8, 16)}, 4.0, 1.8),
 )
 """Air; m/s; seeds, none twice, for of one seed gusts are alike whatever flies through them; most of |z|, of a mean square."""
-FREE = (
-    "rotors.lag",
-    "rotors.delay",
-    "rotor.m3.factor",
-    "mass.center_of_gravity.x",
-    "mass.center_of_gravity.y",
+CENTER = ("mass.center_of_gravity.x", "mass.center_of_gravity.y")
+GUSTS = "\n[turbulence]\nairspeed = 5.0\n" + "".join(
+    f"{a} = {{{{ intensity = {{0}}, length = {length} }}}}\n"
+    for a, length in (("u", 50.0), ("v", 50.0), ("w", 20.0))
 )
-GUSTS = """
-[turbulence]
-airspeed = 5.0
-u = {{ intensity = {0}, length = 50.0 }}
-v = {{ intensity = {0}, length = 50.0 }}
-w = {{ intensity = {0}, length = 20.0 }}
-"""
 
 
 LEGS = [
@@ -69,15 +60,15 @@ def vehicles(name: str, gusts: float) -> tuple[Vehicle, Vehicle]:
 
 def misled(vehicle: Vehicle, seed: int) -> tuple[Vehicle, dict[str, float]]:
     """Return a start up to 20 % off, and the truth."""
-    rng = np.random.default_rng(seed + 100)
-    inertia = tuple(f"mass.inertia.{a}" for a in ("xx", "yy", "zz"))
+    rng, inertia = np.random.default_rng(seed + 100), [f"mass.inertia.{a}" for a in ("xx", "yy", "zz")]
     own = [p.name for p in vehicle.parameters if p.free and not p.name.startswith("sensors.")]
-    truth = {n: vehicle.value(n) for n in (*own, *FREE, *inertia)}
+    free = (*own, "rotors.lag", "rotors.delay", "rotor.m3.factor", *CENTER, *inertia)
+    truth = {n: vehicle.value(n) for n in free}
     changes = {n: {"free": True, "value": v * rng.uniform(0.8, 1.2)} for n, v in truth.items()}
     for n in inertia:
         changes[n]["bounds"] = (truth[n] / 3.0, truth[n] * 3.0)
-    for a in "xy":
-        changes[f"mass.center_of_gravity.{a}"]["bounds"] = (-0.05, 0.05)
+    for n in CENTER:
+        changes[n]["bounds"] = (-0.05, 0.05)
     return vehicle.with_numbers(changes), truth
 
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from importlib.resources import files
 
 import numpy as np
 import pytest
@@ -24,14 +23,11 @@ from stoop.simulation import trim
 from stoop.simulation.fly import simulate_flight
 from stoop.simulation.maneuver import Maneuver
 from stoop.vehicle import Vehicle, parse_vehicle
+from stoop.vehicle.builtin import builtin_text
 
-TEXT = (files("stoop") / "data" / "twin_boom.toml").read_text()
-LEFT_OUT = {
-    "CLV": 0.05,
-    "CDV": 0.02,
-    "CDalpha2": 1.2,
-    "CmV": 0.03,
-}  #: truths that the paper's Table 1 leaves out
+TEXT = builtin_text("twin-boom")
+#: truths that the paper's Table 1 leaves out
+LEFT_OUT = {"CLV": 0.05, "CDV": 0.02, "CDalpha2": 1.2, "CmV": 0.03}
 JOINT = (
     ("elevator", "3-2-1-1", 1.0, 0.3, 0.12), ("aileron", "doublet", 8.0, 0.5, 0.10), ("elevator", "doublet", 12.0, 2.5, 0.06),
     ("rudder", "doublet", 20.0, 0.7, 0.15), ("rudder", "2-1-1", 26.0, 0.6, 0.12), ("aileron", "2-1-1", 31.0, 0.5, 0.10),

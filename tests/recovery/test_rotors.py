@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from importlib.resources import files
 from pathlib import Path
 
 import numpy as np
@@ -12,8 +11,7 @@ from unit.flown import maneuver
 
 from stoop.base.variables import EULER
 from stoop.estimate.fit import Options
-from stoop.flight import Flight
-from stoop.performance.effectiveness import Balance, Reference, assess, hover, judge
+from stoop.performance.effectiveness import Balance, Hover, Reference, assess, hover, judge
 from stoop.simulation import trim
 from stoop.simulation.fly import simulate_flight
 from stoop.vehicle import Vehicle, parse_vehicle
@@ -23,36 +21,26 @@ from stoop.workflow import identify
 
 # --- gyros, accelerometers and commands alone, in turbulence that reaches the commands through the rate loop
 
-EXAMPLES = Path(__file__).parents[2] / "examples"
-LAG = 0.06
-GUSTS = """
-[turbulence]
-airspeed = 5.0
-u = { intensity = 0.3, length = 5.0 }
-v = { intensity = 0.3, length = 5.0 }
-w = { intensity = 0.3, length = 5.0 }
-"""
+GUSTS = "\n[turbulence]\nairspeed = 5.0\n" + "".join(
+    f"{a} = {{ intensity = 0.3, length = 5.0 }}\n" for a in "uvw"
+)
 WRONG_SMALL = {
     "rotors.T1": 0.8, "rotors.lag": 0.5, "rotors.torque_ratio": 1.3, "mass.inertia.xx": 1.4, "mass.inertia.yy": 0.7,
 }  # fmt: skip
 
 
-SHAPES = (
-    ("roll", 1.0, 0.1, 40.0),
-    ("pitch", 3.5, 0.1, 40.0),
-    ("yaw", 6.0, 0.25, 3.0),
-    ("heave", 8.0, 0.2, 2.5),
-)
 TUMBLING = [
     (control, "3-2-1-1", 10.0 * k + start, step, sign * amplitude)
     for k, sign in enumerate((1.0, -1.0))
-    for control, start, step, amplitude in SHAPES
-]
+    for control, start, step, amplitude in (
+        ("roll", 1.0, 0.1, 40.0), ("pitch", 3.5, 0.1, 40.0), ("yaw", 6.0, 0.25, 3.0), ("heave", 8.0, 0.2, 2.5),
+    )
+]  # fmt: skip
 
 
 def test_the_default_needs_no_state() -> None:
-    text = (EXAMPLES / "crazyflie.toml").read_text()
-    text = text.replace('drive = "command"', f'drive = "command"\nlag = {LAG}', 1)
+    text = (Path(__file__).parents[2] / "examples" / "crazyflie.toml").read_text()
+    text = text.replace('drive = "command"', 'drive = "command"\nlag = 0.06', 1)
     truth, gusty = (parse_vehicle(text + more, "crazyflie.toml") for more in ("", GUSTS))
     flight = simulate_flight(gusty, maneuver(20.0, *TUMBLING, rate=100.0), seed=1)
     sensed = replace(flight, data=flight.data.drop_vars([*WIND, *EULER], errors="ignore"))
@@ -92,11 +80,9 @@ SPINS = maneuver(
     ("east", "doublet", 11.0, 2.0, 2.5), rate=100.0,
 )  # fmt: skip
 WRONG = {
-    "rotors.inertia": {"value": 2e-5, "free": True, "bounds": (1e-6, 3e-4)},
-    "rotors.delay": {"value": 0.005, "free": True, "bounds": (0.0, 0.05)},
-    "rotors.torque_ratio": {"value": 0.012},
-    "rotors.T2": {"value": 1.2e-5},
-}
+    "rotors.inertia": {"value": 2e-5, "free": True, "bounds": (1e-6, 3e-4)}, "rotors.torque_ratio": {"value": 0.012},
+    "rotors.delay": {"value": 0.005, "free": True, "bounds": (0.0, 0.05)}, "rotors.T2": {"value": 1.2e-5},
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("method", ["equation-error", ""])
@@ -159,28 +145,25 @@ def test_near_the_ground_less_command_holds_the_vehicle_and_far_above_as_much_as
 
 # --- a rotor that lost a known share of its thrust
 
-QUAD_TEXT = (files("stoop.data") / "quad_x.toml").read_text(encoding="utf-8")
 LEGS = (("roll", "3-2-1-1", 4.0, 0.15, 10.0), ("north", "doublet", 10.0, 3.0, 2.0))
 WINDY = maneuver(25.0, *LEGS, rate=100.0, altitude=100.0, wind=[2.0, -1.0, 0.0])
 
 
 def with_factor(factor: float) -> Vehicle:
     """The template with one more number, whose value does not change the equations: one kernel for all."""
-    head, _, tail = QUAD_TEXT.partition("[rotor.m3]")
+    head, _, tail = builtin_text("quad-x").partition("[rotor.m3]")
     return parse_vehicle(f"{head}[rotor.m3]\nfactor = {factor}{tail}", "quad.toml")
 
 
-def flown(factor: float, seed: int) -> Flight:
-    return simulate_flight(with_factor(factor), WINDY, seed=seed, name=f"{factor}")
+def hovering(balance: Balance, factor: float, seed: int) -> Hover:
+    return hover(simulate_flight(with_factor(factor), WINDY, seed=seed, name=f"{factor}"), balance)
 
 
 @pytest.mark.parametrize("factor", [0.9, 0.7])
 def test_a_known_loss_comes_back(factor: float) -> None:
     balance = Balance(with_factor(1.0))
-    reference = Reference(balance, tuple(hover(flown(1.0, seed), balance) for seed in (1, 2, 3)))
-    found = assess(hover(flown(factor, 4), balance), reference)
-    verdict = judge(found)
-    assert verdict.kind == "weak or mass"
-    assert verdict.rotors == ("m3",)
+    reference = Reference(balance, tuple(hovering(balance, 1.0, seed) for seed in (1, 2, 3)))
+    found = assess(hovering(balance, factor, 4), reference)
+    assert (judge(found).kind, judge(found).rotors) == ("weak or mass", ("m3",))
     assert abs(1.0 - found.suspected.size - factor) < found.suspected.std
-    assert judge(assess(hover(flown(1.0, 5), balance), reference)).kind == "healthy"
+    assert judge(assess(hovering(balance, 1.0, 5), reference)).kind == "healthy"

@@ -6,8 +6,6 @@ whole steps: none of the interpolations of the estimators is in the data.
 
 from __future__ import annotations
 
-from importlib.resources import files
-
 import numpy as np
 import pytest
 from unit.estimate.fits import deviations, fit_by
@@ -18,6 +16,7 @@ from stoop.problem.windows import Window
 from stoop.simulation.fly import simulate_flight
 from stoop.simulation.maneuver import Maneuver
 from stoop.vehicle import Vehicle, parse_vehicle
+from stoop.vehicle.builtin import builtin_text
 
 SUBSTEPS = 20
 WINDOW = [Window("sim", 0.0, 15.0)]
@@ -25,11 +24,7 @@ SERVO = {"controls.elevator.rate_limit": 0.35, "controls.elevator.dead_zone": 0.
 DELAYS = {"alpha": 0.033, "q": 0.012, "theta": 0.05}  #: s; 1.65, 0.6, and 2.5 samples
 LATE = {f"sensors.{channel}.delay": late for channel, late in DELAYS.items()}
 INPUTS = (("3-2-1-1", 1.0, 0.4, 0.06), ("doublet", 7.0, 1.0, 0.05))
-GUSTS = """
-[turbulence]
-u = { intensity = { value = 1.5 }, length = 200.0 }
-w = { intensity = { value = 1.2 }, length = 100.0 }
-"""
+GUSTS = "[turbulence]\nu = { intensity = 1.5, length = 200.0 }\nw = { intensity = 1.2, length = 100.0 }\n"
 FREE = {
     "CL0": (-1.0, 2.0), "CLalpha": (2.0, 9.0), "CLelevator": (-1.0, 3.0), "Cm0": (-0.5, 0.5), "Cmalpha": (-4.0, 0.0),
     "Cmq": (-90.0, -5.0), "Cmelevator": (-3.0, 0.0),
@@ -41,14 +36,8 @@ UNKNOWN = {
 
 
 def truth(tables: str) -> Vehicle:
-    text = (files("stoop") / "data" / "twin_boom.toml").read_text()
-    vehicle = parse_vehicle(text + tables, "truth").reduced("longitudinal")
+    vehicle = parse_vehicle(builtin_text("twin-boom") + tables, "truth").reduced("longitudinal")
     return vehicle.with_numbers({p.name: {"free": False} for p in vehicle.parameters if p.free})
-
-
-def with_servo() -> Vehicle:
-    numbers = "".join(f"{name.rpartition('.')[2]} = {value}\n" for name, value in SERVO.items())
-    return truth(f"[controls.elevator]\n{numbers}[controls.aileron]\n[controls.rudder]\n")
 
 
 def prompt(more: str = "") -> Vehicle:
@@ -91,7 +80,9 @@ def recovered(
 
 @pytest.mark.parametrize("method", ["output-error", "multiple-shooting", "filter-error"])
 def test_a_servo_comes_back(method: str) -> None:
-    found, z = recovered(method, with_servo(), 1, SERVO)
+    numbers = "".join(f"{name.rpartition('.')[2]} = {value}\n" for name, value in SERVO.items())
+    vehicle = truth(f"[controls.elevator]\n{numbers}[controls.aileron]\n[controls.rudder]\n")
+    found, z = recovered(method, vehicle, 1, SERVO)
     assert found.outcome.status == "converged"
     assert np.abs(z).max() < 3.5
     assert found.estimates["controls.elevator.rate_limit"] == pytest.approx(0.35, rel=0.1)

@@ -14,10 +14,8 @@ from stoop.workflow import identify
 
 Inputs = tuple[tuple[str, str, float, float, float], ...]
 QUAD = (
-    ("roll", "3-2-1-1", 10.0, 0.15, 15.0),
-    ("pitch", "doublet", 24.0, 0.2, 15.0),
-    ("yaw", "3-2-1-1", 38.0, 0.4, 1.0),
-)
+    ("roll", "3-2-1-1", 10.0, 0.15, 15.0), ("pitch", "doublet", 24.0, 0.2, 15.0), ("yaw", "3-2-1-1", 38.0, 0.4, 1.0),
+)  # fmt: skip
 AIRCRAFT = (
     ("elevator", "3-2-1-1", 8.0, 0.3, 0.03), ("rudder", "doublet", 28.0, 0.8, 0.1), ("aileron", "doublet", 46.0, 0.5, 0.05),
 )  # fmt: skip
@@ -30,9 +28,7 @@ def test_known_maneuvers_are_found_and_calm_flight_is_not(name: str, inputs: Inp
     flight = simulate_flight(vehicle, flown, seed=1, name="sim")
     found = find_windows({"sim": flight}, vehicle)
     kept = [w for w in found.windows if w.accept]
-    spans = [
-        (start, start + {"3-2-1-1": 7, "doublet": 2}[shape] * step) for _, shape, start, step, _ in inputs
-    ]
+    spans = [(t, t + {"3-2-1-1": 7, "doublet": 2}[shape] * step) for _, shape, t, step, _ in inputs]
     assert all(any(w.start <= a and w.stop >= b for w in kept) for a, b in spans)
     fitted = [w for w in kept if w.use == "fit"]
     moved = [any(w.start < a + 7.0 * s and w.stop > a for _, _, a, s, _ in inputs) for w in fitted]

@@ -40,26 +40,19 @@ def test_two_that_only_show_as_a_sum_are_both_unknown() -> None:
     assert standard_errors(held.matrix)[2] == pytest.approx(0.1, rel=1e-3)
 
 
-def nearly_collinear() -> np.ndarray:
-    """Return sensitivities (154, 3) of y = b1 (b2 + x)^(-1 / b3), the model of NIST's Bennett5, near its values."""
+@pytest.mark.parametrize("prior", [np.zeros((3, 3)), np.diag([1e-9, 0.0, 0.0])])
+def test_standard_errors_have_the_digits_of_the_sensitivities(prior: np.ndarray) -> None:
+    """At a condition number of 2.5e5 the product of the rows leaves 5 digits, their QR and singular values 11.
+
+    Rows are the sensitivities of y = b1 (b2 + x)^(-1 / b3), the model of NIST's Bennett5, near its values.
+    """
     x, (b1, b2, b3) = np.linspace(10.0, 12.0, 154), (-2523.5, 46.74, 0.93218)
     power = (b2 + x) ** (-1.0 / b3)
-    return np.column_stack([power, -b1 / b3 * power / (b2 + x), b1 * np.log(b2 + x) / b3**2 * power])
-
-
-def exact_errors(rows: np.ndarray, prior: np.ndarray) -> list[float]:
-    """Return the standard errors of rows and the information of priors, with 60 digits (mpmath)."""
+    rows = np.column_stack([power, -b1 / b3 * power / (b2 + x), b1 * np.log(b2 + x) / b3**2 * power])
     with mpmath.workdps(60):
         exact = mpmath.matrix(rows.tolist())
         inverse = (exact.T * exact + mpmath.matrix(prior.tolist())) ** -1
-        return [float(mpmath.sqrt(inverse[i, i])) for i in range(len(prior))]
-
-
-@pytest.mark.parametrize("prior", [np.zeros((3, 3)), np.diag([1e-9, 0.0, 0.0])])
-def test_standard_errors_have_the_digits_of_the_sensitivities(prior: np.ndarray) -> None:
-    """At a condition number of 2.5e5 the product of the rows leaves 5 digits, their QR and singular values 11."""
-    rows = nearly_collinear()
-    wanted = exact_errors(rows, prior)
+        wanted = [float(mpmath.sqrt(inverse[i, i])) for i in range(3)]
     product = standard_errors(invert(rows.T @ rows + prior).matrix)
     assert np.max(np.abs(product / wanted - 1.0)) > 1e-9
     cut = [PieceEvidence(np.zeros((77, 1)), part[:, None, :]) for part in (rows[:77], rows[77:])]
@@ -180,21 +173,19 @@ def test_a_number_that_is_not_the_data_s_is_called_so() -> None:
 LENGTH = 40
 
 
-def gusty(rng: np.random.Generator, windows: int) -> np.ndarray:
-    """White noise beside a walk that begins anew with each window (n, 1)."""
-    walk = 0.3 * np.cumsum(rng.standard_normal((windows, LENGTH)), axis=1)
-    return (walk + rng.standard_normal((windows, LENGTH))).reshape(-1, 1)
-
-
 def repeated(slopes: np.ndarray, windows: int, times: int) -> np.ndarray:
-    """Return the mean variance that is told over the variance (k,) of estimates, for slopes (n, k)."""
+    """Return the mean variance that is told over the variance (k,) of estimates, for slopes (n, k).
+
+    The noise is white beside a walk that begins anew with each window.
+    """
     rng, (n, k) = np.random.default_rng(0), slopes.shape
     pull = np.linalg.inv(slopes.T @ slopes) @ slopes.T
     none = (np.empty((windows - 1, 0)), np.empty((windows - 1, 0, k)))
     edges = tuple(range(0, n + 1, LENGTH))
     found, told = [], []
     for _ in range(times):
-        noise = gusty(rng, windows)
+        walk = 0.3 * np.cumsum(rng.standard_normal((windows, LENGTH)), axis=1)
+        noise = (walk + rng.standard_normal((windows, LENGTH))).reshape(-1, 1)
         estimate = pull @ noise[:, 0]
         segment = PieceEvidence(noise - (slopes @ estimate)[:, None], slopes[:, None, :])
         covariance = by.windowed_covariance([segment], [edges], [none], np.zeros((k, k)))

@@ -49,11 +49,8 @@ def test_residuals_and_derivatives_are_those_of_the_evidence(job: FittedModel) -
 def test_bootstrap_and_profile_agree_with_the_corrected_errors(job: FittedModel) -> None:
     free = [p.name for p in job.estimate.problem.layout.parameters]
     own = ("Cmq", DELAY) if DELAY in free else ("Cmq",)
-    bootstrap, profile = (
-        Bootstrap(100, Given(ThreadPoolExecutor(1))),
-        Profile(own, Given(ThreadPoolExecutor(1))),
-    )
-    result = job.assess(bootstrap, profile).result
+    pool = Given(ThreadPoolExecutor(1))
+    result = job.assess(Bootstrap(100, pool), Profile(own, pool)).result
     corrected, found = (result.uncertainty[m].parameters for m in ("corrected", "bootstrap"))
     ratios = [found[n].std_error / corrected[n].std_error for n in FREE]
     assert float(np.median(ratios)) == pytest.approx(1.0, abs=0.25)

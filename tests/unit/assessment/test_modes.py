@@ -17,22 +17,14 @@ from stoop.simulation.steady_flight import neighbors
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 
-NAMES = ("V", "alpha", "q", "theta")
-
-
-def oscillator(w: float, zeta: float) -> np.ndarray:
-    """Return a short period beside a phugoid that nothing moves."""
-    A = np.zeros((4, 4))
-    A[1:3, 1:3] = [[0.0, 1.0], [-(w**2), -2.0 * zeta * w]]
-    A[np.ix_([0, 3], [0, 3])] = [[-0.02, -9.81], [0.01, 0.0]]
-    return A
-
 
 def short_period(w: float, zeta: float, *variances: float) -> ModeEstimate:
     """Return the mode of the given variances of w and zeta; nothing moves the phugoid."""
-    by_w, by_zeta = np.zeros((4, 4)), np.zeros((4, 4))
+    A, by_w, by_zeta = np.zeros((3, 4, 4))
+    A[1:3, 1:3] = [[0.0, 1.0], [-(w**2), -2.0 * zeta * w]]
+    A[np.ix_([0, 3], [0, 3])] = [[-0.02, -9.81], [0.01, 0.0]]
     by_w[2, 1:3], by_zeta[2, 2] = (-2.0 * w, -2.0 * zeta), -2.0 * w
-    linear = Linearized(NAMES, oscillator(w, zeta), np.array([by_w, by_zeta]))
+    linear = Linearized(("V", "alpha", "q", "theta"), A, np.array([by_w, by_zeta]))
     modes = {m.name: m for m in mode_estimates(linear, ("w", "zeta"), np.diag(variances))}
     assert modes["phugoid"].remark == ()
     return next(m for n, m in modes.items() if "short" in n)
@@ -219,12 +211,10 @@ def test_what_cannot_be_told_is_said() -> None:
     never = free_response(TIME, restless, {"r": np.zeros(len(TIME))})
     assert not never.time.size
     for given, name, expected, codes in (
-        (free, "spiral", 0.1, {"response-no-oscillation"}),
-        (free, "phugoid", 3.0, {"response-not-recorded"}),
-        (free, "Dutch roll", 0.3, {"response-too-short"}),
+        (free, "spiral", 0.1, {"response-no-oscillation"}), (free, "phugoid", 3.0, {"response-not-recorded"}),
+        (free, "Dutch roll", 0.3, {"response-too-short"}), (never, "Dutch roll", 3.0, {"response-no-rest"}),
         (noise, "Dutch roll", 3.0, {"response-not-explained", "response-inaccurate"}),
-        (never, "Dutch roll", 3.0, {"response-no-rest"}),
-    ):
+    ):  # fmt: skip
         found = measured_mode(name, 0, given, expected)
         assert found.remark is not None
         assert found.remark.code in codes

@@ -44,21 +44,16 @@ def problem_of(vehicle: Vehicle, flown: Maneuver, noise: bool = True) -> Misfit:
     return estimation_problem(vehicle, {"sim": flight}, [window], DEFAULTS)[0]
 
 
-Comparison = tuple[FloatArray, FloatArray]
-
-
-def difference(local: RefitProblem, z: FloatArray, found: Responses, name: str) -> Comparison:
+def difference(local: RefitProblem, z: FloatArray, found: Responses, name: str) -> list[FloatArray]:
     """Return the response (N,) of one piece, and the difference of all residuals."""
-    (j, one), layout = (
-        next((j, e) for j, e in enumerate(found.extensions) if e.name == name),
-        local.problem.layout,
-    )
+    layout = local.problem.layout
+    j, one = next((j, e) for j, e in enumerate(found.extensions) if e.name == name)
     vehicle = with_entries(layout.vehicle, one.entries(one.value(one.step)))
     extended = replace(replace(layout, vehicle=vehicle), parameters=layout.parameters)
     other = replace(local, problem=replace(local.problem, layout=extended))
     wanted = (other.residuals(z[None], 0) - local.residuals(z[None], 0))[0] / one.step
     parts = [found.pieces[0], *found.gaps[:1]]
-    return np.concatenate([part[:, :, j].ravel() for part in parts]), wanted
+    return [np.concatenate([part[:, :, j].ravel() for part in parts]), wanted]
 
 
 def error(found: FloatArray, wanted: FloatArray) -> float:

@@ -125,12 +125,8 @@ def changed(arrays: Mapping[str, Any], **entries: Any) -> dict[str, Any]:
 def test_damaged_arrays_are_refused_in_one_line(aircraft: Problem) -> None:
     """Each array of the state shorter, longer, with another dimension, as text, and absent; those of another method."""
     whole, other = (saved(fit_by(method, *aircraft)) for method in ("output-error", "equation-error"))
-    changes = (
-        lambda x: x[:-1],
-        lambda x: np.concatenate([x, x[:1]]),
-        lambda x: x[None],
-        lambda x: x.astype("U3"),
-    )
+    longer, text = (lambda x: np.concatenate([x, x[:1]])), (lambda x: x.astype("U3"))
+    changes = (lambda x: x[:-1], longer, lambda x: x[None], text)
     mutated = ("z", "time.0", "inputs.0", "measured.0", "recorded.0", "covariance", "root")
     damaged = [whole | {name: change(whole[name])} for name in mutated for change in changes]
     damaged += [{k: x for k, x in whole.items() if k != name} for name in mutated]

@@ -68,10 +68,8 @@ def test_a_file_of_an_older_version_is_read() -> None:
     assert repr(again.maneuvers[0].channels["q"]) == repr(channel)
     assert again.modes == ()
     assert not again.repeatability.parameters
-    told = {
-        "filter-error-ekf": ProcessNoise("varying", ("w", "q"), (0.3, 0.1)),
-        "output-error": ProcessNoise(),
-    }
+    varying = ProcessNoise("varying", ("w", "q"), (0.3, 0.1))
+    told = {"filter-error-ekf": varying, "output-error": ProcessNoise()}
     told["stabilized-output-error"] = ProcessNoise("steady", share=STATED)
     for method, noise in told.items():  # then by a notice
         found = notice("process-noise", states=noise.states, intensities=noise.intensities)

@@ -135,9 +135,8 @@ def test_products_and_gradient_are_those_of_residuals_and_jacobian(problem: Misf
         assert problem.products(Z, rung, left) / size == pytest.approx(R @ left / size, abs=1e-13)
         J = problem.jacobian(z, rung, r)[0].dense()
         size, found = np.abs(left) @ np.abs(J), problem.gradient(z, rung, r, left)
-        assert found / size == pytest.approx(
-            left @ J / size, abs=1e-5
-        )  # rounding over the step of a difference
+        # rounding over the step of a difference
+        assert found / size == pytest.approx(left @ J / size, abs=1e-5)
         full = problem.residuals(point(problem)[None], rung)
         assert problem.costs(points(problem, 1), rung)[0] == pytest.approx(np.sum(full**2))
 

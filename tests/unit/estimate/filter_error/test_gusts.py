@@ -151,11 +151,9 @@ def test_a_table_of_the_file_is_kept_and_a_reduced_model_has_its_own_axes(gusty)
 
 def test_white_innovations_of_a_converged_fit_are_asked_for():
     for status, correlation, codes in (
-        ("converged", 0.0, []),
-        ("interrupted", 0.9, []),
-        ("converged", LIMITS.correlation + 0.01, ["gusts-not-explained"]),
-        ("generations", 0.0, ["gusts-no-optimum"]),
-    ):
+        ("converged", 0.0, []), ("converged", LIMITS.correlation + 0.01, ["gusts-not-explained"]),
+        ("interrupted", 0.9, []), ("generations", 0.0, ["gusts-no-optimum"]),
+    ):  # fmt: skip
         fit = SimpleNamespace(outcome=SimpleNamespace(status=status), innovation_correlation=correlation)
         assert [n.code for n in unexplained(fit, "filter-error", "output-error")] == codes, status
 

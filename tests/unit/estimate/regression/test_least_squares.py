@@ -106,16 +106,8 @@ def test_chance_alone_brings_in_a_term_as_seldom_as_is_said() -> None:
 
 def test_products_and_powers_stand_on_their_variables() -> None:
     known = {"alpha", "beta", "q", "elevator", "rudder"}
-    names = [
-        "alpha^3",
-        "alpha",
-        "elevator",
-        "alpha*elevator",
-        "beta^2",
-        "abs(alpha)",
-        "2*alpha",
-        "rudder*elevator",
-    ]
+    plain = ("alpha^3", "alpha", "elevator", "alpha*elevator", "beta^2", "abs(alpha)", "2*alpha")
+    names = (*plain, "rudder*elevator")
     found = structure.parents([terms.parse(name, known, "test") for name in names])
     assert found == ((1,), (), (), (1, 2), (), (), (), (2,))
 
