@@ -1,4 +1,4 @@
-"""A window that begins while commands are on their way: they are known from the record before it."""
+"""A window that begins while commands are on their way, and air data that were reconstructed by a wrong wind."""
 
 from __future__ import annotations
 
@@ -7,15 +7,23 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import stoop
+from stoop.base.rotations import quaternions_of, to_body
+from stoop.base.variables import EULER, RATES
 from stoop.flight import Flight
 from stoop.problem.archive import problem_arrays, problem_document, restored_problem
 from stoop.problem.misfit import HISTORY, Misfit, Piece
+from stoop.problem.observation import at_center_of_gravity
 from stoop.problem.prepare import prepare
 from stoop.problem.windows import Window
 from stoop.simulation import parameter_rows
+from stoop.simulation.fly import simulate_flight
+from stoop.simulation.maneuver import parse_maneuver
 from stoop.strategy import Strategy
-from stoop.vehicle import Vehicle
+from stoop.vehicle import Vehicle, parse_vehicle
+from stoop.vehicle.builtin import resolve_vehicle
 from stoop.vehicle.document import with_entries
+from stoop.workflow.demo import MANEUVER
 from stoop.workflow.identification import search
 from stoop_studies.verify import scenes
 
@@ -78,3 +86,64 @@ def test_a_fit_of_such_a_window_finds_the_truth(vehicle: Vehicle, flight: Flight
     again: Misfit = restored_problem(problem_document(done.problem), problem_arrays(done.problem))
     for kept, restored in zip(done.problem.pieces, again.pieces, strict=True):
         assert np.array_equal(np.asarray(kept.before), np.asarray(restored.before))
+
+
+ERROR = np.array([1.6, -1.1, 0.0])  #: m/s, of a wind that was found by a flight that turns little
+AIR = ("V", "alpha", "beta")
+
+
+def vehicle_with(sensors: str) -> Vehicle:
+    own = resolve_vehicle("twin-boom")
+    return parse_vehicle(f"{own.text}\n[sensors]\n{sensors}\n", "wind.toml")
+
+
+def reconstructed(flight: Flight, error: np.ndarray) -> Flight:
+    """Return a flight whose air data are its velocity over ground through air of another wind."""
+    V, alpha, beta = (flight.column(n) for n in AIR)
+    angles = np.stack([flight.column(n) for n in EULER], axis=1)
+    turned = to_body(quaternions_of(angles), np.tile(error, (len(V), 1))).T
+    along = np.stack([np.cos(alpha) * np.cos(beta), np.sin(beta), np.sin(alpha) * np.cos(beta)])
+    u, v, w = V * along + turned
+    speed = np.sqrt(u**2 + v**2 + w**2)
+    read = {"V": speed, "alpha": np.arctan2(w, u), "beta": np.arcsin(v / speed)}
+    columns = {n: flight.column(n) for n in flight.channels} | read
+    return replace(flight, data=type(vars(flight)["data"])(flight.time, columns))
+
+
+@pytest.fixture(scope="module")
+def flown() -> Flight:
+    return simulate_flight(resolve_vehicle("twin-boom"), parse_maneuver(MANEUVER, "m"), name="sim", seed=3)
+
+
+@pytest.mark.parametrize("pitot", [False, True])
+def test_a_start_that_was_read_is_the_true_one(pitot: bool, flown: Flight) -> None:
+    scale = "V = { scale = 1.0 }" if pitot else ""
+    vehicle = vehicle_with(f"wind_error = {ERROR.tolist()}\n{scale}")
+    wrong = reconstructed(flown, ERROR)
+    read = {n: wrong.column(n)[::50] for n in (*AIR, *RATES, *EULER)}
+    if pitot:
+        read["V"] = flown.column("V")[::50]
+    found = at_center_of_gravity(vehicle, read)
+    for n in AIR:
+        np.testing.assert_allclose(found[n], flown.column(n)[::50], atol=1e-9)
+
+
+def test_coefficients_hold_although_the_wind_was_wrong(flown: Flight) -> None:
+    """The error bars contain the wind's error; a scale of the airspeed in its place is known too well, and wrong."""
+    wrong, truth = reconstructed(flown, ERROR), resolve_vehicle("twin-boom")
+    z = {}
+    for name, sensors in (
+        ("wind", "wind_error = [{value = 0.0, prior = 1.5}, {value = 0.0, prior = 1.5}, 0.0]"),
+        ("scale", "V = { scale = {value = 1.0, prior = 0.08} }"),
+    ):
+        fitted = stoop.fit(vehicle_with(sensors), wrong, maneuvers=["0:12"], strategy="textbook")
+        found = fitted.result.parameters
+        aerodynamic = {n: p for n, p in found.items() if n[0] == "C" and p.identifiable and not p.at_bound}
+        assert len(aerodynamic) > 12
+        z[name] = np.array([(p.estimate - truth.value(n)) / p.std_error for n, p in aerodynamic.items()])
+        if name == "wind":
+            one = found["sensors.wind_error.x"]
+            assert abs(one.estimate - ERROR[0]) < 2.0 * one.std_error < 1.5
+    rms = {name: float(np.sqrt(np.mean(x**2))) for name, x in z.items()}
+    assert rms["wind"] < 1.3
+    assert rms["scale"] > 2.0
