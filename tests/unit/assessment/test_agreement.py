@@ -215,11 +215,8 @@ COUNT = 4000
 KNOWN = {"a": ParameterEstimate(1.0, 0.1)}
 
 
-def result_drawn(parameters: dict[str, ParameterEstimate], matrix: np.ndarray) -> Result:
-    nothing = NoiseCovariance((), np.empty((0, 0)))
-    return Result(
-        parameters, Covariance(tuple(parameters), matrix), nothing, (), (), (), (), 0.0, 0.0, 0.0, 0, "lm", "converged",
-    )  # fmt: skip
+def fitted(parameters: dict[str, ParameterEstimate], matrix: np.ndarray) -> Result:
+    return result({}, 0.1, "one", parameters=parameters, covariance=Covariance(tuple(parameters), matrix))
 
 
 def test_far_from_bounds_the_covariance_comes_back() -> None:
@@ -256,7 +253,7 @@ def test_what_the_data_do_not_determine_is_drawn_from_prior_or_box_or_held() -> 
         "box": ParameterEstimate(0.2, bound_lower=0.0, bound_upper=1.0, identifiable=False),
         "held": ParameterEstimate(7.0, identifiable=False),
     }
-    found = from_covariance(result_drawn(parameters, np.diag([0.01, np.inf, np.inf, np.inf])), COUNT, 0)
+    found = from_covariance(fitted(parameters, np.diag([0.01, np.inf, np.inf, np.inf])), COUNT, 0)
     drawn = dict(zip(found.names, found.values.T, strict=True))
     assert drawn["prior"].mean() == pytest.approx(3.0, abs=0.05)
     assert drawn["prior"].std() == pytest.approx(0.5, abs=0.03)
@@ -269,13 +266,13 @@ def test_what_the_data_do_not_determine_is_drawn_from_prior_or_box_or_held() -> 
 def test_what_cannot_be_drawn_from_is_refused_with_the_way_out() -> None:
     figures = {"rhat": 1.3, "sample_size": 20.0, "std_error": 0.2}
     failed = notice("posterior-not-converged", **figures, max_rhat=1.01, needed=400.0, max_std_error=0.03)
-    plain = result_drawn(KNOWN, np.array([[0.01]]))
+    plain = fitted(KNOWN, np.array([[0.01]]))
     stuck = replace(plain, uncertainty={"posterior": MethodIntervals({}, {"rhat": 1.3}, (failed,))})
-    unknown = result_drawn({"a": ParameterEstimate(1.0)}, np.array([[np.inf]]))
+    unknown = fitted({"a": ParameterEstimate(1.0)}, np.array([[np.inf]]))
     for fit, source, advice in (
         (stuck, None, r"not converged \(R-hat 1.300\); take --source covariance"),
         (plain, "posterior", "was not sampled; run stoop identify with --posterior"),
-        (result_drawn({}, np.empty((0, 0))), "covariance", "holds no covariance"),
+        (fitted({}, np.empty((0, 0))), "covariance", "holds no covariance"),
         (unknown, "covariance", "determines no parameter"),
     ):
         with pytest.raises(StoopError, match=advice):
@@ -291,7 +288,7 @@ def test_draws_of_a_posterior_file(tmp_path: Path) -> None:
     values = np.random.default_rng(0).normal(size=(4, 500))
     data = xr.Dataset({"a": (("chain", "draw"), values)})
     data.to_netcdf(tmp_path / "posterior.nc", group="posterior", engine="h5netcdf")
-    fit = replace(result_drawn(KNOWN, np.array([[0.01]])), uncertainty={"posterior": MethodIntervals({}, {})})
+    fit = replace(fitted(KNOWN, np.array([[0.01]])), uncertainty={"posterior": MethodIntervals({}, {})})
     found = draws_of(fit, (tmp_path / "posterior.nc").read_bytes(), 1000)
     assert (found.source, found.values.shape) == ("posterior", (1000, 1))
     assert found.values[:, 0].std() == pytest.approx(values.std(), rel=0.05)

@@ -79,11 +79,16 @@ def test_responses_are_those_of_simulations(name: str) -> None:
     assert error < 0.05
 
 
-def test_right_model_lacks_nothing() -> None:
+def test_right_model_lacks_nothing_and_keeps_its_error_bars() -> None:
     done = fitted(0.0)
-    found = extension_tests(done, error_bars(done))
+    bars, (decided, _) = error_bars(done), decision.test(done)
+    found, known = extension_tests(done, bars), scored(done, bars)
     assert (found.tested > 80, found.level, found.found) == (True, LIMITS.level, ())
     assert extension_notices(found) == ()
+    assert known is not None
+    assert not model_error(known).any()
+    assert np.array_equal(decided.bars.std, bars.std)
+    assert not decided.notices
 
 
 def test_missing_lag_is_named_with_its_value_and_what_it_would_move() -> None:
@@ -223,16 +228,6 @@ def test_scores_of_noise_are_significant_as_often_as_stated() -> None:
     draws = (rng.standard_normal((2000, 40)) @ root.T) / std
     share = np.mean([not lacks_nothing(one, S / np.outer(std, std)) for one in draws])
     assert 0.6 * LEVEL < share < 2.0 * LEVEL
-
-
-def test_a_right_model_keeps_its_error_bars() -> None:
-    done = fitted(0.0)
-    bars, (found, _) = error_bars(done), decision.test(done)
-    known = scored(done, bars)
-    assert known is not None
-    assert not model_error(known).any()
-    assert np.array_equal(found.bars.std, bars.std)
-    assert not found.notices
 
 
 def test_a_lag_that_is_lacking_widens_what_it_moves() -> None:

@@ -200,8 +200,12 @@ def test_states_and_biases_are_reconstructed(vehicle: Vehicle) -> None:
 
 def test_what_two_stages_cannot_do_is_told(vehicle: Vehicle, monkeypatch: pytest.MonkeyPatch) -> None:
     quad, flight = resolve_vehicle("quad-x"), flown(vehicle, 1)
-    with pytest.raises(IdentificationError, match="two-stage is for aircraft; use --method"):
-        fit_by("two-stage", quad, {}, [WINDOW_STAGES])
+    for method, told in (
+        ("two-stage", "two-stage is for aircraft; use --method"),
+        ("frequency-domain", "equation-error or multiple-shooting"),
+    ):
+        with pytest.raises(IdentificationError, match=told):
+            fit_by(method, quad, {}, [WINDOW_STAGES])
     for steps, told in ((None, []), (1, ["warning"])):
         if steps:
             monkeypatch.setattr("stoop.estimate.two_stage.MAX_STEPS", steps)

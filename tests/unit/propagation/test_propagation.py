@@ -144,12 +144,19 @@ def rudderless(whole: Vehicle) -> Propagation:
     return propagate_draws(whole, drawn(whole, 400), CRUISE, expressions)
 
 
-def test_an_effect_without_a_slope_is_marked(rudderless: Propagation) -> None:
+def test_an_effect_without_a_slope_is_marked_and_many_figures_are_one_caution(
+    rudderless: Propagation,
+) -> None:
     """A linear regression finds nothing of a square about its middle; the variance of a product is its prior's."""
     assert rudderless["even"].prior_share == 1.0
     assert rudderless["product"].prior_share > 0.99
     assert rudderless["known"].prior_share < 0.1
     assert not rudderless["static margin"].rests_on_prior
+    assert sum(one.failed > 0.03 for one in rudderless.figures) > 10
+    assert [n.code for n in rudderless.notices].count("propagate-figure-failed") == 1
+    (told,) = (n for n in rudderless.notices if n.code == "propagate-rests-on-priors")
+    assert told.values["parameters"] == UNKNOWN
+    assert {"alpha", "phi", "elevator", "rudder"} <= set(str(told.values["figures"]).split("; "))
 
 
 def test_trims_about_an_unknown_rudder_are_marked_as_by_single_draws(
@@ -174,15 +181,6 @@ def test_trims_about_an_unknown_rudder_are_marked_as_by_single_draws(
         assert single > 0.97, name
         assert rudderless[name].prior_share == pytest.approx(single, abs=0.03)
         assert rudderless[name].rests_on_prior
-
-
-def test_many_figures_are_one_caution(rudderless: Propagation) -> None:
-    codes = [n.code for n in rudderless.notices]
-    assert sum(one.failed > 0.03 for one in rudderless.figures) > 10
-    assert codes.count("propagate-figure-failed") == 1
-    (told,) = (n for n in rudderless.notices if n.code == "propagate-rests-on-priors")
-    assert told.values["parameters"] == UNKNOWN
-    assert {"alpha", "phi", "elevator", "rudder"} <= set(str(told.values["figures"]).split("; "))
 
 
 def test_conditional_draws_of_a_normal_distribution() -> None:
@@ -283,16 +281,6 @@ def test_best_glide_of_a_parabolic_polar() -> None:
     assert found["least sink rate"].estimate == pytest.approx(sink, rel=1e-2)
 
 
-def test_lowest_airspeed_within_the_angles_of_attack_flown() -> None:
-    """Thrust along the body's axis: V^2 = 2 W / (rho S (CL + CD tan alpha)) in level flight."""
-    vehicle, alpha = polar_aircraft(), 0.15
-    domain = Domain((30.0, 40.0), 35.0, 200.0, DENSITY, (0.0, alpha))
-    found = propagate_draws(vehicle, spread(vehicle, ("CLalpha",), 50), domain)
-    slowest = speed_of(4.78 * alpha + (0.06 + 1.3 * alpha**2) * math.tan(alpha))
-    assert found["lowest airspeed, alpha as flown"].estimate == pytest.approx(slowest, rel=1e-3)
-    assert "propagate-no-stall" in [n.code for n in found.notices]
-
-
 def test_a_lift_with_a_maximum_gives_a_stall_speed() -> None:
     bent = 'CLalpha = 4.78\nCLalpha2 = { term = "alpha^2", value = -8.0, bounds = [-50.0, 0.0] }'
     text = builtin_text("twin-boom").replace("CLalpha = 4.78", bent)
@@ -307,15 +295,20 @@ def test_a_lift_with_a_maximum_gives_a_stall_speed() -> None:
     assert "propagate-stall" in [n.code for n in found.notices]
 
 
-def test_extrapolation_beyond_the_angles_flown_is_told() -> None:
-    vehicle = polar_aircraft()
-    domain = Domain((25.0, 40.0), 35.0, 200.0, DENSITY, (0.0, 0.12))
+def test_lowest_airspeed_within_the_angles_flown_and_extrapolation_beyond_them() -> None:
+    """Thrust along the body's axis: V^2 = 2 W / (rho S (CL + CD tan alpha)) in level flight."""
+    vehicle, most = polar_aircraft(), 0.12
+    domain = Domain((25.0, 40.0), 35.0, 200.0, DENSITY, (0.0, most))
     found = propagate_draws(vehicle, spread(vehicle, ("CLalpha",), 50), domain)
+    slowest = speed_of(4.78 * most + (0.06 + 1.3 * most**2) * math.tan(most))
+    assert found["lowest airspeed, alpha as flown"].estimate == pytest.approx(slowest, rel=1e-3)
+    assert "propagate-no-stall" in [n.code for n in found.notices]
     told = next(n for n in found.notices if n.code == "propagate-extrapolated")
     alpha = next(c for c in found.curves if c.name == "alpha")
-    assert told.values["low"] == 25.0
-    assert alpha.estimate[alpha.airspeed <= told.values["high"]].min() > 0.12
-    assert found.extrapolated == ((25.0, told.values["high"]),)
+    assert alpha.estimate[alpha.airspeed <= told.values["high"]].min() > most
+    assert (
+        found.extrapolated == ((25.0, told.values["high"]),) == ((told.values["low"], told.values["high"]),)
+    )
 
 
 def test_draws_that_do_not_trim_are_counted_and_nothing_that_trims_is_an_error() -> None:

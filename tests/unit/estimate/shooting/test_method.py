@@ -208,20 +208,6 @@ def test_windows_are_the_default_and_find_the_truth(quad, job):
     assert "multiple-shooting-rotors" in [n.code for n in result.basis]
 
 
-def test_accelerations_alone_come_close(quad, start_hover, flight_hover):
-    """They are taken where motors were logged slowly."""
-    sources = {
-        name: replace(s, rate=43.0) if "motor" in name else s for name, s in flight_hover.sources.items()
-    }
-    result = identify(start_hover, replace(flight_hover, sources=sources), ["0:16"]).result
-    assert result.method == "equation-error"
-    assert [n.values["rate"] for n in result.basis if n.code == "motors-logged-slowly"] == [43.0]
-    for name in ("rotors.T2", "rotors.torque_ratio", "rotors.drag", "rotor.m3.factor", "rotors.delay"):
-        assert result.parameters[name].estimate == pytest.approx(quad.value(name), rel=0.1), name
-    with pytest.raises(IdentificationError, match="equation-error or multiple-shooting"):
-        fit_by("frequency-domain", start_hover, {"sim": flight_hover}, WINDOW_HOVER)
-
-
 def test_a_hopeless_start_is_searched_for(start_hover, flight_hover, monkeypatch, resumed):
     """Without the regression's start, and with thrust and torque far off, the optimizer takes over; it may be interrupted."""
     monkeypatch.setattr(
