@@ -30,8 +30,6 @@ FINE = 500.0  #: Hz, of the simulation
 SHAKEN = 1.5  #: rad/s2, of the commanded angular accelerations
 INERTIA = ("mass.inertia.xx", "mass.inertia.yy")
 WINDOWS, REGRESSION = "multiple-shooting", "equation-error"
-
-
 INPUTS = [
     (control, shape, t + start, step, amplitude)
     for t in (0.0, 10.0)
