@@ -3,8 +3,6 @@
 Each task walks a logistic map for some 20 ms, as far as the first stop and on to the second.
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 import sys

@@ -1,7 +1,5 @@
 """Driver and workers are killed at random moments; the table does not notice, and nothing is done twice."""
 
-from __future__ import annotations
-
 import os
 import random
 import shutil

@@ -1,7 +1,5 @@
 """Aircraft that only an autopilot holds, and gusts: which estimator is chosen, and how far others are off."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """JSBSim as truth: its aircraft and quadrotor are identified, and the whole loop by files, from a log to a better model."""
 
-from __future__ import annotations
-
 import json
 import re
 from pathlib import Path

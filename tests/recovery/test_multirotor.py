@@ -6,8 +6,6 @@ error bars know: squares of (estimate - truth) / standard error average about on
 sixteen estimates of a flight err together (most in the level of thrust and inertia), so single flights average 0.3 to 3.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Truth from pose alone: an airplane and a multirotor of which motion capture recorded position and attitude."""
 
-from __future__ import annotations
-
 from functools import cache
 from pathlib import Path
 

@@ -5,8 +5,6 @@ white and its covariance estimated, so they should be exact: pooled over seeds, 
 error must average one.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """The paper's experiments with few seeds, whole: what the documentation says of many seeds shows in few."""
 
-from __future__ import annotations
-
 import csv
 from pathlib import Path
 

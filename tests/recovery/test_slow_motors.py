@@ -5,8 +5,6 @@ its gyros. The log holds every n-th command. What was faster than half the rate 
 vehicle seems to answer less.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import pytest

@@ -1,7 +1,5 @@
 """A fit of the longitudinal aircraft, shared by these tests."""
 
-from __future__ import annotations
-
 import pytest
 
 from stoop.estimate.fit import Options, OutputErrorEstimate, fit

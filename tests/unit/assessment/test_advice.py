@@ -1,7 +1,5 @@
 """The advice follows from the motion flown: what is still, what is tied, and which control parts it."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

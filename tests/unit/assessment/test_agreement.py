@@ -1,7 +1,5 @@
 """Agreement of maneuvers and of methods, and draws of estimates: by hand, by chance, and against SciPy."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from math import nan

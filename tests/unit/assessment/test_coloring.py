@@ -1,7 +1,5 @@
 """The color of residuals and the scatter of maneuvers: definitions, limits, and coverage of the errors corrected by them."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose

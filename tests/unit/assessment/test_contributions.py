@@ -1,7 +1,5 @@
 """What a control contributes above noise and systematic residuals, against closed forms and simulated flights."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Information and its inverse: what the data do not tell is called so, and priors are tested against the data."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 from typing import Any
 

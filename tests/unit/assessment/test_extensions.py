@@ -1,7 +1,5 @@
 """Score tests of extensions against simulations and known truth, by each method; error bars hold what the model lacks."""
 
-from __future__ import annotations
-
 import functools
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Figures of a channel, its noise floor and whiteness against their definitions; the trivial lag beside it, and PRESS."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

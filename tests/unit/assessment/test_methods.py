@@ -1,7 +1,5 @@
 """Bootstrap, profile and PRESS of filter error and multiple shooting; the posterior of a regression is refused."""
 
-from __future__ import annotations
-
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np

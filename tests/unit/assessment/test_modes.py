@@ -1,7 +1,5 @@
 """Modes with intervals and frequency responses, of models and as measured, against closed forms and Monte Carlo."""
 
-from __future__ import annotations
-
 import math
 import warnings
 from dataclasses import replace

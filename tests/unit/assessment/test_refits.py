@@ -1,7 +1,5 @@
 """Bootstrap, profile likelihood and posterior against closed forms, brute force, quadrature and densities that are known."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Callable
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """The verdict: what refuses a result, what each use needs, and what is trusted."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import math

@@ -1,7 +1,5 @@
 """Fits that are interrupted and resumed."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any

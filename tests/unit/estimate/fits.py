@@ -1,7 +1,5 @@
 """Fits by the name of a method, and how far their estimates are from the truth."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

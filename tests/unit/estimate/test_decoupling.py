@@ -1,7 +1,5 @@
 """Reduced models with the other motion from the record, and two stages, against simulated truth of the whole aircraft."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

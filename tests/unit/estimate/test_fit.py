@@ -1,7 +1,5 @@
 """Output error and its noise: starts, refusals, interruptions, optimizers, outliers, the band of a response by every method."""
 
-from __future__ import annotations
-
 import itertools
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Which method is meant where none is named: the vehicle says, and how fast its motors were logged."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Windows and where their pieces start; readings of late sensors are moved, those of slow ones count where they were read."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

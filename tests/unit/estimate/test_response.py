@@ -1,7 +1,5 @@
 """Responses of residuals to extensions, against differences of the residuals of a vehicle that has the extension."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

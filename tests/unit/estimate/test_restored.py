@@ -1,7 +1,5 @@
 """By every method: an estimate comes back from its arrays with the same bits, and a divergence while it searches is a value."""
 
-from __future__ import annotations
-
 import io
 import itertools
 import json

@@ -1,7 +1,5 @@
 """The result's JSON form: everything survives the round trip, and nothing is half-written."""
 
-from __future__ import annotations
-
 import json
 import math
 from dataclasses import fields

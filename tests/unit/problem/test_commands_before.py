@@ -1,7 +1,5 @@
 """A window that begins while commands are on their way, and air data that were reconstructed by a wrong wind."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

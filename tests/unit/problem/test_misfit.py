@@ -1,7 +1,5 @@
 """The cost of eq. (3): by kernel, residuals and hand the same; exact slopes; holes hidden; weights against the likelihood."""
 
-from __future__ import annotations
-
 import dataclasses
 from dataclasses import replace
 from importlib.resources import files

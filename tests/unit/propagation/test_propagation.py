@@ -1,7 +1,5 @@
 """Propagated figures against closed forms and one draw at a time: expressions, hover, trims, limits, what rests on priors."""
 
-from __future__ import annotations
-
 import math
 from contextlib import suppress
 from typing import Any

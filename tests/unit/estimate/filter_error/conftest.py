@@ -1,7 +1,5 @@
 """A longitudinal aircraft in gusts, and what its filter has to do with."""
 
-from __future__ import annotations
-
 import pytest
 from unit.flown import maneuver
 

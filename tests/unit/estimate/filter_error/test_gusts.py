@@ -1,7 +1,5 @@
 """Gusts seen by air data and inertial sensors alone, and the method that they choose."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from types import SimpleNamespace
 

@@ -1,7 +1,5 @@
 """The likelihood of innovations, its steady covariance and the end of Fisher's scoring, against independent twins."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any

@@ -1,7 +1,5 @@
 """A full aircraft that flies multisines on all controls, shared by these tests."""
 
-from __future__ import annotations
-
 import pytest
 
 from stoop.estimate.fit import Options, estimation_problem

@@ -1,7 +1,5 @@
 """Equations of aircraft and rotors: coefficients that were flown, and a simulated fall whose truth is known."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Regressions of a whole vehicle: exact without noise, honest with noise; their bootstrap and PRESS."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Domains and the choice of terms against sums, brute force and known sets; velocities that come late are told."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

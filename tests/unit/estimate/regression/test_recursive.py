@@ -1,7 +1,5 @@
 """Estimates in real time: the transform against its sum, memory that does not grow, the end against the batch."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

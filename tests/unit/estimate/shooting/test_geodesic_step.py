@@ -1,7 +1,5 @@
 """Steps through windows, straight and bent, against the whole system solved at once."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
