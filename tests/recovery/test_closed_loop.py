@@ -7,14 +7,14 @@ import pytest
 from unit.estimate.fits import deviations
 from unit.estimate.fits import fit_by as by_name
 
+from stoop import Options, trim
 from stoop.base.units import KNOT
 from stoop.estimate.estimate import Estimate
-from stoop.estimate.fit import Options
 from stoop.estimate.gust_bias import MIN_BIAS, gust_biases
 from stoop.estimate.instability import PREDICTED_GROWTH, growth, growth_at_start
 from stoop.problem.prepare import prepare
 from stoop.problem.windows import Window
-from stoop.simulation import parameter_rows, trim
+from stoop.simulation import parameter_rows
 from stoop.simulation.linearize import state_matrix
 from stoop.strategy.run import FIT_ALONE, choose_method
 from stoop.strategy.run import fit as fit_by

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from unit.flown import maneuver
 
+from stoop import load_maneuver, load_vehicle
 from stoop.cli.main import main
 from stoop.exporters.flight_logs import save_flight_as
 from stoop.exporters.jsbsim_autopilot import fly_in_jsbsim
-from stoop.simulation.maneuver import Maneuver, load_maneuver
-from stoop.vehicle.builtin import builtin_text, builtin_vehicle
-from stoop.vehicle.load import load_vehicle
+from stoop.simulation.maneuver import Maneuver
+from stoop.vehicle.builtin import builtin_text
 from stoop_studies.verify import jsbsim, multirotor
 
 
@@ -33,7 +33,7 @@ def test_a_vehicle_is_found_from_its_outputs(case: str) -> None:
         assert 0.4 < np.mean((off / sigma) ** 2) < 2.0, "36 normal squares, were they independent"
 
 
-TRUTH = builtin_vehicle("twin-boom")
+TRUTH = load_vehicle("twin-boom")
 NAMES = [p.name for p in TRUTH.parameters if p.free and p.value]
 BEFORE = (("elevator", 2.0), ("aileron", 7.0), ("rudder", 12.0))
 

@@ -16,16 +16,14 @@ import pytest
 from unit.estimate.fits import deviations
 from unit.flown import maneuver
 
+from stoop import Options, Vehicle, load_vehicle, simulate_flight, trim
 from stoop.assessment.covariance import NORMAL_95
 from stoop.base.variables import EULER
-from stoop.estimate.fit import Options
 from stoop.estimate.multiple_shooting import fit
 from stoop.performance.effectiveness import Balance, Hover, Reference, assess, hover, judge
 from stoop.problem.windows import Window
-from stoop.simulation import trim
-from stoop.simulation.fly import simulate_flight
-from stoop.vehicle import Vehicle, parse_vehicle
-from stoop.vehicle.builtin import builtin_text, resolve_vehicle
+from stoop.vehicle import parse_vehicle
+from stoop.vehicle.builtin import builtin_text
 from stoop.vehicle.schema import WIND
 from stoop.workflow import identify
 
@@ -56,7 +54,7 @@ LEGS = [
 
 def vehicles(name: str, gusts: float) -> tuple[Vehicle, Vehicle]:
     """Return the truth, in gusts, and the same in calm air; one rotor is weak, the center of gravity off."""
-    text = resolve_vehicle(name).text.replace("lag = ", "delay = 0.012\nlag = ", 1)
+    text = load_vehicle(name).text.replace("lag = ", "delay = 0.012\nlag = ", 1)
     text = re.sub(r"(\[rotor\.m3\][^\n]*\n)", r"\1factor = 0.85\n", text)
     text = text.replace("[rotors]", "center_of_gravity = [0.01, -0.006, 0.0]\n\n[rotors]", 1)
     blown = text + GUSTS.format(gusts) if gusts else text

@@ -8,11 +8,11 @@ import pytest
 from unit.flown import maneuver
 
 import stoop
+from stoop import Vehicle, load_vehicle
 from stoop.base.variables import EULER, POSITION, VARIABLES
 from stoop.errors import VehicleError
 from stoop.prediction.open_loop import ARX, LINE
-from stoop.vehicle import Vehicle, parse_vehicle
-from stoop.vehicle.builtin import resolve_vehicle
+from stoop.vehicle import parse_vehicle
 from stoop.vehicle.document import with_entries
 from stoop_studies.verify import capture, defaults
 
@@ -30,7 +30,7 @@ OTHER = maneuver(
 @cache
 def captured() -> Vehicle:
     """Return the twin-boom aircraft in still air, its position measured."""
-    plain = resolve_vehicle("twin-boom")
+    plain = load_vehicle("twin-boom")
     return with_entries(parse_vehicle(plain.text, "twin-boom"), PLACES)
 
 

@@ -13,17 +13,16 @@ import pytest
 from unit.estimate.fits import deviations, fit_by
 from unit.flown import maneuver
 
+from stoop import Flight, Options, Vehicle, load_vehicle, simulate_flight, trim
 from stoop.errors import IdentificationError, VehicleError
 from stoop.estimate.estimate import Estimate
-from stoop.estimate.fit import Options, fit
-from stoop.flight import Flight, from_columns
+from stoop.estimate.fit import fit
+from stoop.flight import from_columns
 from stoop.input_design.windows import find_windows
 from stoop.problem.windows import Window
-from stoop.simulation import trim
-from stoop.simulation.fly import simulate_flight
 from stoop.simulation.maneuver import Maneuver
-from stoop.vehicle import Vehicle, parse_vehicle
-from stoop.vehicle.builtin import builtin_text, resolve_vehicle
+from stoop.vehicle import parse_vehicle
+from stoop.vehicle.builtin import builtin_text
 from stoop.workflow import identify
 
 TEXT = builtin_text("twin-boom")
@@ -242,7 +241,7 @@ AIRCRAFT = (
 
 @pytest.mark.parametrize(("name", "inputs"), [("quad-x", QUAD), ("twin-boom", AIRCRAFT)])
 def test_known_maneuvers_are_found_and_calm_flight_is_not(name: str, inputs: Inputs) -> None:
-    more, vehicle = {} if name == "quad-x" else {"airspeed": 35.0}, resolve_vehicle(name)
+    more, vehicle = {} if name == "quad-x" else {"airspeed": 35.0}, load_vehicle(name)
     flown = maneuver(60.0, *inputs, altitude=200.0, rate=100.0, **more)
     flight = simulate_flight(vehicle, flown, seed=1, name="sim")
     found = find_windows({"sim": flight}, vehicle)

@@ -11,16 +11,13 @@ import pytest
 from unit.estimate.fits import fit_by
 from unit.flown import maneuver
 
-from stoop.flight import Flight
+from stoop import Flight, Vehicle, load_vehicle, simulate_flight
 from stoop.flight.flight import dataset
 from stoop.flight.gridding import Channels, grid_channels
 from stoop.problem.windows import Window
-from stoop.simulation.fly import simulate_flight
 from stoop.simulation.maneuver import Maneuver
 from stoop.strategy.method import MIN_MOTOR_RATE
 from stoop.strategy.run import choose_method
-from stoop.vehicle import Vehicle
-from stoop.vehicle.builtin import builtin_vehicle
 from stoop.workflow.identification import identify
 
 SECONDS = 20.0
@@ -69,7 +66,7 @@ def log() -> Log:
     shaken = [{"control": c, "first": 601 + i, "stride": 7, **keys} for i, c in enumerate(("roll", "pitch"))]
     doublets = maneuver(SECONDS, *INPUTS).model_dump(mode="json", exclude_defaults=True)["input"]
     flown = Maneuver.model_validate({"duration": SECONDS, "rate": FINE, "input": [*doublets, *shaken]})
-    vehicle = builtin_vehicle("quad-x")
+    vehicle = load_vehicle("quad-x")
     return Log(vehicle, simulate_flight(vehicle, flown, seed=1, name="log"))
 
 

@@ -2,10 +2,9 @@
 
 import pytest
 
-from stoop.estimate.fit import Options, OutputErrorEstimate, fit
-from stoop.flight import Flight
+from stoop import Flight, Options, Vehicle
+from stoop.estimate.fit import OutputErrorEstimate, fit
 from stoop.problem.windows import Window
-from stoop.vehicle import Vehicle
 
 
 @pytest.fixture(scope="session")

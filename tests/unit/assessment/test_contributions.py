@@ -5,19 +5,16 @@ import dataclasses
 import numpy as np
 import pytest
 
+from stoop import Flight, Options, Vehicle, load_vehicle, simulate_flight
 from stoop.assessment.coloring import ColoredNoise
 from stoop.assessment.contributions import Contribution, contribution_notices, contributions
 from stoop.assessment.covariance import data_information
 from stoop.assessment.error_bars import error_bars
 from stoop.base.arrays import FloatArray
-from stoop.estimate.fit import Options, fit
-from stoop.flight import Flight
+from stoop.estimate.fit import fit
 from stoop.problem.evidence import Evidence, PieceEvidence, Unknown
 from stoop.problem.windows import Window
-from stoop.simulation.fly import simulate_flight
 from stoop.simulation.maneuver import parse_maneuver
-from stoop.vehicle import Vehicle
-from stoop.vehicle.builtin import resolve_vehicle
 from stoop.vehicle.schema import Turbulence
 from stoop.workflow.demo import MANEUVER
 
@@ -33,7 +30,7 @@ def evidence(jacobian: FloatArray, estimates: FloatArray, white: bool = False) -
 
 
 def judged(data: Evidence, noise: ColoredNoise) -> Contribution:
-    found = contributions(resolve_vehicle("twin-boom"), data, data_information(data.pieces), noise)
+    found = contributions(load_vehicle("twin-boom"), data, data_information(data.pieces), noise)
     return next(one for one in found if one.variable == "elevator")
 
 

@@ -8,6 +8,7 @@ import pytest
 from scipy.optimize import minimize
 from unit.flown import maneuver
 
+from stoop import Flight, Options, Vehicle, load_vehicle, simulate_flight
 from stoop.assessment import extensions
 from stoop.assessment.error_bars import error_bars
 from stoop.assessment.extensions import LIMITS, extension_notices, extension_tests, scored
@@ -15,16 +16,13 @@ from stoop.assessment.model_error import LEVEL, lacks_nothing, model_error, vari
 from stoop.base.arrays import FloatArray
 from stoop.estimate import filter_error, multiple_shooting
 from stoop.estimate.estimate import Estimate
-from stoop.estimate.fit import Options, OutputErrorEstimate, fit
+from stoop.estimate.fit import OutputErrorEstimate, fit
 from stoop.estimate.response import simulation_responses
-from stoop.flight import Flight
 from stoop.problem.misfit import Misfit
 from stoop.problem.windows import Window
 from stoop.results.extensions import ExtensionTests
-from stoop.simulation.fly import simulate_flight
 from stoop.strategy import decision
-from stoop.vehicle import Vehicle, parse_vehicle
-from stoop.vehicle.builtin import resolve_vehicle
+from stoop.vehicle import parse_vehicle
 from stoop.vehicle.document import with_entries
 from stoop.vehicle.extensions import catalogue, extended
 from stoop.workflow import identify
@@ -45,7 +43,7 @@ def flights(truth: Vehicle, seed: int = 5) -> dict[str, Flight]:
 
 @functools.cache
 def fitted(lag: float) -> Estimate:
-    base = resolve_vehicle("twin-boom")
+    base = load_vehicle("twin-boom")
     truth = with_entries(base, {("controls", "aileron", "lag"): lag}) if lag else base
     return fit(base, flights(truth), WINDOWS, Options(seed=1))
 
@@ -104,7 +102,7 @@ def test_missing_lag_is_named_with_its_value_and_what_it_would_move() -> None:
 
 def test_what_priors_alone_say_of_the_mass_is_no_contradiction(monkeypatch: pytest.MonkeyPatch) -> None:
     """All forces over the mass are what a flight shows: wrong guesses of the coefficients are not an error of the scales."""
-    base = resolve_vehicle("twin-boom")
+    base = load_vehicle("twin-boom")
     guesses = {
         p.name: {"free": True, "prior": 0.03 * abs(p.value), "mean": p.value * (1.3 if p.name[:2] in FORCES else 1.0)}
         for p in base.parameters if p.free and p.value
@@ -118,7 +116,7 @@ def test_what_priors_alone_say_of_the_mass_is_no_contradiction(monkeypatch: pyte
 
 def test_what_is_known_of_a_held_number_does_not_contradict_it() -> None:
     """Within two standard deviations of its prior; without one any change does."""
-    name, vehicle = "mass.inertia.zz", resolve_vehicle("quad-x")
+    name, vehicle = "mass.inertia.zz", load_vehicle("quad-x")
     value = vehicle.value(name)
     for prior, contradicts in ((None, True), (0.2 * value, True), (0.5 * value, False)):
         held = vehicle.with_numbers({name: {"prior": prior, "free": False}})
@@ -134,7 +132,7 @@ INPUTS = (
     ("down", "doublet", 5.5, 2.0, 1.0), ("roll", "doublet", 11.0, 0.15, 8.0), ("pitch", "doublet", 12.0, 0.15, 8.0),
     ("yaw", "doublet", 13.0, 0.4, 1.5), ("heave", "3-2-1-1", 14.0, 0.25, 2.0),
 )  # fmt: skip
-TEXT = resolve_vehicle("quad-x").text
+TEXT = load_vehicle("quad-x").text
 FORWARD = TEXT + "\n[sensors]\naccelerometer_position = [0.05, 0.0, 0.0]\n"
 DEFECTS = {
     "mass.mass": (TEXT, TEXT.replace("mass = 1.5\n", "mass = 1.8\n"), 1.5),

@@ -6,15 +6,13 @@ import numpy as np
 import pytest
 from unit.flown import maneuver, with_few_free
 
+from stoop import Bootstrap, FittedModel, Options, Profile, load_vehicle, simulate_flight
 from stoop.assessment.assessment import check_method
 from stoop.errors import IdentificationError
-from stoop.estimate.fit import Options
 from stoop.optimize.normal_equations import dense
 from stoop.parallel import Given
-from stoop.simulation.fly import simulate_flight
 from stoop.vehicle import parse_vehicle
-from stoop.vehicle.builtin import resolve_vehicle
-from stoop.workflow import Bootstrap, FittedModel, Profile, identify
+from stoop.workflow import identify
 
 DELAY = "sensors.alpha.delay"
 FREE = ("CLalpha", "Cmalpha", "Cmq", "Cmelevator")
@@ -23,7 +21,7 @@ MANEUVER = maneuver(10.0, ("elevator", "3-2-1-1", 0.5, 0.4, 0.05), ("elevator", 
 
 @pytest.fixture(scope="module", params=["filter-error", "multiple-shooting"])
 def job(request: pytest.FixtureRequest) -> FittedModel:
-    text = resolve_vehicle("twin-boom").text + "[sensors.alpha]\ndelay = 0.033\n"
+    text = load_vehicle("twin-boom").text + "[sensors.alpha]\ndelay = 0.033\n"
     late = {DELAY: {"free": request.param == "multiple-shooting", "bounds": (0.0, 0.1)}}
     vehicle = with_few_free(parse_vehicle(text, "late").reduced("longitudinal"), FREE).with_numbers(late)
     flight = simulate_flight(vehicle, MANEUVER, seed=3, name="sim")

@@ -10,6 +10,7 @@ from numpy.testing import assert_allclose
 from scipy import signal
 from scipy.signal import lfilter
 
+from stoop import Vehicle, load_vehicle, trim
 from stoop.assessment.covariance import NORMAL_95
 from stoop.assessment.free_response import free_response, measured_mode
 from stoop.assessment.frequency import ModelResponse, transfer, uncertain_model
@@ -22,11 +23,8 @@ from stoop.flight.frequency import Stretch
 from stoop.results.modes import ModeEstimate
 from stoop.results.response_misfit import ResponseMisfit
 from stoop.results.result import Covariance, NoiseCovariance, ParameterEstimate, Result
-from stoop.simulation import trim
 from stoop.simulation.linearize import linearize, modes_of, state_matrix
 from stoop.simulation.steady_flight import neighbors
-from stoop.vehicle import Vehicle
-from stoop.vehicle.builtin import resolve_vehicle
 
 
 def short_period(w: float, zeta: float, *variances: float) -> ModeEstimate:
@@ -95,7 +93,7 @@ def test_what_the_data_cannot_tell_makes_the_mode_unknown() -> None:
 
 @pytest.fixture(scope="module")
 def aircraft() -> Vehicle:
-    return resolve_vehicle("twin-boom")
+    return load_vehicle("twin-boom")
 
 
 def changed(vehicle: Vehicle, numbers: dict[str, float]) -> Vehicle:
@@ -152,7 +150,7 @@ def test_intervals_against_a_monte_carlo_that_trims_every_draw(aircraft: Vehicle
 
 def test_dimensional_derivatives_are_those_of_the_textbook_with_their_errors() -> None:
     """d q'/d elevator = qbar S c Cmelevator / Iyy (no Ixy, Iyz): its variance is that of a quotient, to first order."""
-    vehicle = resolve_vehicle("twin-boom").reduced("full")
+    vehicle = load_vehicle("twin-boom").reduced("full")
     point, errors = trim(vehicle, 35.0, 200.0), np.array([0.02, 0.1, 0.01, np.inf])
     values = {n: vehicle.value(n) for n in ("Cmelevator", "mass.inertia.yy", "Clp", "Cnbeta")}
     model, scales = linearize(vehicle, point), {n: abs(x) for n, x in values.items()}
@@ -295,7 +293,7 @@ def test_errors_far_apart_are_independent() -> None:
 
 
 def test_the_response_is_scipys_and_delays_turn_its_phase() -> None:
-    vehicle = resolve_vehicle("twin-boom").reduced("longitudinal")
+    vehicle = load_vehicle("twin-boom").reduced("longitudinal")
     model = linearize(vehicle, trim(vehicle, 35.0))
     found = transfer(model, BAND)
     j, k = model.outputs.index("q"), model.inputs.index("elevator")
@@ -310,7 +308,7 @@ def test_the_response_is_scipys_and_delays_turn_its_phase() -> None:
 @pytest.mark.parametrize("variance", [1e-4, np.inf])
 def test_the_band_follows_the_covariance_or_the_prior(variance: float) -> None:
     """A standard error of 1 % of Cmelevator moves q above the short period by 1 %; a vehicle file has no band."""
-    vehicle = resolve_vehicle("twin-boom").reduced("longitudinal")
+    vehicle = load_vehicle("twin-boom").reduced("longitudinal")
     gain, point, at = vehicle.value("Cmelevator"), trim(vehicle, 35.0), np.array([30.0])
     parameters = {
         "Cmelevator": ParameterEstimate(gain, prior_mean=gain, prior_std=0.01 * abs(gain)),

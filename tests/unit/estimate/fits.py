@@ -5,14 +5,12 @@ from typing import Any
 
 import numpy as np
 
+from stoop import Flight, Options, Vehicle
 from stoop.assessment.error_bars import error_bars
 from stoop.base.arrays import FloatArray
 from stoop.estimate import methods
 from stoop.estimate.estimate import Estimate
-from stoop.estimate.fit import Options
-from stoop.flight import Flight
 from stoop.problem.windows import Window
-from stoop.vehicle import Vehicle
 
 
 def fit_by(

@@ -7,24 +7,22 @@ import pytest
 from unit.estimate.fits import deviations, fit_by
 from unit.flown import maneuver, with_few_free
 
+from stoop import Flight, Options, Vehicle, load_vehicle, simulate_flight
 from stoop.assessment.assessment import pack, unpack
 from stoop.base.arrays import FloatArray
 from stoop.base.units import KNOT
 from stoop.errors import FlightError, IdentificationError
-from stoop.estimate.fit import Options, estimation_problem
+from stoop.estimate.fit import estimation_problem
 from stoop.estimate.refit_problem import SimulationProblem
 from stoop.estimate.regression.aircraft import Motion
 from stoop.estimate.two_stage import reconstructed
-from stoop.flight import Flight
 from stoop.problem.observation import motion_inputs, recorded_motion
 from stoop.problem.prepare import prepare
 from stoop.problem.windows import Window
-from stoop.simulation.fly import simulate_flight
 from stoop.simulation.initial import rigid_states
 from stoop.simulation.maneuver import Maneuver
 from stoop.strategy import run
-from stoop.vehicle import Vehicle, parse_vehicle
-from stoop.vehicle.builtin import resolve_vehicle
+from stoop.vehicle import parse_vehicle
 from stoop.vehicle.vehicle import motion_input
 from stoop_studies.verify import closed_loop
 
@@ -38,7 +36,7 @@ OBSERVED = ("Clbeta", "Clp", "Clr", "Claileron", "Cnbeta", "Cnr", "Cnrudder")  #
 
 @pytest.fixture(scope="module")
 def full() -> Vehicle:
-    return resolve_vehicle("twin-boom")
+    return load_vehicle("twin-boom")
 
 
 @pytest.fixture(scope="module")
@@ -149,7 +147,7 @@ TRUTH = {"sensors.q.bias": 0.008, "sensors.az.bias": 0.1}
 
 @pytest.fixture(scope="module")
 def vehicle() -> Vehicle:
-    full = parse_vehicle(resolve_vehicle("twin-boom").text + BIASES, "biased").reduced("longitudinal")
+    full = parse_vehicle(load_vehicle("twin-boom").text + BIASES, "biased").reduced("longitudinal")
     return with_few_free(full, (*COEFFICIENTS, "CD0", *TRUTH))
 
 
@@ -197,7 +195,7 @@ def test_states_and_biases_are_reconstructed(vehicle: Vehicle) -> None:
 
 
 def test_what_two_stages_cannot_do_is_told(vehicle: Vehicle, monkeypatch: pytest.MonkeyPatch) -> None:
-    quad, flight = resolve_vehicle("quad-x"), flown(vehicle, 1)
+    quad, flight = load_vehicle("quad-x"), flown(vehicle, 1)
     for method, told in (
         ("two-stage", "two-stage is for aircraft; use --method"),
         ("frequency-domain", "equation-error or multiple-shooting"),

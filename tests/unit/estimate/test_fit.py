@@ -12,23 +12,21 @@ from threadpoolctl import threadpool_limits
 from unit.flown import maneuver
 
 import stoop
-from stoop import optimize
+from stoop import Flight, Options, Vehicle, optimize, simulate_flight
 from stoop.assessment.error_bars import error_bars
 from stoop.base.arrays import FloatArray
 from stoop.errors import IdentificationError, StoopError
 from stoop.estimate import noise_model as model
-from stoop.estimate.fit import Options, estimation_problem, fit, settle, starts
+from stoop.estimate.fit import estimation_problem, fit, settle, starts
 from stoop.estimate.noise import channel_residuals, correlation_times, noise_variance
 from stoop.estimate.regression import start_value
-from stoop.flight import Flight
 from stoop.prediction.predict import expected_biases, predict, predictor
 from stoop.problem import Misfit, Weights
 from stoop.problem.observation import along_body, first_complete, guess_start, imu_axes
 from stoop.problem.windows import Window
 from stoop.simulation import START_NAMES
-from stoop.simulation.fly import simulate_flight
 from stoop.simulation.maneuver import parse_maneuver
-from stoop.vehicle import Vehicle, parse_vehicle
+from stoop.vehicle import parse_vehicle
 from stoop.workflow.demo import MANEUVER, TABLE_1
 from stoop_studies.optimizers.compositions import ps_gde
 

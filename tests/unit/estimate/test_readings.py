@@ -7,19 +7,18 @@ import pytest
 from naive.aircraft import rotation
 from scipy.signal import lfilter
 
+from stoop import Flight, Options, Vehicle, load_vehicle, simulate_flight
 from stoop.errors import FlightError, IdentificationError
-from stoop.estimate.fit import Options, estimation_problem
+from stoop.estimate.fit import estimation_problem
 from stoop.estimate.linearization import advanced, aligned, as_recorded, undelayed
 from stoop.estimate.noise import correlation_times
-from stoop.flight import Flight, from_columns
+from stoop.flight import from_columns
 from stoop.flight.gridding import Channels, grid_channels
 from stoop.problem import Layout, Misfit, Piece
 from stoop.problem.prepare import Prepared, nuisances, prepare, without_stuck_channels
 from stoop.problem.windows import Window, parse_window
-from stoop.simulation.fly import simulate_flight
 from stoop.simulation.maneuver import parse_maneuver
-from stoop.vehicle import Vehicle, parse_vehicle
-from stoop.vehicle.builtin import builtin_vehicle, resolve_vehicle
+from stoop.vehicle import parse_vehicle
 from stoop.workflow.demo import MANEUVER
 
 LATE = "[sensors.q]\ndelay = 0.03\n[sensors.psi]\ndelay = 0.015\n"
@@ -27,7 +26,7 @@ LATE = "[sensors.q]\ndelay = 0.03\n[sensors.psi]\ndelay = 0.015\n"
 
 def late_problem(bounds: tuple[float, float]) -> Misfit:
     late = {"sensors.q.delay": {"free": True, "bounds": bounds}}
-    vehicle = parse_vehicle(resolve_vehicle("twin-boom").text + LATE, "late").with_numbers(late)
+    vehicle = parse_vehicle(load_vehicle("twin-boom").text + LATE, "late").with_numbers(late)
     flight = simulate_flight(vehicle, parse_maneuver(MANEUVER, "m"), name="sim")
     return estimation_problem(vehicle, {"sim": flight}, [Window("sim", 0.0, 8.0)], Options())[0]
 
@@ -95,7 +94,7 @@ WINDOW = Window("sim", 0.0, 8.0)
 
 @pytest.fixture(scope="module")
 def flown() -> Flight:
-    return simulate_flight(resolve_vehicle("twin-boom"), parse_maneuver(MANEUVER, "m"), name="sim", seed=3)
+    return simulate_flight(load_vehicle("twin-boom"), parse_maneuver(MANEUVER, "m"), name="sim", seed=3)
 
 
 def slowed(flight: Flight) -> Flight:
@@ -110,12 +109,12 @@ def slowed(flight: Flight) -> Flight:
 
 
 def problem_of(flight: Flight) -> Misfit:
-    return estimation_problem(resolve_vehicle("twin-boom"), {"sim": flight}, [WINDOW], Options())[0]
+    return estimation_problem(load_vehicle("twin-boom"), {"sim": flight}, [WINDOW], Options())[0]
 
 
 def test_a_residual_holds_nothing_interpolated(flown: Flight) -> None:
     whole, slow = problem_of(flown).pieces[0], problem_of(slowed(flown)).pieces[0]
-    outputs = resolve_vehicle("twin-boom").outputs
+    outputs = load_vehicle("twin-boom").outputs
     for i, channel in enumerate(outputs):
         read = np.flatnonzero(np.isfinite(slow.measured[:, i]))
         step = EVERY if channel in SLOW else 1
@@ -141,7 +140,7 @@ def test_the_cost_is_that_of_the_readings_alone(flown: Flight) -> None:
 
 
 def test_late_readings_stay_readings(flown: Flight) -> None:
-    text = resolve_vehicle("twin-boom").text + "[sensors.alpha]\ndelay = 0.04\n[sensors.q]\ndelay = 0.04\n"
+    text = load_vehicle("twin-boom").text + "[sensors.alpha]\ndelay = 0.04\n[sensors.q]\ndelay = 0.04\n"
     vehicle = parse_vehicle(text, "late")
     problem, _ = estimation_problem(vehicle, {"sim": slowed(flown)}, [WINDOW], Options())
     alpha, before = vehicle.outputs.index("alpha"), problem.pieces[0]
@@ -188,7 +187,7 @@ THROUGH_AIR = np.array([3.0, -1.0, 0.5])
 
 @pytest.fixture(scope="module")
 def quad() -> Vehicle:
-    return builtin_vehicle("quad-x").with_numbers({name: {"value": w} for name, w in WIND.items()})
+    return load_vehicle("quad-x").with_numbers({name: {"value": w} for name, w in WIND.items()})
 
 
 def drifting(vehicle: Vehicle) -> Prepared:
@@ -229,7 +228,7 @@ def test_nuisances(quad: Vehicle) -> None:
 
 def test_a_channel_that_is_stuck_or_all_spikes_counts_as_not_measured() -> None:
     """A heading about south is neither, though its readings jump by a whole turn."""
-    vehicle, t, rng = builtin_vehicle("twin-boom"), np.arange(400) * 0.01, np.random.default_rng(1)
+    vehicle, t, rng = load_vehicle("twin-boom"), np.arange(400) * 0.01, np.random.default_rng(1)
     south = (0.02 * rng.standard_normal(400)) % (2.0 * np.pi) - np.pi
     spikes, psi = np.where(rng.random(400) < 0.02, 1.0, 0.01), vehicle.outputs.index("psi")
     for readings, lost in ((south, []), (0.0 * t, ["stuck-channel"]), (spikes, ["outliers-left-out"])):

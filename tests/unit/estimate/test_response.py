@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from unit.flown import maneuver
 
+from stoop import Vehicle, load_vehicle, simulate_flight
 from stoop.base.arrays import FloatArray
 from stoop.estimate.filter_gains import Noise, Steady, Varying, first_guess
 from stoop.estimate.filter_likelihood import FrozenFilter, Likelihood
@@ -18,10 +19,8 @@ from stoop.estimate.response import Responses
 from stoop.estimate.shooting_problem import ShootingProblem
 from stoop.problem import Misfit
 from stoop.problem.windows import Window
-from stoop.simulation.fly import simulate_flight
 from stoop.simulation.maneuver import Maneuver
-from stoop.vehicle import Vehicle, parse_vehicle
-from stoop.vehicle.builtin import resolve_vehicle
+from stoop.vehicle import parse_vehicle
 from stoop.vehicle.document import with_entries
 
 GUSTS = """
@@ -60,7 +59,7 @@ def error(found: FloatArray, wanted: FloatArray) -> float:
 
 @pytest.mark.parametrize("gain", [Steady(), Varying()])
 def test_innovations_respond_as_the_frozen_filter_does(gain: Steady | Varying) -> None:
-    vehicle = parse_vehicle(resolve_vehicle("twin-boom").text + GUSTS, "gusty").reduced("longitudinal")
+    vehicle = parse_vehicle(load_vehicle("twin-boom").text + GUSTS, "gusty").reduced("longitudinal")
     problem = with_gusts(problem_of(vehicle, WING))
     holes = problem.pieces[0].measured.copy()
     holes[100:140, 1] = np.nan
@@ -77,7 +76,7 @@ def test_innovations_respond_as_the_frozen_filter_does(gain: Steady | Varying) -
 
 def test_windows_respond_as_their_own_simulation_does() -> None:
     """About the optimum of a flight without noise; states are eliminated by a dense projection: the naive twin."""
-    text = resolve_vehicle("quad-x").text.replace(
+    text = load_vehicle("quad-x").text.replace(
         "lag = 0.05", "lag = { value = 0.05, free = true, bounds = [0.01, 0.2] }"
     )
     problem = problem_of(parse_vehicle(text, "quad"), ROTORS, noise=False)

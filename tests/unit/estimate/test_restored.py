@@ -12,6 +12,7 @@ import pytest
 from unit.estimate.fits import fit_by
 from unit.flown import maneuver, with_few_free
 
+from stoop import Flight, Vehicle, load_vehicle, simulate_flight
 from stoop.assessment.assessment import pack
 from stoop.assessment.error_bars import error_bars
 from stoop.assessment.goodness_of_fit import left_out_residuals, press_notices
@@ -19,16 +20,13 @@ from stoop.base.npz import read_arrays
 from stoop.errors import IdentificationError, StoopError
 from stoop.estimate import methods, shooting_windows
 from stoop.estimate.estimate import Estimate
-from stoop.flight import Flight
 from stoop.flight.flight import from_columns
 from stoop.kernels import filtering
 from stoop.kernels.kernel import Kernel
 from stoop.prediction.predict import expected_biases, predict, predictor
 from stoop.problem.windows import Window
 from stoop.simulation import trajectories
-from stoop.simulation.fly import simulate_flight
-from stoop.vehicle import Vehicle, parse_vehicle
-from stoop.vehicle.builtin import resolve_vehicle
+from stoop.vehicle import parse_vehicle
 
 from .regression.test_aircraft import TRUTH, WOBBLE, flown
 
@@ -42,7 +40,7 @@ Problem = tuple[Vehicle, dict[str, Flight], list[Window]]
 @pytest.fixture(scope="module")
 def aircraft() -> Problem:
     """Return two flights with a late vane and outliers of a gyro."""
-    late = parse_vehicle(resolve_vehicle("twin-boom").text + "[sensors.alpha]\ndelay = 0.033\n", "late")
+    late = parse_vehicle(load_vehicle("twin-boom").text + "[sensors.alpha]\ndelay = 0.033\n", "late")
     vehicle, out = with_few_free(late.reduced("longitudinal"), FREE), {}
     for seed, name in enumerate(("a", "b")):
         record = simulate_flight(vehicle, MANEUVER, seed=seed, name=name)
@@ -54,7 +52,7 @@ def aircraft() -> Problem:
 
 @pytest.fixture(scope="module")
 def quadrotor() -> Problem:
-    vehicle = with_few_free(resolve_vehicle("quad-x"), TRUTH)
+    vehicle = with_few_free(load_vehicle("quad-x"), TRUTH)
     noise = dict(zip("pqr", np.random.default_rng(1).normal(0.0, WOBBLE, (3, 400)), strict=True))
     flights = {n: replace(flown(vehicle, False, TRUTH, noise), name=n) for n in "ab"}
     return vehicle, flights, [Window("a", 0.0, 3.99)]
@@ -154,7 +152,7 @@ ENTRIES = (
 
 @pytest.fixture(scope="module")
 def problem() -> tuple[Vehicle, Flight]:
-    vehicle = with_few_free(resolve_vehicle("twin-boom").reduced("longitudinal"), FREE_DIVERGING)
+    vehicle = with_few_free(load_vehicle("twin-boom").reduced("longitudinal"), FREE_DIVERGING)
     return vehicle, simulate_flight(vehicle, MANEUVER_DIVERGING, seed=1, name="a")
 
 

@@ -6,20 +6,17 @@ import numpy as np
 import pytest
 
 import stoop
+from stoop import Flight, Strategy, Vehicle, load_vehicle, simulate_flight
 from stoop.base.rotations import quaternions_of, to_body
 from stoop.base.variables import EULER, RATES
-from stoop.flight import Flight
 from stoop.problem.archive import problem_arrays, problem_document, restored_problem
 from stoop.problem.misfit import HISTORY, Misfit, Piece
 from stoop.problem.observation import at_center_of_gravity
 from stoop.problem.prepare import prepare
 from stoop.problem.windows import Window
 from stoop.simulation import parameter_rows
-from stoop.simulation.fly import simulate_flight
 from stoop.simulation.maneuver import parse_maneuver
-from stoop.strategy import Strategy
-from stoop.vehicle import Vehicle, parse_vehicle
-from stoop.vehicle.builtin import resolve_vehicle
+from stoop.vehicle import parse_vehicle
 from stoop.vehicle.document import with_entries
 from stoop.workflow.demo import MANEUVER
 from stoop.workflow.identification import search
@@ -91,7 +88,7 @@ AIR = ("V", "alpha", "beta")
 
 
 def vehicle_with(sensors: str) -> Vehicle:
-    own = resolve_vehicle("twin-boom")
+    own = load_vehicle("twin-boom")
     return parse_vehicle(f"{own.text}\n[sensors]\n{sensors}\n", "wind.toml")
 
 
@@ -110,7 +107,7 @@ def reconstructed(flight: Flight, error: np.ndarray) -> Flight:
 
 @pytest.fixture(scope="module")
 def flown() -> Flight:
-    return simulate_flight(resolve_vehicle("twin-boom"), parse_maneuver(MANEUVER, "m"), name="sim", seed=3)
+    return simulate_flight(load_vehicle("twin-boom"), parse_maneuver(MANEUVER, "m"), name="sim", seed=3)
 
 
 @pytest.mark.parametrize("pitot", [False, True])
@@ -128,7 +125,7 @@ def test_a_start_that_was_read_is_the_true_one(pitot: bool, flown: Flight) -> No
 
 def test_coefficients_hold_although_the_wind_was_wrong(flown: Flight) -> None:
     """The error bars contain the wind's error; a scale of the airspeed in its place is known too well, and wrong."""
-    wrong, truth = reconstructed(flown, ERROR), resolve_vehicle("twin-boom")
+    wrong, truth = reconstructed(flown, ERROR), load_vehicle("twin-boom")
     z = {}
     for name, sensors in (
         ("wind", "wind_error = [{value = 0.0, prior = 1.5}, {value = 0.0, prior = 1.5}, 0.0]"),

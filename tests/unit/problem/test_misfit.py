@@ -14,17 +14,17 @@ from scipy.linalg import toeplitz
 from scipy.signal import lfilter
 from unit.flown import maneuver as flown_by
 
+from stoop import Flight, Options, Vehicle
 from stoop.assessment.error_bars import error_bars
-from stoop.estimate.fit import Options, fit
+from stoop.estimate.fit import fit
 from stoop.estimate.treatment import Treatment
-from stoop.flight import Flight
 from stoop.problem import Layout, Misfit, Nuisance, Piece, Weights
 from stoop.problem.color import ChannelColor, Color, ColoredWeights
 from stoop.problem.evidence import invert, observed_information, simulation_evidence
 from stoop.problem.misfit import horizon_ladder
 from stoop.problem.windows import Window
 from stoop.simulation.fly import fly
-from stoop.vehicle import Vehicle, parse_vehicle
+from stoop.vehicle import parse_vehicle
 from stoop_studies.verify import scenes
 
 TWIN = (files("stoop") / "data" / "twin_boom.toml").read_text()

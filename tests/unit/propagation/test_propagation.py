@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from stoop import Vehicle, load_vehicle, trim
 from stoop.assessment.draws import Draws
 from stoop.base.arrays import FloatArray
 from stoop.base.atmosphere import SEA_LEVEL_DENSITY
@@ -16,10 +17,9 @@ from stoop.propagation.propagation import Propagation, propagate_draws
 from stoop.propagation.quantities import conditional_draws, figure
 from stoop.propagation.wing_figures import Domain
 from stoop.propagation.wings import level_flight, lift_maximum, linear_flights, static_margin, steady_flights
-from stoop.simulation import linearize, trim
+from stoop.simulation import linearize
 from stoop.simulation.initial import parameter_rows
-from stoop.vehicle import Vehicle, load_vehicle
-from stoop.vehicle.builtin import builtin_text, resolve_vehicle
+from stoop.vehicle.builtin import builtin_text
 from stoop.vehicle.load import parse_vehicle
 
 DENSITY = 1.20165
@@ -71,7 +71,7 @@ HOVER = Domain((0.0, 6.0), 0.0, 0.0, SEA_LEVEL_DENSITY, speeds=(0.1, 3.0))
 def found() -> Propagation:
     rng = np.random.default_rng(0)
     draws = Draws(("mass.mass",), rng.normal(1.5, 0.03, (400, 1)), "covariance")
-    return propagate_draws(resolve_vehicle("quad-x"), draws, HOVER)
+    return propagate_draws(load_vehicle("quad-x"), draws, HOVER)
 
 
 def throttle(weight: float) -> float:
@@ -98,17 +98,17 @@ def test_hover_by_hand(found: Propagation) -> None:
 def test_what_does_not_hover_is_counted_or_an_error() -> None:
     values = np.concatenate([np.full((50, 1), 1.5), np.full((50, 1), 9.0)])
     draws = Draws(("mass.mass",), values, "covariance")
-    found = propagate_draws(resolve_vehicle("quad-x"), draws, HOVER)
+    found = propagate_draws(load_vehicle("quad-x"), draws, HOVER)
     assert found["hover throttle"].failed == 0.5
     assert "propagate-no-hover" in [n.code for n in found.notices]
-    heavy = resolve_vehicle("quad-x").with_numbers({"mass.mass": {"value": 9.0}})
+    heavy = load_vehicle("quad-x").with_numbers({"mass.mass": {"value": 9.0}})
     with pytest.raises(SimulationError, match="too heavy to hover"):
         propagate_draws(heavy, draws, HOVER)
 
 
 def test_forward_flight_is_that_of_trim_and_speeds_faster_than_flown_are_marked(found: Propagation) -> None:
     theta = next(c for c in found.curves if c.name == "theta")
-    alone = trim(resolve_vehicle("quad-x"), altitude=0.0, velocity=(6.0, 0.0, 0.0))
+    alone = trim(load_vehicle("quad-x"), altitude=0.0, velocity=(6.0, 0.0, 0.0))
     assert theta.estimate[-1] == pytest.approx(alone.start["theta"], abs=1e-6)
     told = next(n for n in found.notices if n.code == "propagate-faster-than-flown")
     ((low, high),) = found.extrapolated
@@ -125,7 +125,7 @@ SINGLES = 60
 
 @pytest.fixture(scope="module")
 def whole() -> Vehicle:
-    return resolve_vehicle("twin-boom")
+    return load_vehicle("twin-boom")
 
 
 def drawn(whole: Vehicle, count: int) -> Draws:
@@ -203,7 +203,7 @@ def spread(vehicle: Vehicle, names: tuple[str, ...], count: int, size: float = 0
 def polar_aircraft() -> Vehicle:
     """Return an aircraft whose lift and drag depend on the angle of attack alone: CD = CD0 + CDalpha2 alpha^2."""
     zero: dict[str, Any] = {n: {"value": 0.0} for n in ("CL0", "CLelevator", "CDalpha", "Cm0")}
-    whole = resolve_vehicle("twin-boom").with_numbers({**zero, "CDalpha2": {"value": 1.3}})
+    whole = load_vehicle("twin-boom").with_numbers({**zero, "CDalpha2": {"value": 1.3}})
     return whole.reduced("longitudinal")
 
 
@@ -216,7 +216,7 @@ def speed_of(lift: float, weight: float = 189.40 * GRAVITY) -> float:
 def test_draws_are_those_of_one_at_a_time(name: str, request: pytest.FixtureRequest) -> None:
     """The naive twin: SciPy's root finding, and exact differentiation, of each draw by itself."""
     root = request.config.rootpath
-    vehicle = resolve_vehicle(name) if name == "twin-boom" else load_vehicle(root / "examples" / "vtail.toml")
+    vehicle = load_vehicle(name) if name == "twin-boom" else load_vehicle(root / "examples" / "vtail.toml")
     speed, names = vehicle.value("reference.airspeed"), ("CLalpha", "Cmalpha", "Cnbeta", "Clp", "CD0")
     names += ("controls.aileron.lag",) if name == "vtail" else ()
     draws = spread(vehicle, names, 3)
@@ -249,7 +249,7 @@ def test_static_margin_is_the_ratio_of_two_slopes_and_moves_with_the_moment_poin
     moved = builtin_text("twin-boom").replace("alpha = 0.0\n", ahead)
     numbers = {n: {"value": 0.0} for n in ("CD0", "CDalpha", "CL0")}
     for vehicle, alpha, margin in (
-        (resolve_vehicle("twin-boom"), 0.1, 2.12 / 4.78),
+        (load_vehicle("twin-boom"), 0.1, 2.12 / 4.78),
         (parse_vehicle(moved, "moved").with_numbers(numbers), 0.0, 2.12 / 4.78 - 0.1),
     ):
         flow = {"V": np.array([35.0]), "alpha": np.array([alpha])}

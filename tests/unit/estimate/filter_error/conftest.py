@@ -3,10 +3,8 @@
 import pytest
 from unit.flown import maneuver
 
-from stoop.flight import Flight
-from stoop.simulation.fly import simulate_flight
-from stoop.vehicle import Vehicle, parse_vehicle
-from stoop.vehicle.builtin import resolve_vehicle
+from stoop import Flight, Vehicle, load_vehicle, simulate_flight
+from stoop.vehicle import parse_vehicle
 from stoop.workflow.demo import misled
 
 TABLE = """
@@ -19,7 +17,7 @@ MANEUVER = maneuver(15.0, ("elevator", "3-2-1-1", 1.0, 0.4, 0.06), ("elevator", 
 
 @pytest.fixture(scope="session")
 def gusty() -> Vehicle:
-    text = resolve_vehicle("twin-boom").text
+    text = load_vehicle("twin-boom").text
     return parse_vehicle(text + TABLE, "gusty").reduced("longitudinal")
 
 

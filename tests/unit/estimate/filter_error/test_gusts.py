@@ -8,22 +8,19 @@ import pytest
 from scipy.signal import lfilter
 from unit.estimate.fits import fit_by
 
+from stoop import Options, Strategy, load_vehicle, simulate_flight
 from stoop.base.units import KNOT
 from stoop.errors import IdentificationError
 from stoop.estimate import filter_error, scoring
-from stoop.estimate.fit import Options
 from stoop.estimate.gusts import LIMITS, exceed_sensors, gust_levels, unexplained, with_turbulence
 from stoop.exporters.flight_logs import save_flight_as
 from stoop.flight import load
 from stoop.flight.flight import from_columns
 from stoop.problem.windows import Window
-from stoop.simulation.fly import simulate_flight
-from stoop.strategy import Strategy
 from stoop.strategy import gusts as decision
 from stoop.strategy.decision import Fitted
 from stoop.strategy.run import FIT_ALONE, choose_method, fit, setup_of
 from stoop.vehicle import parse_vehicle
-from stoop.vehicle.builtin import resolve_vehicle
 from stoop_studies.verify import scenes
 from stoop_studies.verify.defects import fixed_wing, wing_maneuvers
 
@@ -34,7 +31,7 @@ GUSTS = "\n[turbulence]\n" + "".join(f"{a} = {{{{ intensity = {{0}}, length = 15
 
 
 def flown(intensity=0.0, numbers=(), seed=1):
-    text = resolve_vehicle("twin-boom").text + (GUSTS.format(intensity) if intensity else "")
+    text = load_vehicle("twin-boom").text + (GUSTS.format(intensity) if intensity else "")
     if numbers:
         text += "\n[sensors]\nalpha = { scale = 1.15 }\n"
     vehicle = parse_vehicle(text, "truth").with_numbers({n: {"value": v} for n, v in dict(numbers).items()})
@@ -42,7 +39,7 @@ def flown(intensity=0.0, numbers=(), seed=1):
 
 
 def levels(flights):
-    return gust_levels(resolve_vehicle("twin-boom"), flights, WINDOWS)
+    return gust_levels(load_vehicle("twin-boom"), flights, WINDOWS)
 
 
 ERRORS = {
@@ -55,7 +52,7 @@ ERRORS = {
 def test_calm_air_shows_no_gusts_whatever_the_sensors_are_off(numbers):
     found = levels(flown(numbers=numbers))
     assert np.all(found < 0.1)
-    assert not exceed_sensors(resolve_vehicle("twin-boom"), found)
+    assert not exceed_sensors(load_vehicle("twin-boom"), found)
 
 
 @pytest.fixture(scope="module")
@@ -114,12 +111,12 @@ def test_without_an_airspeed_or_by_reconstruction_nothing_is_known():
     assert np.isnan(levels(blind)).all()
     sources = {**flight.sources, "alpha": replace(flight.sources["alpha"], source="reconstructed")}
     assert np.isnan(levels({"sim": replace(flight, sources=sources)})).all()
-    found = choose_method("", resolve_vehicle("twin-boom"), blind.values(), WINDOWS)
+    found = choose_method("", load_vehicle("twin-boom"), blind.values(), WINDOWS)
     assert (found.options.method, found.notices, found.in_calm) == ("output-error", (), "")
 
 
 def test_gusts_choose_the_filter_and_who_names_another_is_warned():
-    vehicle, flights = resolve_vehicle("twin-boom"), flown(2.0)
+    vehicle, flights = load_vehicle("twin-boom"), flown(2.0)
     found = choose_method("", vehicle, flights.values(), WINDOWS)
     assert (found.options.method, found.in_calm) == ("filter-error", "output-error")
     assert [n.code for n in found.notices] == ["gusts-filtered"]
@@ -138,7 +135,7 @@ def test_gusts_choose_the_filter_and_who_names_another_is_warned():
 
 
 def test_a_table_of_the_file_is_kept_and_a_reduced_model_has_its_own_axes(gusty):
-    plain = resolve_vehicle("twin-boom")
+    plain = load_vehicle("twin-boom")
     assert with_turbulence(gusty) is gusty
     blown, short = with_turbulence(plain), with_turbulence(plain.reduced("longitudinal"))
     assert (blown.gusts, short.gusts) == (("u", "v", "w"), ("u", "w"))
@@ -176,7 +173,7 @@ def test_a_filter_whose_innovations_gusts_do_not_explain_ends_early(gusty_start,
 @pytest.mark.parametrize("failing", ["output-error", "filter-error"])
 def test_the_method_that_fails_gives_way_to_the_other(monkeypatch, failing):
     """A search in calm air that was interrupted goes on where it was, and the filter begins anew."""
-    vehicle, options = resolve_vehicle("twin-boom"), Options(method="output-error")
+    vehicle, options = load_vehicle("twin-boom"), Options(method="output-error")
     setup = setup_of(Strategy.default(), vehicle, {}, WINDOWS, options=options)
     state, start = SimpleNamespace(optimizer="ps-gde-lm"), {"CLalpha": 5.0}
     setup, asked = replace(setup, in_calm="output-error", state=state).by("filter-error"), []

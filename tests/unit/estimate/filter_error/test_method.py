@@ -9,23 +9,18 @@ import pytest
 from scipy.stats import norm
 from unit.estimate.fits import fit_by
 
+from stoop import FittedModel, Flight, Options, Vehicle, simulate_flight, validate
 from stoop.assessment.error_bars import error_bars
 from stoop.base.arrays import FloatArray
 from stoop.estimate import methods
 from stoop.estimate.filter_error import raised
-from stoop.estimate.fit import Options
 from stoop.estimate.fitted_filter import FittedFilter
 from stoop.estimate.treatment import Treatment
-from stoop.flight import Flight
 from stoop.prediction.initial_state import Predictor
 from stoop.prediction.predict import Prediction, predict
 from stoop.problem.windows import Window
 from stoop.results.result import Covariance, NoiseCovariance, ProcessNoise, Result, from_json, to_json
-from stoop.simulation.fly import simulate_flight
-from stoop.vehicle import Vehicle
-from stoop.workflow.fitted_model import FittedModel
 from stoop.workflow.identification import identify
-from stoop.workflow.validation import validate
 
 from .conftest import MANEUVER
 

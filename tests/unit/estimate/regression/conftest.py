@@ -2,15 +2,11 @@
 
 import pytest
 
-from stoop.estimate.fit import Options, estimation_problem
-from stoop.flight import Flight
+from stoop import Flight, Options, Vehicle, load_vehicle, simulate_flight, trim
+from stoop.estimate.fit import estimation_problem
 from stoop.problem import Misfit
 from stoop.problem.windows import Window
-from stoop.simulation import trim
-from stoop.simulation.fly import simulate_flight
 from stoop.simulation.maneuver import Maneuver
-from stoop.vehicle import Vehicle
-from stoop.vehicle.builtin import resolve_vehicle
 
 DURATION = 25.0
 
@@ -25,7 +21,7 @@ def multisines() -> Maneuver:
 
 @pytest.fixture(scope="session")
 def full() -> Vehicle:
-    vehicle = resolve_vehicle("twin-boom")
+    vehicle = load_vehicle("twin-boom")
     thrust = trim(vehicle, None, 200.0).changes["propulsion.thrust"]
     return vehicle.with_numbers({"propulsion.thrust": {"value": thrust}})
 

@@ -7,15 +7,14 @@ import pytest
 from unit.estimate.regression.conftest import posed
 from unit.flown import with_few_free
 
+from stoop import Flight, Vehicle, load_vehicle
 from stoop.estimate.regression.aircraft import History, Motion, balance, histories
 from stoop.estimate.regression.least_squares import Estimates, TimeDomain, estimate
 from stoop.estimate.regression.rotors import MOMENTS, RotorEquations
-from stoop.flight import Flight
 from stoop.flight.flight import from_columns
 from stoop.simulation import initial_states, parameter_rows
 from stoop.simulation.delays import first_order_lag
-from stoop.vehicle import Vehicle, parse_vehicle
-from stoop.vehicle.builtin import builtin_vehicle
+from stoop.vehicle import parse_vehicle
 from stoop.vehicle.document import with_entries
 from stoop_studies.verify.defects import turned
 
@@ -123,7 +122,7 @@ def flown(
 
 
 def regressed(mixed: bool) -> tuple[dict[str, float], Estimates]:
-    vehicle = builtin_vehicle("quad-x")
+    vehicle = load_vehicle("quad-x")
     return solved_for(vehicle, flown(vehicle, mixed, TRUTH), tuple(TRUTH))
 
 
@@ -144,7 +143,7 @@ def test_the_truth_comes_back() -> None:
 def test_gyros_and_accelerometers_are_enough() -> None:
     """Thrust, lag and inertia of a vehicle without drag, from a log that holds neither velocity nor attitude."""
     truth = {"rotors.T2": 7.0, "rotors.lag": 0.06, "mass.inertia.xx": 0.02, "mass.inertia.yy": 0.03}
-    vehicle, none = builtin_vehicle("quad-x"), ("rotors.inflow", "rotors.drag", "body_drag.")
+    vehicle, none = load_vehicle("quad-x"), ("rotors.inflow", "rotors.drag", "body_drag.")
     still = {p.name: {"value": 0.0} for p in vehicle.parameters if p.name.startswith(none)}
     vehicle = vehicle.with_numbers({**still, **{n: {"free": True} for n in truth}})
     noise = {c: 0.01 * np.random.default_rng(i).standard_normal(400) for i, c in enumerate(("ax", "ay"))}
@@ -164,7 +163,7 @@ def test_moments_that_no_command_explains_are_left_out() -> None:
 
 def test_a_turned_inertial_unit_with_scale_errors_is_in_the_equations() -> None:
     """At the truth the accelerations of the equations are those that the instruments tell."""
-    text = builtin_vehicle("quad-x").text + (
+    text = load_vehicle("quad-x").text + (
         "\n[sensors]\nimu_alignment = [0.05, -0.04, 0.3]\naccelerometer_position = [0.05, 0.0, -0.02]\n"
         "p = { scale = 1.1 }\nr = { scale = 0.9 }\naz = { scale = 1.05 }\n"
     )

@@ -11,26 +11,23 @@ from scipy.signal import lfilter
 from unit.estimate.fits import fit_by
 from unit.estimate.regression.conftest import posed
 
+from stoop import Flight, Options, Vehicle, load_vehicle
 from stoop.assessment.bootstrap import Bootstrap, bootstrap_plan, refit_chunk
 from stoop.assessment.covariance import data_information, standard_errors
 from stoop.assessment.error_bars import error_bars, estimate_uncertainty
 from stoop.assessment.goodness_of_fit import left_out_residuals, press_notices
 from stoop.errors import IdentificationError
 from stoop.estimate.estimate import Estimate
-from stoop.estimate.fit import Options
 from stoop.estimate.regression import least_squares as ls
 from stoop.estimate.regression.aircraft import AircraftEquations
 from stoop.estimate.regression.least_squares import FrequencyDomain, Priors, Rows, TimeDomain, solve
 from stoop.estimate.regression.linear_problem import LinearProblem
 from stoop.estimate.regression.method import RegressionEstimate, equation_error, frequency_domain
-from stoop.flight import Flight
 from stoop.parallel import Given
 from stoop.problem import Layout, Misfit, Weights
 from stoop.problem.evidence import Evidence, unknowns_of
 from stoop.problem.prepare import Prepared
 from stoop.problem.windows import Window
-from stoop.vehicle import Vehicle
-from stoop.vehicle.builtin import resolve_vehicle
 
 WINDOW = [Window("noisy", 0.0, 25.0)]
 DOMAINS = [TimeDomain(), FrequencyDomain(0.04, 1.5)]
@@ -113,7 +110,7 @@ def test_error_bars_are_the_scatter(domain: ls.Domain, memory: float) -> None:
     rho, none, white = np.exp(-dt / memory) if memory else 0.0, np.zeros((k, k)), not domain.colored
     free = Priors(np.zeros(k), np.full(k, np.inf))
     names = ("CL0", "CLalpha", "Cm0", "Cmalpha")[-k:]
-    vehicle = resolve_vehicle("twin-boom").reduced("longitudinal")
+    vehicle = load_vehicle("twin-boom").reduced("longitudinal")
     own = vehicle.with_numbers({p.name: {"free": p.name in names} for p in vehicle.parameters})
     misfit = Misfit(Layout.of(own, ()), (), Weights.of(np.ones(len(own.outputs))), ())
     errors, claimed, drawn = [], [], []

@@ -6,12 +6,11 @@ import numpy as np
 import pytest
 from unit.estimate.regression.conftest import DURATION, posed
 
+from stoop import Flight, Vehicle
 from stoop.estimate.regression.aircraft import AircraftEquations
 from stoop.estimate.regression.least_squares import Estimates, FrequencyDomain, estimate, fourier_transform
 from stoop.estimate.regression.recursive import STENCIL, Estimate, RealTime, RecursiveTransform
-from stoop.flight import Flight
 from stoop.simulation.delays import play, rate_limited
-from stoop.vehicle import Vehicle
 from stoop.vehicle.load import parse_vehicle
 
 BAND = FrequencyDomain(0.04, 1.5)

@@ -7,20 +7,19 @@ import pytest
 from unit.estimate.fits import deviations, fit_by
 from unit.flown import maneuver, with_few_free
 
+from stoop import Options, load_vehicle, simulate_flight, trim
 from stoop.checks.excitation import in_ratio, ratios
 from stoop.checks.rotors import foreign_motors, rotor_notices
 from stoop.errors import FlightError, IdentificationError
 from stoop.estimate import multiple_shooting
-from stoop.estimate.fit import Options, estimation_problem
+from stoop.estimate.fit import estimation_problem
 from stoop.estimate.multiple_shooting import MultipleShooting
 from stoop.flight import from_columns
 from stoop.kernels import filtering
 from stoop.problem.windows import Window
-from stoop.simulation import initial_states, parameter_rows, trim
-from stoop.simulation.fly import simulate_flight
+from stoop.simulation import initial_states, parameter_rows
 from stoop.simulation.maneuver import parse_maneuver
 from stoop.vehicle import parse_vehicle
-from stoop.vehicle.builtin import resolve_vehicle
 from stoop.workflow import demo, identify
 
 DT = 0.02
@@ -31,7 +30,7 @@ MANEUVER = maneuver(15.0, ("elevator", "3-2-1-1", 1.0, 0.5, 0.04), ("elevator", 
 @pytest.fixture(scope="module")
 def unstable():
     """A divergence that doubles in half a second."""
-    vehicle = resolve_vehicle("twin-boom").reduced("longitudinal")
+    vehicle = load_vehicle("twin-boom").reduced("longitudinal")
     alpha = trim(vehicle).start["alpha"]  # where Cmalpha is changed about, so that the trim stays
     changed = {"Cmalpha": {"value": 1.5}, "Cm0": {"value": vehicle.value("Cm0") - 3.62 * alpha}}
     return with_few_free(vehicle, FREE).with_numbers(changed)
@@ -97,7 +96,7 @@ def test_truth_comes_back_within_three_standard_errors(start, flight, found, tru
 
 def test_parameters_that_nothing_determines_do_not_keep_it_from_converging(unstable):
     """Thirty-two of them, half lateral, from an elevator input; steps of windows that are kept together are not cut short."""
-    aircraft = resolve_vehicle("twin-boom")
+    aircraft = load_vehicle("twin-boom")
     calm = simulate_flight(aircraft, parse_maneuver(demo.MANEUVER, "calm"), seed=3, name="sim")
     found = MultipleShooting()(aircraft, {"sim": calm}, [Window("sim", 0.0, 8.0)], Options())
     assert found.outcome.status == "converged"
@@ -169,7 +168,7 @@ WRONG = {
 
 @pytest.fixture(scope="module")
 def quad():
-    text = resolve_vehicle("quad-x").text.replace("lag = ", "delay = 0.012\nlag = ", 1)
+    text = load_vehicle("quad-x").text.replace("lag = ", "delay = 0.012\nlag = ", 1)
     return parse_vehicle(text.replace("# front left\n", "# front left\nfactor = 0.85\n", 1), "quad.toml")
 
 
@@ -296,7 +295,7 @@ def test_saturation_and_stillness_are_said(start_hover, flight_hover):
 
 
 def test_the_log_of_another_vehicle_is_recognized(start_hover, flight_hover):
-    hexa, more = resolve_vehicle("hexa-x"), ("motor_5", "motor_6")
+    hexa, more = load_vehicle("hexa-x"), ("motor_5", "motor_6")
     constant = changed(flight_hover, **dict.fromkeys(more, np.zeros(len(flight_hover.time))))
     for given, advice in (
         (flight_hover, r"input .motor_5., .motor_6. is not in this flight.*\[rotor\.m5\]"),
@@ -315,7 +314,7 @@ def test_the_log_of_another_vehicle_is_recognized(start_hover, flight_hover):
 @pytest.mark.parametrize(("name", "wrong"), [("mass.mass", 1.2), ("mass.inertia.xx", 1.5)])
 def test_a_wrong_mass_or_inertia_is_named_and_its_value_comes_out(name, wrong):
     """Thrust takes up the error silently: thrust nearly independent of the command, and much more drag."""
-    vehicle = resolve_vehicle("quad-x")
+    vehicle = load_vehicle("quad-x")
     calm = simulate_flight(vehicle, maneuver(16.0, *INPUTS, rate=100.0, wind=WIND), seed=1, name="sim")
     off = vehicle.with_numbers({name: {"value": wrong * vehicle.value(name)}})
     given = identify(off, calm, ["0:11"], validate=["11.5:16"]).result
