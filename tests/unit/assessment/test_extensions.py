@@ -241,6 +241,11 @@ def test_a_lag_that_is_lacking_widens_what_it_moves() -> None:
     assert np.array_equal(found.bars.covariance, bars.covariance)
 
 
+@pytest.fixture(scope="module")
+def pitch(wrong: Vehicle, flight: Flight) -> OutputErrorEstimate:
+    return fit(wrong, {"sim": flight}, [Window("sim", 0.0, 12.0)], Options())
+
+
 def test_no_number_becomes_less_known_than_its_prior_says(pitch: OutputErrorEstimate) -> None:
     bars = error_bars(pitch)
     own = bars.free < len(bars.std)
