@@ -1,9 +1,8 @@
-"""Known truth, sensor noise, wind and turbulence: quadrotors and hexacopters with a weak rotor, all come back.
+"""Known truth, sensor noise, wind and turbulence: multirotors with a weak rotor, and rotors as each autopilot logs them.
 
-Mass is known; inertia, center of gravity, lag, delay, thrust, torque, drag and the factor of the weak rotor are free and
-start up to 20 % off. Each window's wind is constant, so gusts that change within it are noise of the method, which the
-error bars know: squares of (estimate - truth) / standard error average about one in calm air and in gusts of 0.5 m/s. The
-sixteen estimates of a flight err together (most in the level of thrust and inertia), so single flights average 0.3 to 3.
+Mass is known; all else is free and starts up to 20 % off. Each window's wind is constant, so gusts that change within it are
+noise of the method, which the error bars know: squares of (estimate - truth) / standard error average about one. The sixteen
+estimates of a flight err together (most in the level of thrust and inertia), so single flights average 0.3 to 3.
 """
 
 import re
@@ -103,8 +102,6 @@ def test_error_bars_are_right(air: str, gusts: float, flights: Flights, worst: f
     assert 0.90 < np.mean(np.abs(pooled) < NORMAL_95) < 0.98
 
 
-# --- gyros, accelerometers and commands alone, in turbulence that reaches the commands through the rate loop
-
 GUSTS_ROTORS = "\n[turbulence]\nairspeed = 5.0\n" + "".join(
     f"{a} = {{ intensity = 0.3, length = 5.0 }}\n" for a in "uvw"
 )
@@ -136,8 +133,6 @@ def test_the_default_needs_no_state() -> None:
     assert found == {name: pytest.approx(truth.value(name), rel=0.05) for name in WRONG_SMALL}
     assert np.isfinite([p.std_error for p in result.parameters.values()]).all()
 
-
-# --- rotors whose reaction is known from the slope of what was recorded
 
 ROTORS = ((1, 0.15, 0.15, "ccw"), (2, -0.15, -0.15, "ccw"), (3, 0.15, -0.15, "cw"), (4, -0.15, 0.15, "cw"))
 SPINNING = """
@@ -180,8 +175,6 @@ def test_what_spins_rotors_up_is_found(method: str) -> None:
         assert abs(p.estimate - true.value(name)) < 3.5 * p.std_error, name
         assert p.std_error < 0.05 * true.value(name), name
 
-
-# --- ground effect
 
 ROTOR, LIFT = 1.3, 0.2  #: true coefficients
 LOW_QUAD = builtin_text("quad-x") + f"\n[ground_effect]\nradius = 0.127\nrotor = {ROTOR}\n"
@@ -226,8 +219,6 @@ def test_near_the_ground_less_command_holds_the_vehicle_and_far_above_as_much_as
     sea_level = 4 * thrust * (1.0 + ROTOR * quarter2 / (0.2**2 + quarter2))
     assert sea_level == pytest.approx(1.5 * 9.80665, rel=1e-3)
 
-
-# --- a rotor that lost a known share of its thrust
 
 LEGS_ROTORS = (("roll", "3-2-1-1", 4.0, 0.15, 10.0), ("north", "doublet", 10.0, 3.0, 2.0))
 WINDY = maneuver(25.0, *LEGS_ROTORS, rate=100.0, altitude=100.0, wind=[2.0, -1.0, 0.0])

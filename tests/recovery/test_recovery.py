@@ -1,8 +1,7 @@
 """Known truth, seeded noise, wrong start: every estimate within three of its standard errors.
 
-Standard errors come from the Jacobian at the optimum, nuisances (initial states, sensor biases) included. The noise is
-white and its covariance estimated, so they should be exact: pooled over seeds, squares of (estimate - truth) / standard
-error must average one.
+Those come from the Jacobian at the optimum, nuisances included. The noise is white and its covariance estimated, so they
+should be exact: pooled over seeds, squares of (estimate - truth) / standard error must average one.
 """
 
 from collections.abc import Mapping

@@ -10,6 +10,8 @@ from stoop.assessment.error_bars import error_bars
 from stoop.base.arrays import FloatArray
 from stoop.estimate import methods
 from stoop.estimate.estimate import Estimate
+from stoop.estimate.fit import estimation_problem
+from stoop.problem import Misfit
 from stoop.problem.windows import Window
 
 
@@ -25,3 +27,9 @@ def deviations(found: Estimate, truth: Mapping[str, float]) -> FloatArray:
     """Return the errors of the estimates of these numbers over their standard errors."""
     std = dict(zip(found.estimates, error_bars(found).std.tolist(), strict=False))
     return np.array([(found.estimates[n] - true) / std[n] for n, true in truth.items()])
+
+
+def posed(vehicle: Vehicle, flight: Flight, stop: float | None = None) -> Misfit:
+    """Return the problem of a flight, until a time."""
+    windows = [Window(flight.name, 0.0, float(flight.time[-1]) if stop is None else stop)]
+    return estimation_problem(vehicle, {flight.name: flight}, windows, Options())[0]

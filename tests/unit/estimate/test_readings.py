@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from naive.aircraft import rotation
 from scipy.signal import lfilter
+from unit.estimate.fits import posed
 
-from stoop import Flight, Options, Vehicle, load_vehicle, simulate_flight
+from stoop import Flight, Vehicle, load_vehicle, simulate_flight
 from stoop.errors import FlightError, IdentificationError
-from stoop.estimate.fit import estimation_problem
 from stoop.estimate.linearization import advanced, aligned, as_recorded, undelayed
 from stoop.estimate.noise import correlation_times
 from stoop.flight import from_columns
@@ -28,7 +28,7 @@ def late_problem(bounds: tuple[float, float]) -> Misfit:
     late = {"sensors.q.delay": {"free": True, "bounds": bounds}}
     vehicle = parse_vehicle(load_vehicle("twin-boom").text + LATE, "late").with_numbers(late)
     flight = simulate_flight(vehicle, parse_maneuver(MANEUVER, "m"), name="sim")
-    return estimation_problem(vehicle, {"sim": flight}, [Window("sim", 0.0, 8.0)], Options())[0]
+    return posed(vehicle, flight, 8.0)
 
 
 @pytest.mark.parametrize("samples", [-2.3, 0.5, 1.0, 3.7])
@@ -89,7 +89,6 @@ def test_a_short_piece_beside_a_long_one_may_lose_its_late_readings() -> None:
 
 SLOW = ("V", "alpha", "beta", "phi", "theta", "psi")
 EVERY = 10  #: samples of the grid
-WINDOW = Window("sim", 0.0, 8.0)
 
 
 @pytest.fixture(scope="module")
@@ -108,12 +107,11 @@ def slowed(flight: Flight) -> Flight:
     return replace(flight, data=type(vars(flight)["data"])(grid.time, data), sources=sources)
 
 
-def problem_of(flight: Flight) -> Misfit:
-    return estimation_problem(load_vehicle("twin-boom"), {"sim": flight}, [WINDOW], Options())[0]
-
-
 def test_a_residual_holds_nothing_interpolated(flown: Flight) -> None:
-    whole, slow = problem_of(flown).pieces[0], problem_of(slowed(flown)).pieces[0]
+    whole, slow = (
+        posed(load_vehicle("twin-boom"), flown, 8.0).pieces[0],
+        posed(load_vehicle("twin-boom"), slowed(flown), 8.0).pieces[0],
+    )
     outputs = load_vehicle("twin-boom").outputs
     for i, channel in enumerate(outputs):
         read = np.flatnonzero(np.isfinite(slow.measured[:, i]))
@@ -127,7 +125,10 @@ def test_a_residual_holds_nothing_interpolated(flown: Flight) -> None:
 
 def test_the_cost_is_that_of_the_readings_alone(flown: Flight) -> None:
     """Twin: what lies between readings is deleted by hand from the whole record."""
-    slow, naive = problem_of(slowed(flown)), problem_of(flown)
+    slow, naive = (
+        posed(load_vehicle("twin-boom"), slowed(flown), 8.0),
+        posed(load_vehicle("twin-boom"), flown, 8.0),
+    )
     measured = naive.pieces[0].measured.copy()
     for i, channel in enumerate(naive.layout.vehicle.outputs):
         if channel in SLOW:
@@ -142,7 +143,7 @@ def test_the_cost_is_that_of_the_readings_alone(flown: Flight) -> None:
 def test_late_readings_stay_readings(flown: Flight) -> None:
     text = load_vehicle("twin-boom").text + "[sensors.alpha]\ndelay = 0.04\n[sensors.q]\ndelay = 0.04\n"
     vehicle = parse_vehicle(text, "late")
-    problem, _ = estimation_problem(vehicle, {"sim": slowed(flown)}, [WINDOW], Options())
+    problem = posed(vehicle, slowed(flown), 8.0)
     alpha, before = vehicle.outputs.index("alpha"), problem.pieces[0]
     moved = round(0.04 / before.dt)
     for piece in (aligned(problem, problem.layout.start).pieces[0], undelayed(problem).pieces[0]):

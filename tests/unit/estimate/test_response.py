@@ -4,13 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from unit.estimate.fits import posed
 from unit.flown import maneuver
 
 from stoop import Vehicle, load_vehicle, simulate_flight
 from stoop.base.arrays import FloatArray
 from stoop.estimate.filter_gains import Noise, Steady, Varying, first_guess
 from stoop.estimate.filter_likelihood import FrozenFilter, Likelihood
-from stoop.estimate.fit import DEFAULTS, estimation_problem
 from stoop.estimate.fitted_filter import with_gusts
 from stoop.estimate.linearization import undelayed
 from stoop.estimate.multiple_shooting import LinearizedNodes
@@ -18,7 +18,6 @@ from stoop.estimate.refit_problem import RefitProblem
 from stoop.estimate.response import Responses
 from stoop.estimate.shooting_problem import ShootingProblem
 from stoop.problem import Misfit
-from stoop.problem.windows import Window
 from stoop.simulation.maneuver import Maneuver
 from stoop.vehicle import parse_vehicle
 from stoop.vehicle.document import with_entries
@@ -36,9 +35,7 @@ ROTORS = maneuver(
 
 
 def problem_of(vehicle: Vehicle, flown: Maneuver, noise: bool = True) -> Misfit:
-    flight = simulate_flight(vehicle, flown, seed=3, noise=noise, name="sim")
-    window = Window("sim", 0.0, float(flight.time[-1]))
-    return estimation_problem(vehicle, {"sim": flight}, [window], DEFAULTS)[0]
+    return posed(vehicle, simulate_flight(vehicle, flown, seed=3, noise=noise, name="sim"))
 
 
 def difference(local: RefitProblem, z: FloatArray, found: Responses, name: str) -> list[FloatArray]:

@@ -2,10 +2,7 @@
 
 import pytest
 
-from stoop import Flight, Options, Vehicle, load_vehicle, simulate_flight, trim
-from stoop.estimate.fit import estimation_problem
-from stoop.problem import Misfit
-from stoop.problem.windows import Window
+from stoop import Flight, Vehicle, load_vehicle, simulate_flight, trim
 from stoop.simulation.maneuver import Maneuver
 
 DURATION = 25.0
@@ -34,9 +31,3 @@ def clean(full: Vehicle) -> Flight:
 @pytest.fixture(scope="session")
 def noisy(full: Vehicle) -> Flight:
     return simulate_flight(full, multisines(), seed=1, name="noisy")
-
-
-def posed(vehicle: Vehicle, flight: Flight, stop: float = DURATION) -> Misfit:
-    """Return the problem of a flight until a time."""
-    windows = [Window(flight.name, 0.0, stop)]
-    return estimation_problem(vehicle, {flight.name: flight}, windows, Options())[0]

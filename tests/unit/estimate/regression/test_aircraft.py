@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from unit.estimate.regression.conftest import posed
+from unit.estimate.fits import posed
 from unit.flown import with_few_free
 
 from stoop import Flight, Vehicle, load_vehicle

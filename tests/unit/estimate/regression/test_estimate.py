@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.signal import lfilter
-from unit.estimate.fits import fit_by
-from unit.estimate.regression.conftest import posed
+from unit.estimate.fits import fit_by, posed
 
 from stoop import Flight, Options, Vehicle, load_vehicle
 from stoop.assessment.bootstrap import Bootstrap, bootstrap_plan, refit_chunk

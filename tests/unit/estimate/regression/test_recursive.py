@@ -4,7 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from unit.estimate.regression.conftest import DURATION, posed
+from unit.estimate.fits import posed
+from unit.estimate.regression.conftest import DURATION
 
 from stoop import Flight, Vehicle
 from stoop.estimate.regression.aircraft import AircraftEquations
