@@ -132,7 +132,7 @@ def test_a_lateral_model_in_gusts_under_an_autopilot() -> None:
 
 
 COEFFICIENTS = ("CL0", "CLalpha", "Cm0", "Cmalpha", "Cmq", "Cmelevator")
-WINDOW_STAGES = Window("sim", 0.0, 10.0)
+TEN = Window("sim", 0.0, 10.0)
 FLIGHTS = 10
 INPUTS = ("elevator", "3-2-1-1", 0.5, 0.4, 0.05), ("elevator", "doublet", 5.0, 0.6, 0.04)
 MANEUVER = maneuver(10.0, *INPUTS, noise={"alpha": 0.015})
@@ -159,9 +159,7 @@ def flown(vehicle: Vehicle, seed: int) -> Flight:
 def errors(method: str, vehicle: Vehicle) -> tuple[FloatArray, FloatArray]:
     """Return the errors (flights, k) of the coefficients over their size, and over their standard errors."""
     truth = {n: vehicle.value(n) for n in COEFFICIENTS}
-    found = [
-        fit_by(method, vehicle, {"sim": flown(vehicle, seed)}, [WINDOW_STAGES]) for seed in range(FLIGHTS)
-    ]
+    found = [fit_by(method, vehicle, {"sim": flown(vehicle, seed)}, [TEN]) for seed in range(FLIGHTS)]
     shares = [[one.estimates[n] / true - 1.0 for n, true in truth.items()] for one in found]
     return np.array(shares), np.array([deviations(one, truth) for one in found])
 
@@ -183,7 +181,7 @@ def test_states_and_biases_are_reconstructed(vehicle: Vehicle) -> None:
     """Against the flight without noise: the vane's noise of 0.015 rad is filtered to a tenth."""
     silent = vehicle.with_numbers({name: {"value": 0.0} for name in TRUTH})
     true = simulate_flight(silent, MANEUVER, noise=False, name="sim")
-    (piece,) = prepare(vehicle, {"sim": flown(vehicle, 1)}, [WINDOW_STAGES]).pieces
+    (piece,) = prepare(vehicle, {"sim": flown(vehicle, 1)}, [TEN]).pieces
     noise = {c: getattr(vehicle.file.sensors, c).sigma for c in vehicle.outputs} | {"alpha": 0.015}
     (found, converged), measured = reconstructed(vehicle, piece, noise), Motion.of(vehicle, piece)
     assert converged
@@ -201,9 +199,9 @@ def test_what_two_stages_cannot_do_is_told(vehicle: Vehicle, monkeypatch: pytest
         ("frequency-domain", "equation-error or multiple-shooting"),
     ):
         with pytest.raises(IdentificationError, match=told):
-            fit_by(method, quad, {}, [WINDOW_STAGES])
+            fit_by(method, quad, {}, [TEN])
     for steps, told in ((None, []), (1, ["warning"])):
         if steps:
             monkeypatch.setattr("stoop.estimate.two_stage.MAX_STEPS", steps)
-        found = fit_by("two-stage", vehicle, {"sim": flight}, [WINDOW_STAGES]).notices
+        found = fit_by("two-stage", vehicle, {"sim": flight}, [TEN]).notices
         assert [n.severity for n in found if n.code == "path-not-converged"] == told

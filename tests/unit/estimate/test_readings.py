@@ -24,6 +24,9 @@ from stoop.workflow.demo import MANEUVER
 LATE = "[sensors.q]\ndelay = 0.03\n[sensors.psi]\ndelay = 0.015\n"
 
 
+TWIN = load_vehicle("twin-boom")
+
+
 def late_problem(bounds: tuple[float, float]) -> Misfit:
     late = {"sensors.q.delay": {"free": True, "bounds": bounds}}
     vehicle = parse_vehicle(load_vehicle("twin-boom").text + LATE, "late").with_numbers(late)
@@ -108,10 +111,7 @@ def slowed(flight: Flight) -> Flight:
 
 
 def test_a_residual_holds_nothing_interpolated(flown: Flight) -> None:
-    whole, slow = (
-        posed(load_vehicle("twin-boom"), flown, 8.0).pieces[0],
-        posed(load_vehicle("twin-boom"), slowed(flown), 8.0).pieces[0],
-    )
+    whole, slow = (posed(TWIN, flown, 8.0).pieces[0], posed(TWIN, slowed(flown), 8.0).pieces[0])
     outputs = load_vehicle("twin-boom").outputs
     for i, channel in enumerate(outputs):
         read = np.flatnonzero(np.isfinite(slow.measured[:, i]))
@@ -125,10 +125,7 @@ def test_a_residual_holds_nothing_interpolated(flown: Flight) -> None:
 
 def test_the_cost_is_that_of_the_readings_alone(flown: Flight) -> None:
     """Twin: what lies between readings is deleted by hand from the whole record."""
-    slow, naive = (
-        posed(load_vehicle("twin-boom"), slowed(flown), 8.0),
-        posed(load_vehicle("twin-boom"), flown, 8.0),
-    )
+    slow, naive = (posed(TWIN, slowed(flown), 8.0), posed(TWIN, flown, 8.0))
     measured = naive.pieces[0].measured.copy()
     for i, channel in enumerate(naive.layout.vehicle.outputs):
         if channel in SLOW:

@@ -153,7 +153,7 @@ def test_a_stable_aircraft_is_found_as_by_output_error(wrong, aircraft):
     assert np.abs(deviations(one, many.estimates)).max() < 0.05
 
 
-WINDOW_HOVER = [Window("sim", 0.0, 16.0)]
+WHOLE = [Window("sim", 0.0, 16.0)]
 WIND = (2.0, -1.0, 0.0)
 INPUTS = (
     ("roll", "doublet", 1.0, 0.15, 8.0), ("pitch", "doublet", 2.0, 0.15, 8.0), ("yaw", "doublet", 3.0, 0.4, 1.5),
@@ -173,20 +173,20 @@ def quad():
 
 
 @pytest.fixture(scope="module")
-def flight_hover(quad):
+def flown(quad):
     return simulate_flight(quad, maneuver(16.0, *INPUTS, rate=100.0, wind=WIND), seed=1, name="sim")
 
 
 @pytest.fixture(scope="module")
-def start_hover(quad):
+def begun(quad):
     wrong = {n: {"value": quad.value(n) * f, "free": True} for n, f in WRONG.items()}
     more = {"rotors.delay": {"value": 0.02, "free": True}, "rotor.m3.factor": {"value": 1.0, "free": True}}
     return quad.with_numbers({**wrong, **more})
 
 
 @pytest.fixture(scope="module")
-def job(start_hover, flight_hover):
-    return identify(start_hover, flight_hover, ["0:11"], validate=["11.5:16"])
+def job(begun, flown):
+    return identify(begun, flown, ["0:11"], validate=["11.5:16"])
 
 
 def test_windows_are_the_default_and_find_the_truth(quad, job):
@@ -207,37 +207,30 @@ def test_windows_are_the_default_and_find_the_truth(quad, job):
     assert "multiple-shooting-rotors" in [n.code for n in result.basis]
 
 
-def test_a_hopeless_start_is_searched_for(start_hover, flight_hover, monkeypatch, resumed):
+def test_a_hopeless_start_is_searched_for(begun, flown, monkeypatch, resumed):
     """Without the regression's start, and with thrust and torque far off, the optimizer takes over; it may be interrupted."""
     monkeypatch.setattr(
         multiple_shooting, "starts",
         lambda problem, _: problem.layout.unit(np.array([p.value for p in problem.layout.parameters]))[None],
     )  # fmt: skip
     groups = ("rotors.", "rotor.", "body_drag.")
-    numbers = {
-        p.name: {"free": False} for p in start_hover.parameters if p.free and p.name.startswith(groups)
-    }
-    right = {n: start_hover.value(n) / f for n, f in WRONG.items()}
+    numbers = {p.name: {"free": False} for p in begun.parameters if p.free and p.name.startswith(groups)}
+    right = {n: begun.value(n) / f for n, f in WRONG.items()}
     right |= {"rotors.delay": 0.012, "rotor.m3.factor": 0.85}
     numbers |= {n: {"value": v, "free": False} for n, v in right.items()}
     for name, far, bounds in (("rotors.T2", 0.7, (0.1, 20.0)), ("rotors.T1", 0.5, (0.0, 10.0))):
         numbers[name] = {"value": far, "free": True, "bounds": bounds}
-    args = (
-        start_hover.with_numbers(numbers),
-        {"sim": flight_hover},
-        [Window("sim", 0.0, 8.0)],
-        Options(budget=900.0),
-    )
+    args = (begun.with_numbers(numbers), {"sim": flown}, [Window("sim", 0.0, 8.0)], Options(budget=900.0))
     fit = resumed(multiple_shooting.fit, *args)
     assert fit.outcome.optimizer == "ps-gde-lm"
     assert fit.estimates["rotors.T2"] == pytest.approx(6.0, rel=0.02)
     assert "global-start" in [n.code for n in fit.notices]
 
 
-def test_without_mass_and_inertia_ratios_are_told(quad, flight_hover):
+def test_without_mass_and_inertia_ratios_are_told(quad, flown):
     free = {n: {"free": True} for n in ("mass.mass", *(f"mass.inertia.{a}" for a in ("xx", "yy", "zz")))}
     unknown = quad.with_numbers({**free, "mass.mass": {"value": 3.0, "free": True}})
-    problem, _ = estimation_problem(unknown, {"sim": flight_hover}, WINDOW_HOVER, Options())
+    problem, _ = estimation_problem(unknown, {"sim": flown}, WHOLE, Options())
     names = {p.name for p in problem.layout.parameters}
     assert names & {"mass.mass", "mass.inertia.xx"} == {"mass.inertia.xx"}
     assert "rotors.T2 4 +/- 0.1 N/kg" in ratios(problem.layout.vehicle, {"rotors.T2": (12.0, 0.3)})
@@ -250,64 +243,52 @@ def test_without_mass_and_inertia_ratios_are_told(quad, flight_hover):
         assert not in_ratio(vehicle)
 
 
-def changed(flight_hover, **columns):
-    kept = {str(n): flight_hover.column(str(n)) for n in flight_hover.data.data_vars}
-    return replace(
-        from_columns("sim", flight_hover.time, {**kept, **columns}, ()), sources=flight_hover.sources
-    )
+def changed(flown, **columns):
+    kept = {str(n): flown.column(str(n)) for n in flown.data.data_vars}
+    return replace(from_columns("sim", flown.time, {**kept, **columns}, ()), sources=flown.sources)
 
 
-def noticed(start_hover, flight_hover, **columns):
-    return rotor_notices(
-        estimation_problem(start_hover, {"sim": changed(flight_hover, **columns)}, WINDOW_HOVER, Options())[0]
-    )
+def noticed(begun, flown, **columns):
+    return rotor_notices(estimation_problem(begun, {"sim": changed(flown, **columns)}, WHOLE, Options())[0])
 
 
-def test_motors_off_and_rates_that_lack_are_no_flight(start_hover, flight_hover):
-    off = {f"motor_{i}": np.where(flight_hover.time < 12.0, 0.01 * i, 0.6 + 0.01 * i) for i in range(1, 5)}
-    blank = dict.fromkeys("pqr", np.full(len(flight_hover.time), np.nan))
+def test_motors_off_and_rates_that_lack_are_no_flight(begun, flown):
+    off = {f"motor_{i}": np.where(flown.time < 12.0, 0.01 * i, 0.6 + 0.01 * i) for i in range(1, 5)}
+    blank = dict.fromkeys("pqr", np.full(len(flown.time), np.nan))
     for columns, advice in (
         (blank, r"none of the rates p, q, r was recorded.*\[variables\]"),
         (off, r"motors are off in 75% .*rotors\.idle"),
     ):
         with pytest.raises(IdentificationError, match=advice):
-            estimation_problem(
-                start_hover, {"sim": changed(flight_hover, **columns)}, WINDOW_HOVER, Options()
-            )
-    partly = {n: np.where(flight_hover.time < 3.0, 0.0, flight_hover.column(n)) for n in off}
-    (one,) = (one for one in noticed(start_hover, flight_hover, **partly) if one.code == "motors-off")
+            estimation_problem(begun, {"sim": changed(flown, **columns)}, WHOLE, Options())
+    partly = {n: np.where(flown.time < 3.0, 0.0, flown.column(n)) for n in off}
+    (one,) = (one for one in noticed(begun, flown, **partly) if one.code == "motors-off")
     assert one.values["first"] == pytest.approx(3.0, abs=0.02)
 
 
-def test_saturation_and_stillness_are_said(start_hover, flight_hover):
-    full = np.where(flight_hover.time < 4.0, 1.0, flight_hover.column("motor_2"))
-    (one,) = (
-        one for one in noticed(start_hover, flight_hover, motor_2=full) if one.code == "command-saturated"
-    )
+def test_saturation_and_stillness_are_said(begun, flown):
+    full = np.where(flown.time < 4.0, 1.0, flown.column("motor_2"))
+    (one,) = (one for one in noticed(begun, flown, motor_2=full) if one.code == "command-saturated")
     assert (one.subject, one.values["end"]) == ("motor_2", "upper")
     assert one.values["share"] == pytest.approx(0.25, abs=0.005)
     rng = np.random.default_rng(0)
-    still = {f"motor_{i}": 0.6 + 1e-4 * rng.standard_normal(len(flight_hover.time)) for i in range(1, 5)}
-    still |= {c: 0.01 * rng.standard_normal(len(flight_hover.time)) for c in "pqr"}
-    codes = [one.code for one in noticed(start_hover, flight_hover, **still)]
+    still = {f"motor_{i}": 0.6 + 1e-4 * rng.standard_normal(len(flown.time)) for i in range(1, 5)}
+    still |= {c: 0.01 * rng.standard_normal(len(flown.time)) for c in "pqr"}
+    codes = [one.code for one in noticed(begun, flown, **still)]
     assert codes.count("axis-not-excited") == 3
     assert "lift-not-excited" in codes
 
 
-def test_the_log_of_another_vehicle_is_recognized(start_hover, flight_hover):
+def test_the_log_of_another_vehicle_is_recognized(begun, flown):
     hexa, more = load_vehicle("hexa-x"), ("motor_5", "motor_6")
-    constant = changed(flight_hover, **dict.fromkeys(more, np.zeros(len(flight_hover.time))))
+    constant = changed(flown, **dict.fromkeys(more, np.zeros(len(flown.time))))
     for given, advice in (
-        (flight_hover, r"input .motor_5., .motor_6. is not in this flight.*\[rotor\.m5\]"),
+        (flown, r"input .motor_5., .motor_6. is not in this flight.*\[rotor\.m5\]"),
         (constant, r"motor_5, motor_6 never change.*\[rotor\.m5\], \[rotor\.m6\]"),
     ):
         with pytest.raises((FlightError, IdentificationError), match=advice):
-            estimation_problem(hexa, {"sim": given}, WINDOW_HOVER, Options())
-    (one,) = foreign_motors(
-        start_hover,
-        changed(flight_hover, **dict.fromkeys(more, flight_hover.column("motor_1"))),
-        WINDOW_HOVER,
-    )
+            estimation_problem(hexa, {"sim": given}, WHOLE, Options())
+    (one,) = foreign_motors(begun, changed(flown, **dict.fromkeys(more, flown.column("motor_1"))), WHOLE)
     assert (one.code, one.values["channels"]) == ("foreign-motors", more)
 
 
