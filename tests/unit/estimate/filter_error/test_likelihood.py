@@ -10,31 +10,26 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from naive.kalman import kalman
 from scipy.linalg import solve_discrete_are
+from unit.estimate.fits import posed
 
 from stoop.estimate.filter_gains import Noise, Steady, Varying, first_guess, steady_covariance
 from stoop.estimate.filter_likelihood import Likelihood
-from stoop.estimate.fit import Options, estimation_problem
 from stoop.estimate.fitted_filter import with_gusts
 from stoop.estimate.linearization import linearized
 from stoop.estimate.scoring import UNREACHED, ScoringModel
-from stoop.problem.windows import Window
 
 
-def posed(vehicle, flight, gain):
-    problem, _ = estimation_problem(vehicle, {"sim": flight}, [Window("sim", 0.0, 4.0)], Options())
-    problem = with_gusts(problem)
+def likely(vehicle, flight, gain):
+    """The likelihood of four seconds, and unknowns near the values of the file."""
+    problem = with_gusts(posed(vehicle, flight, 4.0))
     noise = Noise(vehicle, first_guess(vehicle, problem.pieces))
-    return Likelihood.of(problem, noise, gain, begin(problem, noise))
-
-
-def begin(problem, noise):
     x = problem.layout.unit(np.array([p.value for p in problem.layout.parameters]))
-    return np.concatenate([x, 0.1 * np.random.default_rng(0).standard_normal(problem.extra), noise.start])
+    z = np.concatenate([x, 0.1 * np.random.default_rng(0).standard_normal(problem.extra), noise.start])
+    return Likelihood.of(problem, noise, gain, z.copy()), z
 
 
 def test_a_step_to_nowhere_is_a_value(gusty, gusty_flight):
-    likelihood = posed(gusty, gusty_flight, Steady())
-    z = begin(likelihood.problem, likelihood.noise)
+    likelihood, z = likely(gusty, gusty_flight, Steady())
     assert likelihood.cost(np.where(np.arange(len(z)) == 1, np.nan, z)) == np.inf
 
 
@@ -42,8 +37,7 @@ def test_a_step_to_nowhere_is_a_value(gusty, gusty_flight):
 def test_gradient_is_the_slope_of_the_cost(gusty, gusty_flight, gain):
     holes = replace(gusty_flight, data=gusty_flight.data.copy(deep=True))
     holes.data["alpha"].values[50:60] = np.nan
-    likelihood = posed(gusty, holes, gain)
-    z = begin(likelihood.problem, likelihood.noise)
+    likelihood, z = likely(gusty, holes, gain)
     at = likelihood.score(z)
     for j in range(likelihood.size):
         h = np.zeros_like(z)
@@ -54,10 +48,9 @@ def test_gradient_is_the_slope_of_the_cost(gusty, gusty_flight, gain):
 
 def test_a_straight_flight_has_the_likelihood_of_its_linear_model(gusty, gusty_flight):
     """Small moves about a steady flight: the filter of the equations is the plain filter of their linear model."""
-    likelihood = posed(gusty, gusty_flight, Varying(1e9))
+    likelihood, z = likely(gusty, gusty_flight, Varying(1e9))
     piece, problem = likelihood.problem.pieces[0], likelihood.problem
     quiet = np.repeat(piece.inputs[:1], len(piece.time), axis=0)
-    z = begin(likelihood.problem, likelihood.noise)
     z[problem.dimension : -likelihood.noise.size] = 0.0
     still = replace(problem, pieces=(replace(piece, inputs=quiet),))
     flown = still.outputs(z[: -likelihood.noise.size], 0)
@@ -77,9 +70,8 @@ def test_a_straight_flight_has_the_likelihood_of_its_linear_model(gusty, gusty_f
 
 
 def test_second_differences_show_the_noise(gusty, gusty_flight):
-    problem, _ = estimation_problem(gusty, {"sim": gusty_flight}, [Window("sim", 0.0, 15.0)], Options())
     true = np.array([getattr(gusty.file.sensors, c).sigma for c in gusty.outputs])
-    ratio = first_guess(gusty, problem.pieces) / true
+    ratio = first_guess(gusty, posed(gusty, gusty_flight).pieces) / true
     assert np.all((ratio > 0.7) & (ratio < 2.5))  # gusts shake az within a sample
 
 
