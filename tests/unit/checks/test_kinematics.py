@@ -67,9 +67,7 @@ def test_a_right_mapping_is_not_accused(much: float) -> None:
     assert told({name: np.full_like(x, np.nan) for name, x in data.items()}) == []
 
 
-@pytest.mark.parametrize(
-    "name", ["p", "q", "r", "phi", "theta", "psi", "ax", "ay", "vn", "vd", "pe", "pd", "altitude"]
-)
+@pytest.mark.parametrize("name", [*RATES, *EULER, "ax", "ay", "vn", "vd", "pe", "pd", "altitude"])
 def test_a_lost_sign_is_told_of_its_own_line(name: str) -> None:
     data = flown(0)
     assert told(with_quaternion({**data, name: -data[name]})) == [[(name,)]]

@@ -189,9 +189,7 @@ def test_without_accelerometers_path_and_bank_tell_of_z(winged: bool) -> None:
         other = truth | {n: -truth[n] for n in ("ve", "vd", "pe")}  # ground axes are told by the bank
         assert {name for one in found(time, other) for name in one.values["lines"]} == {"ve", "vd", "pe"}
         noise = 0.02 * np.random.default_rng(0).standard_normal(time.size)
-        assert (
-            found(time, {**truth, "theta": truth["theta"] + noise}) == []
-        )  # it shrinks with a unit: no reason
+        assert found(time, {**truth, "theta": truth["theta"] + noise}) == []  # shrunk by a unit: no reason
 
 
 def test_an_attitude_to_the_left_whose_pitch_counts_nose_up(tmp_path: Path) -> None:

@@ -291,9 +291,7 @@ def test_turning_the_world_turns_the_wind_only(turn: float, shift: float) -> Non
     """Euler angles serve where there is no quaternion."""
     data, _ = fly(Truth(duration=40.0), 19)
     c, s, names = np.cos(turn), np.sin(turn), ["q0", "q1", "q2", "q3"]
-    angles = euler_angles(np.column_stack([data[name] for name in names])).T + np.array(
-        [[0.0], [0.0], [turn]]
-    )
+    angles = euler_angles(np.column_stack([data[n] for n in names])).T + np.array([[0.0], [0.0], [turn]])
     turned = data.drop_vars(names).assign(
         vn=c * data["vn"] - s * data["ve"], ve=s * data["vn"] + c * data["ve"],
         **{name: ("time", x) for name, x in zip(("phi", "theta", "psi"), angles, strict=True)},

@@ -18,10 +18,8 @@ from stoop.flight.mapping import flight_mapping
 
 RNG = np.random.default_rng(7)
 TONES = [*zip(RNG.normal(size=12), RNG.uniform(0.1, 2.0, 12), RNG.uniform(0, 6.28, 12), strict=True)]
-MAPPING = (
-    CLOCK + 'r = {stream = "autopilot.csv", column = "gz", unit = "rad/s"}\n'
-    'psi = {stream = "mocap.csv", column = "yaw", unit = "deg"}\n'
-)
+MAPPING = CLOCK + 'r = {stream = "autopilot.csv", column = "gz", unit = "rad/s"}\n'
+MAPPING += 'psi = {stream = "mocap.csv", column = "yaw", unit = "deg"}\n'
 ALIGN = '[align."mocap.csv"]\nwith = "autopilot.csv"\n'
 
 

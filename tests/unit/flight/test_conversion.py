@@ -40,9 +40,8 @@ def test_vectors() -> None:
         found = rotate_axes(columns(names, rows), check_frame("m", names, frame))
         turn = (BODY | GROUND)[frame]
         np.testing.assert_allclose(np.column_stack([found[n] for n in names]), rows @ turn.T)
-    wind = rotate_axes(
-        columns(("wind_n", "wind_e"), rows[:, :2]), check_frame("m", ("wind_n", "wind_e"), "enu")
-    )
+    both = ("wind_n", "wind_e")
+    wind = rotate_axes(columns(both, rows[:, :2]), check_frame("m", both, "enu"))
     np.testing.assert_array_equal((wind["wind_n"], wind["wind_e"]), (rows[:, 1], rows[:, 0]))
 
 

@@ -116,9 +116,7 @@ def test_there_and_back_bit_for_bit(tmp_path: Path) -> None:
 def test_air_data_and_faults_come_back(tmp_path: Path) -> None:
     traces = {"time": np.arange(3.0), "pitot": np.array([1.0, np.nan, 2.0])}
     bias = (0.1, 0.2, 0.3)
-    air = AirData(
-        "pitot", wind_n=1.5, wind_n_std=0.1, accelerometer_bias=bias, notices=NOTICES, traces=traces
-    )
+    air = AirData("pitot", wind_n=1.5, accelerometer_bias=bias, notices=NOTICES, traces=traces)
     found = notice("constant-reading", "p", value=0.5, unit="rad/s", start=1.0, stop=2.0)
     fault = Fault("stuck", "p", 0.5, 1.0, 2.0, found)
     save(replace(holding(np.arange(5.0)), air=air, faults=(fault,)), tmp_path / "g.nc")
@@ -133,14 +131,7 @@ def test_air_data_and_faults_come_back(tmp_path: Path) -> None:
 
 def test_sentences_of_older_files_come_back(tmp_path: Path) -> None:
     sentences = ["a note: ±1 °C", "another"]
-    fault = {
-        "kind": "stuck",
-        "variable": "p",
-        "value": 0.5,
-        "start": 1.0,
-        "stop": 2.0,
-        "message": "it stands",
-    }
+    fault = {"kind": "stuck", "variable": "p", "value": 0.5, "start": 1.0, "stop": 2.0, "message": "still"}
     save(replace(holding(np.arange(5.0)), air=AirData("none")), tmp_path / "g.nc")
     with opened(tmp_path / "g.nc") as whole:
         data = whole.load()
@@ -150,7 +141,7 @@ def test_sentences_of_older_files_come_back(tmp_path: Path) -> None:
     data.to_netcdf(tmp_path / "old.nc", engine="scipy", format="NETCDF3_64BIT")
     back = load(tmp_path / "old.nc")
     assert [str(found) for found in back.notices] == sentences
-    assert [(f.kind, f.value, f.message) for f in back.faults] == [("stuck", 0.5, "it stands")]
+    assert [(f.kind, f.value, f.message) for f in back.faults] == [("stuck", 0.5, "still")]
     assert back.air is not None
     assert [str(found) for found in back.air.notices] == sentences
 

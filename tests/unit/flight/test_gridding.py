@@ -17,15 +17,7 @@ from stoop.base.rotations import continuous, quaternions_of, wrap
 from stoop.base.variables import EULER, QUATERNION, RATES
 from stoop.errors import FlightError
 from stoop.flight import gridding
-from stoop.flight.gridding import (
-    Channels,
-    Grid,
-    grid_channels,
-    longest_allowed,
-    make_grid,
-    resample,
-    stretches,
-)
+from stoop.flight.gridding import Channels, Grid, grid_channels, longest_allowed, make_grid, resample
 
 steps = st.lists(st.sampled_from([0.003, 0.01, 0.02, 0.049, 0.051, 0.3]), min_size=1, max_size=60)
 
@@ -50,7 +42,7 @@ def test_no_value_in_a_gap_and_a_value_everywhere_else(gaps: list[float]) -> Non
 def test_stretches_hold_every_sample_that_has_a_near_neighbor(gaps: list[float]) -> None:
     time = times(gaps)
     limit, covered = longest_allowed(time), np.zeros(time.size, dtype=bool)
-    for part in stretches(time):
+    for part in gridding.stretches(time):
         assert np.all(np.diff(time[part]) <= limit)
         covered[part] = True
     near = np.append(np.diff(time) <= limit, False) | np.append(False, np.diff(time) <= limit)
@@ -220,10 +212,8 @@ def wobbling(t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def recorded(slow: np.ndarray, fast: np.ndarray, bias: float = 0.0) -> list[Channels]:
     angles, rates = wobbling(slow)[0], wobbling(fast)[1] + bias
     parts = continuous(quaternions_of(angles))
-    return [
-        Channels("estimator", slow, {f"q{i}": x for i, x in enumerate(parts.T)}),
-        Channels("gyro", fast, dict(zip(RATES, rates.T, strict=True))),
-    ]
+    gyro = Channels("gyro", fast, dict(zip(RATES, rates.T, strict=True)))
+    return [Channels("estimator", slow, dict(zip(QUATERNION, parts.T, strict=True))), gyro]
 
 
 def off(channels: list[Channels], follow: bool) -> tuple[float, list[Notice]]:

@@ -14,11 +14,9 @@ from stoop.flight import describe, load, without_faults
 from stoop.input_design.windows import find_windows
 
 HOSTILE = (0.0, 1.0, -1.0, 5e-324, 1e-9, 1e9, 1e154, -1e308, np.inf, -np.inf, np.nan)
-SMALL = (
-    "alpha beta p q r phi theta psi ax ay elevator aileron rudder thrust motor_1 motor_2 q0 q1 q2 q3 ve vd"
-)
+LOW = "alpha beta p q r phi theta psi ax ay elevator aileron rudder thrust motor_1 motor_2 q0 q1 q2 q3 ve vd"
 LARGE = {"V": 30.0, "airspeed_pitot": 30.0, "az": 10.0, "vn": 30.0, "density": 1.2, "pwm_1": 1500.0}
-SIZES = LARGE | dict.fromkeys(SMALL.split(), 0.1)  #: usual size of a variable, SI
+SIZES = LARGE | dict.fromkeys(LOW.split(), 0.1)  #: usual size of a variable, SI
 
 
 def column(random: np.random.Generator, t: FloatArray, size: float) -> FloatArray:

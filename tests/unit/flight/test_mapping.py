@@ -46,9 +46,7 @@ def test_one_column_for_one_variable(tmp_path: Path) -> None:
     assert values(found)["voltage"][0] == pytest.approx(16.8)
     assert found.unmapped == {"gyro": ("y",)}
     assert found.places["p"].endswith("m.toml: variables.p")
-    text = (
-        '[time]\ncolumn = "ms"\nunit = "ms"\n[variables]\np = {column = "x", unit = "rad/s", file = "gyro"}\n'
-    )
+    text = '[time]\ncolumn = "ms"\nunit = "ms"\n' + GOOD.replace("stream", "file").replace('"g"', '"gyro"')
     timed = mapped(tmp_path, text, gyro=stream(x=1.0, ms=5000.0 + 20.0 * np.arange(200)))
     assert timed.channels[0].time[:2].tolist() == pytest.approx([5.0, 5.02])
     assert timed.unmapped == {}
@@ -78,10 +76,8 @@ def test_sources_in_order_of_trust(tmp_path: Path) -> None:
 
 
 def test_one_stream_for_each_variable(tmp_path: Path) -> None:
-    text = (
-        '[group.esc]\nvariables = ["rotor_{1..4}"]\nunit = "rpm"\nunused = 0\n'
-        'sources = [{stream = "ESC/{0..3}", columns = "RPM"}]\n'
-    )
+    text = '[group.esc]\nvariables = ["rotor_{1..4}"]\nunit = "rpm"\nunused = 0\n'
+    text += 'sources = [{stream = "ESC/{0..3}", columns = "RPM"}]\n'
     streams = {"ESC": stream(RPM=600.0), "ESC/1": stream(RPM=1200.0), "ESC/3": stream(RPM=0.0)}
     found = values(mapped(tmp_path, text, **streams))
     assert set(found) == {"rotor_1", "rotor_2"}

@@ -19,9 +19,8 @@ from stoop.flight.mapping_corrections import corrected_mapping, with_changes
 
 MAPPING = "# my own\n" + CLOCK.replace("les]", "les]  # as the manual says")
 MAPPING += lines_of("phi", "theta", "psi", "ax", "ay", "az", "vd", "altitude")
-GROUPED = (
-    '[group.gyro]\nvariables = ["p", "q", "r"]\nunit = "rad/s"\nsources = [{columns = ["p", "q", "r"]}]\n'
-)
+GYRO = '[group.gyro]\nvariables = ["p", "q", "r"]\nunit = "rad/s"\n'
+GROUPED = GYRO + 'sources = [{columns = ["p", "q", "r"]}]\n'
 SINGLE = lines_of("p", "q", "r")
 
 
@@ -93,7 +92,7 @@ def test_columns_that_are_not_plain_get_advice_without_changes(tmp_path: Path) -
         'columns = ["g[{0..2}]"]', 'columns = "g[{0..2}]"',
         'columns = ["p", "q", "r"]\nframe = "flu"', 'columns = [{p = 1.0, q = -1.0}, "q", "r"]',
     ):  # fmt: skip
-        place.write_text(f'[group.gyro]\nvariables = ["p", "q", "r"]\nunit = "rad/s"\n{entry}\n')
+        place.write_text(f"{GYRO}{entry}\n")
         lines = read_lines(dict.fromkeys("pqr", f"{place}: group.gyro.sources[0]"))
         for edit in (*mapping_edits(dict.fromkeys("pqr", (T, T)), "pqr", lines, {}), *frame_edits(lines)):
             assert edit.changes(lines) == ()

@@ -174,9 +174,8 @@ def test_a_rate_without_a_name_is_found_by_what_it_does(tmp_path: Path) -> None:
 def test_units_that_the_file_states_are_taken() -> None:
     imu, nav = {"GyrX": flown()["p"], "Temp": 20.0 + 0 * T}, {"Roll": flown()["phi"]}
     units = {"IMU": {"GyrX": "rad/s", "Temp": "degC"}, "nav": {"Roll": "rad"}}
-    made = draft_of(
-        Recording(Path("x.mat"), "mat", {"IMU": Stream(T, imu), "nav": Stream(T, nav)}, units=units)
-    )
+    streams = {"IMU": Stream(T, imu), "nav": Stream(T, nav)}
+    made = draft_of(Recording(Path("x.mat"), "mat", streams, units=units))
     found = lines_of(made)
     assert found["p"] == {"stream": "IMU", "column": "GyrX", "unit": "rad/s"}
     assert found["temperature"]["unit"] == "degC"

@@ -32,9 +32,8 @@ def tables(samples: int = SAMPLES, seed: int = 0) -> list[Table]:
 
 
 def small_log(samples: int = SAMPLES) -> bytes:
-    return dataflash_bytes(
-        tables(samples), {"ARSPD_RATIO": 2.0, "INS_POS1_X": -0.05}, ["ArduPlane V4.5.7 (1a2b)", "Hi"]
-    )
+    parameters, said = {"ARSPD_RATIO": 2.0, "INS_POS1_X": -0.05}, ["ArduPlane V4.5.7 (1a2b)", "Hi"]
+    return dataflash_bytes(tables(samples), parameters, said)
 
 
 def as_text(log: list[Table]) -> bytes:

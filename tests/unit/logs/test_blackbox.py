@@ -110,9 +110,7 @@ def test_compiled_is_interpreted(monkeypatch: pytest.MonkeyPatch) -> None:
         fast = parse_blackbox(PATH, content)
         assert fast.defects == one.defects
         for name, stream in one.streams.items():
-            assert all(
-                np.array_equal(x, fast.streams[name].columns[key]) for key, x in stream.columns.items()
-            )
+            assert all(np.array_equal(x, fast.streams[name].columns[k]) for k, x in stream.columns.items())
 
 
 def test_units() -> None:
@@ -214,11 +212,8 @@ def test_damage_costs_what_builds_on_it() -> None:
 
 def test_fields_that_take_no_bytes_do_not_fill_memory() -> None:
     """250 fields of no bytes: a frame is one letter."""
-    names, zeros, nines = (
-        ",".join(["time", *(f"x{k}" for k in range(250))]),
-        "0" + ",0" * 250,
-        "9" + ",9" * 250,
-    )
+    names = ",".join(["time", *(f"x{k}" for k in range(250))])
+    zeros, nines = "0" + ",0" * 250, "9" + ",9" * 250
     content = head(
         Field_I_name=names, Field_I_signed=zeros, Field_I_predictor=zeros, Field_I_encoding=nines,
         Field_P_predictor=zeros, Field_P_encoding=nines,

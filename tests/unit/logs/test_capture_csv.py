@@ -19,9 +19,7 @@ ABOUT = "Format Version,1.23,Take Name,Take 1,Export Frame Rate,100,Rotation Typ
 LEFT = (0.0, np.sin(np.radians(15.0)), 0.0, np.cos(np.radians(15.0)))
 
 
-def motive(
-    bodies: dict[str, int], rotation: str = "Quaternion", unit: str = "Millimeters", parent: bool = False
-) -> str:
+def motive(bodies: dict[str, int], rotation: str = "Quaternion", unit: str = "Millimeters") -> str:
     """Return an export of bodies that go along x by 1 m/s from their place (m), up by 2 and along z by 3, turned to the left."""
     axes = [*(("X", "Y", "Z", "W") if rotation == "Quaternion" else ("X", "Y", "Z")), "X", "Y", "Z", ""]
     parts = ["Rotation"] * (len(axes) - 4) + ["Position"] * 3 + ["Mean Marker Error"]
@@ -31,7 +29,7 @@ def motive(
         ("Type", [*["Rigid Body"] * len(names), *["Rigid Body Marker"] * 3]),
         ("Name", [*names, *['"Quad:Marker1"'] * 3]),
         ("ID", ["1"] * (len(names) + 3)),
-        *([("Parent", [""] * (len(names) + 3))] if parent else []),
+        *([("Parent", [""] * (len(names) + 3))] if unit == "Meters" else []),
         ("", [*parts * len(bodies), *["Position"] * 3]),
     )), ",".join(["Frame", "Time (Seconds)", *axes * len(bodies), "X", "Y", "Z"])]  # fmt: skip
     for k in range(300):
@@ -62,7 +60,7 @@ def written(folder: Path, text: str) -> Path:
 
 
 def test_a_pose_comes_out_north_east_down(tmp_path: Path) -> None:
-    metres = motive({"Quad, 1": 0}, unit="Meters", parent=True)
+    metres = motive({"Quad, 1": 0}, unit="Meters")
     for text in (motive({"Quad": 0}), metres, "\ufeff" + motive({"Q": 0}), vicon()):
         path, mapping = written(tmp_path, text), tmp_path / "mapping.toml"
         mapping.write_text(draft(path).text, encoding="utf-8")

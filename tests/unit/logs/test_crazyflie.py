@@ -20,10 +20,8 @@ def events() -> dict[str, Event]:
     rng = np.random.default_rng(4)
     fixed = {"m1": rng.integers(0, 65536, N).astype(np.uint32), "x": np.float32(rng.normal(size=N))}
     sparse = {"mode": rng.integers(0, 3, 7).astype(np.uint8), "half": np.float16(rng.normal(size=7))}
-    return {
-        "fixedFrequency": Event(0xFFFF, 9.5 + 0.01 * np.arange(N), fixed),
-        "modeChanged": Event(3, 9.503 + 0.2 * np.arange(7), sparse),
-    }
+    changed = Event(3, 9.503 + 0.2 * np.arange(7), sparse)
+    return {"fixedFrequency": Event(0xFFFF, 9.5 + 0.01 * np.arange(N), fixed), "modeChanged": changed}
 
 
 @pytest.mark.parametrize(("version", "tick"), [(1, 1e-3), (2, 1e-6)])

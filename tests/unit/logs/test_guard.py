@@ -92,9 +92,8 @@ def test_a_file_that_ends_the_process_does_not_end_that_of_the_api(tmp_path: Pat
     plain = "import io, scipy.io; scipy.io.loadmat('a.mat')"
     if subprocess.run([sys.executable, "-c", plain], cwd=tmp_path, check=False).returncode >= 0:
         pytest.skip("this SciPy reads it")
-    done = subprocess.run(
-        [sys.executable, "-c", CALLS], cwd=tmp_path, check=False, capture_output=True, text=True
-    )
+    calls = [sys.executable, "-c", CALLS]
+    done = subprocess.run(calls, cwd=tmp_path, check=False, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     lines = done.stdout.splitlines()
     assert len(lines) == 9

@@ -62,7 +62,6 @@ def test_what_cannot_be_read_is_said_in_one_line(tmp_path: Path) -> None:
                 read(path, mapping)
             assert "\n" not in str(caught.value)
     for name in ("none.ulg", "none.csv", "none", "x" * 5000 + ".ulg", "a\0b.ulg"):
-        with pytest.raises(
-            LogError, match="no such file" if "none" in name else "cannot be read|no such file"
-        ):
+        words = "no such file" if "none" in name else "cannot be read|no such file"
+        with pytest.raises(LogError, match=words):
             read(tmp_path / name)

@@ -10,10 +10,7 @@ from hypothesis import strategies as st
 from stoop.logs import recording
 from stoop.logs.recording import clean_stream, increasing
 
-stamps = st.lists(
-    st.floats(-5.0, 5.0) | st.integers(-5, 5).map(float) | st.sampled_from([float("nan"), float("inf")]),
-    max_size=14,
-)
+STAMPS = st.floats(-5.0, 5.0) | st.integers(-5, 5).map(float) | st.sampled_from([np.nan, np.inf])
 
 
 def longest_naively(time: list[float]) -> int:
@@ -25,7 +22,7 @@ def longest_naively(time: list[float]) -> int:
     return max(best, default=0)
 
 
-@given(stamps)
+@given(st.lists(STAMPS, max_size=14))
 def test_keeps_a_longest_increasing_run(time: list[float]) -> None:
     kept = increasing(np.array(time))
     values = np.array(time)[kept]

@@ -90,9 +90,8 @@ def flown(balance: Balance, rng: np.random.Generator, name: str, **truth: float)
 
 
 def healthy(balance: Balance, rng: np.random.Generator, count: int, scatter: float = 1.0) -> Reference:
-    return Reference(
-        balance, tuple(flown(balance, rng, f"healthy {i}", scatter=scatter) for i in range(count))
-    )
+    flights = (flown(balance, rng, f"healthy {i}", scatter=scatter) for i in range(count))
+    return Reference(balance, tuple(flights))
 
 
 @pytest.mark.parametrize("count", [1, 3, 8])
@@ -152,9 +151,8 @@ def test_what_no_rotor_explains_is_called_odd(quad: Balance) -> None:
 
 
 def logged(thrust: np.ndarray, **more: np.ndarray) -> Flight:
-    return from_columns(
-        "flight", np.arange(thrust.size) / 50.0, {f"motor_{i}": thrust for i in range(1, 5)} | more
-    )
+    motors = {f"motor_{i}": thrust for i in range(1, 5)}
+    return from_columns("flight", np.arange(thrust.size) / 50.0, motors | more)
 
 
 def hops() -> np.ndarray:

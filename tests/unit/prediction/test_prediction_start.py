@@ -25,12 +25,10 @@ RUNS = 24
 
 def model_of(vehicle: Vehicle, sigma: dict[str, float], errors: dict[str, float] | None = None) -> Predictor:
     """Return a vehicle whose noise is known, and some of whose numbers have a standard error."""
-    known = errors or {}
-    covariance = Covariance(
-        tuple(known), np.diag(np.square([*known.values()])).reshape(len(known), len(known))
-    )
-    variance = np.diag([sigma[c] ** 2 for c in vehicle.outputs])
-    return Predictor(vehicle, covariance, NoiseCovariance(vehicle.outputs, variance))
+    known, outputs = errors or {}, vehicle.outputs
+    covariance = np.diag(np.square([*known.values()])).reshape(len(known), len(known))
+    noise = NoiseCovariance(outputs, np.diag([sigma[c] ** 2 for c in outputs]))
+    return Predictor(vehicle, Covariance(tuple(known), covariance), noise)
 
 
 @pytest.fixture(scope="module")
@@ -140,9 +138,7 @@ def test_biases_of_one_maneuver_are_held_and_those_of_the_same_flight_come_first
     assert of_b["b"].mean == pytest.approx(3.1)
     assert of_b["b"].deviation < 0.5
     assert new["b"].mean == pytest.approx(0.5 * (1.0 + 3.1)), "each flight counts once"
-    assert bias_priors(fitted[1:], None, {}) == bias_priors(fitted[1:], "b", {}), (
-        "of one flight its maneuvers"
-    )
+    assert bias_priors(fitted[1:], None, {}) == bias_priors(fitted[1:], "b", {}), "of one its maneuvers"
 
 
 def test_a_flight_of_other_biases_lies_within_the_band(aircraft: Vehicle, truth: Flight) -> None:
