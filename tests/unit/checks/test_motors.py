@@ -25,9 +25,6 @@ INPUTS: tuple[Input, ...] = tuple(
     (axis, "3-2-1-1", start, step, size)
     for axis, start, step, size in (("roll", 1, 0.15, 8), ("pitch", 4, 0.15, 8), ("yaw", 7, 0.4, 1.5))
 )
-GUST = "= { intensity = 2.0, length = 20.0 }\n"
-GUSTS = f"\n[turbulence]\nairspeed = 5.0\nu {GUST}v {GUST}w {GUST}"
-NAMES = ("quad-x", "hexa-x", "octo-x", "quadplane")
 
 
 def flown(vehicle: Vehicle, *inputs: Input) -> Flight:
@@ -47,13 +44,6 @@ def found(text: str, flight: Flight) -> list[Notice]:
 def edited(rotor: str, pattern: str, new: str) -> str:
     head, name, rest = resolve_vehicle("hexa-x").text.partition(f"[rotor.{rotor}]")
     return head + name + re.sub(pattern, new, rest, count=1)
-
-
-@pytest.mark.parametrize("inputs", [INPUTS, ()])
-@pytest.mark.parametrize(("name", "gusts"), [*((n, "") for n in NAMES), ("quad-x", GUSTS), ("hexa-x", GUSTS)])
-def test_no_right_file_is_accused(name: str, gusts: str, inputs: tuple[Input, ...]) -> None:
-    text = resolve_vehicle(name).text
-    assert found(text, flown(parse_vehicle(text + gusts, name), *inputs)) == []
 
 
 def test_a_right_file_is_not_accused(hexa: Flight) -> None:

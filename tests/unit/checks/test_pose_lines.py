@@ -21,7 +21,6 @@ Columns = dict[str, FloatArray]
 def sound(tmp_path_factory: pytest.TempPathFactory) -> tuple[Columns, str]:
     flown, _ = capture.fly("wings", 0, tmp_path_factory.mktemp("room"))
     table = np.genfromtxt(flown.path, delimiter=",", names=True)
-    assert table.dtype.names is not None
     return {n: table[n] for n in table.dtype.names}, draft(flown.path).text
 
 

@@ -113,6 +113,10 @@ def test_a_heading_near_north_is_no_degree() -> None:
     values = motion() | {"r": r, "psi": np.mod(heading, 2.0 * np.pi)}
     sizes = Sizes({name: (T, x) for name, x in values.items()})
     assert sizes.growth({}, "psi", "r") == pytest.approx(1.0, rel=0.2)
+    heading = np.linspace(0.0, 20.0, 500)
+    for unit in (1.0, DEG, 1.0 / DEG):
+        recorded = unit * np.mod(heading, 2.0 * np.pi)
+        np.testing.assert_allclose(without_jumps("psi", recorded), unit * heading, rtol=0.0, atol=1e-9)
 
 
 @pytest.mark.parametrize(("unit", "factor"), [("rad/s", DEG), ("deg/s", 1.0 / DEG)])
@@ -124,14 +128,6 @@ def test_a_rate_that_was_converted_twice_is_multiplied_back(unit: str, factor: f
     found = check_mapping({name: (T, x) for name, x in values.items()}, values, 100.0, lines)
     (one,) = (*found.refused, *found.notices)
     assert one.values["changes"] == (f"variables.q.scale = {factor:.12g}",)
-
-
-def test_turns_of_any_size_are_counted_on() -> None:
-    """As mapped, in degrees where radians belong, and converted from degrees that they were not in."""
-    heading = np.linspace(0.0, 20.0, 500)
-    for unit in (1.0, DEG, 1.0 / DEG):
-        recorded = unit * np.mod(heading, 2.0 * np.pi)
-        np.testing.assert_allclose(without_jumps("psi", recorded), unit * heading, rtol=0.0, atol=1e-9)
 
 
 def maneuver(size: float = 0.3, noise: float = 0.0) -> dict[str, FloatArray]:
@@ -188,16 +184,13 @@ def test_several_channels_in_degrees() -> None:
     assert one.values["suggestion"] == 'write unit = "deg" for theta in a mapping (see stoop map)'
 
 
-def test_siblings_in_the_mapping_show_which_of_two_units_is_wrong() -> None:
+def test_siblings_show_the_wrong_unit_and_a_heading_counted_through_turns_is_none_in_degrees() -> None:
     """The attitude is 57 times too fast for rates that are said to be in deg/s, as only p is of its sensor."""
     values = maneuver(0.02)
     values["p"] = values["p"] / DEG
     units = {"phi": "rad", "theta": "rad", "psi": "rad", "p": "deg/s", "q": "rad/s", "r": "rad/s"}
     (found,) = check(values, {name: Line("m.toml", name, unit) for name, unit in units.items()})
     assert found.values["suggestion"] == 'write unit = "rad/s" for p in m.toml'
-
-
-def test_a_heading_counted_through_turns_is_no_heading_in_degrees() -> None:
     time = np.arange(0.0, 60.0, 0.01)
     rate = 0.5 + 0.2 * np.sin(time)
     heading = np.cumsum(rate) * 0.01

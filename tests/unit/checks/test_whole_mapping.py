@@ -36,8 +36,8 @@ def put(folder: Path, time: FloatArray, columns: Columns, form: str = "CSV") -> 
 
 
 @functools.cache
-def aircraft() -> tuple[FloatArray, Columns]:
-    time, columns = flown(2000, True)
+def aircraft(seed: int = 2000, winged: bool = True) -> tuple[FloatArray, Columns]:
+    time, columns = flown(seed, winged)
     return time, {name: x for name, x in columns.items() if name != "pd"}
 
 
@@ -60,28 +60,17 @@ def test_a_right_mapping_has_no_fault_whatever_the_estimator_held_before_take_of
     assert lines.accusations(*logged(tmp_path, rates)) == []
 
 
-@pytest.mark.parametrize(
-    "mangled",
-    [
-        lines.lost("vd"), lines.swap("vn", "ve"), times("theta in degrees", 1.0 / DEGREE, "theta"), lines.lost("elevator"),
-        times("pitot low", 0.8, "V"), times("knots", 1.0 / KNOT, "V"), times("alpha in degrees", 1.0 / DEGREE, "alpha"),
-        lines.lost("beta"), times("q declared deg/s", DEGREE, "q"), lines.swap("elevator", "rudder"),
-    ],
-    ids=lambda mangled: mangled.words,
-)  # fmt: skip
-def test_any_wrong_line_alone_is_named(tmp_path: Path, mangled: Mangled) -> None:
-    assert lines.verdict(lines.accusations(*logged(tmp_path, mangled)), mangled.lines) == "named"
+WRONG = [
+    lines.lost("vd"), lines.swap("vn", "ve"), times("theta in degrees", 1.0 / DEGREE, "theta"), lines.lost("elevator"),
+    times("pitot low", 0.8, "V"), times("knots", 1.0 / KNOT, "V"), times("alpha in degrees", 1.0 / DEGREE, "alpha"),
+    lines.lost("beta"), times("q declared deg/s", DEGREE, "q"), lines.swap("elevator", "rudder"),
+    times("vn and ve in knots", 1.0 / KNOT, "vn", "ve"), times("speeds in knots", 1.0 / KNOT, "vn", "ve", "vd", "V"),
+    times("rates 10 % high", 1.1, "p", "q", "r"), times("rates 10 % low", 0.9, "p", "q", "r"),
+]  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    "mangled",
-    [
-        times("vn and ve in knots", 1.0 / KNOT, "vn", "ve"), times("speeds in knots", 1.0 / KNOT, "vn", "ve", "vd", "V"),
-        times("rates 10 % high", 1.1, "p", "q", "r"), times("rates 10 % low", 0.9, "p", "q", "r"),
-    ],
-    ids=lambda mangled: mangled.words,
-)  # fmt: skip
-def test_lines_that_are_wrong_together_are_named_together(tmp_path: Path, mangled: Mangled) -> None:
+@pytest.mark.parametrize("mangled", WRONG, ids=lambda mangled: mangled.words)
+def test_wrong_lines_alone_and_together_are_named(tmp_path: Path, mangled: Mangled) -> None:
     ((said,),) = lines.accusations(*logged(tmp_path, mangled))
     assert set(said) == set(mangled.lines)
 
@@ -108,7 +97,7 @@ def test_a_heading_in_degrees_beside_rates_in_degrees_is_no_radian(tmp_path: Pat
     assert made.left == ()
 
 
-def test_feet_a_minute_and_a_heading_are_drafted(tmp_path: Path) -> None:
+def test_feet_a_minute_a_heading_and_axes_of_east_north_up_are_drafted(tmp_path: Path) -> None:
     """A heading is the column that turns as its rate does."""
     time, truth = aircraft()
     columns = {
@@ -119,10 +108,6 @@ def test_feet_a_minute_and_a_heading_are_drafted(tmp_path: Path) -> None:
     drafted = tomllib.loads(draft(csv_log(tmp_path / "log.csv", columns)).text)["variables"]
     assert (drafted["altitude"]["unit"], drafted["vd"]["unit"]) == ("ft", "ft/min")
     assert (drafted["psi"]["column"], drafted["beta"]["column"]) == ("heading", "yaw_vane")
-
-
-def test_axes_of_east_north_up_are_drafted_whole(tmp_path: Path) -> None:
-    time, truth = aircraft()
     every = ("q", "r", "ay", "az", "theta", "psi", "vn", "ve", "vd", "pn", "pe")
     turned = lines.turned("flu in enu", *every, east=True).apply(truth)
     path, places = lines.write_log(tmp_path, "MATLAB", time, turned)
@@ -138,23 +123,14 @@ def test_without_velocity_over_ground_forces_tell_of_the_airspeed(tmp_path: Path
     assert lines.verdict(lines.accusations(*place), knots.lines) == "named"
 
 
-@functools.cache
-def recorded(winged: bool) -> tuple[FloatArray, Columns]:
-    return flown(3000, winged)
-
-
-def columns(winged: bool, without: tuple[str, ...] = ()) -> tuple[FloatArray, Columns]:
-    time, truth = recorded(winged)
-    return time, {name: x for name, x in truth.items() if name not in ("pd", *without)}
-
-
-def airborne(without: tuple[str, ...] = (), winged: bool = True) -> tuple[FloatArray, Columns]:
-    time, truth = columns(winged, without)
-    return time[time >= lines.GROUND], {name: x[time >= lines.GROUND] for name, x in truth.items()}
+def airborne(winged: bool, *without: str) -> tuple[FloatArray, Columns]:
+    time, truth = aircraft(3000, winged)
+    up = time >= lines.GROUND
+    return time[up], {name: x[up] for name, x in truth.items() if name not in without}
 
 
 def named_and_corrected(folder: Path, frame: Mangled, winged: bool) -> None:
-    time, truth = columns(winged)
+    time, truth = aircraft(3000, winged)
     path, mapping = put(folder, time, dict(frame.apply(truth)))
     assert lines.verdict(lines.accusations(path, mapping), frame.lines) == "named"
     made = corrected_mapping(path, mapping)
@@ -182,7 +158,7 @@ def found(time: FloatArray, shown: Columns) -> list[Notice]:
 @pytest.mark.parametrize("winged", [True, False], ids=["aircraft", "multirotor"])
 def test_without_accelerometers_path_and_bank_tell_of_z(winged: bool) -> None:
     """Motion capture with z up, whose attitude is that of z down; what carries a multirotor says nothing of a climb."""
-    time, truth = airborne((*SPECIFIC_FORCE, "altitude", "elevator", "aileron", "rudder"), winged)
+    time, truth = airborne(winged, *SPECIFIC_FORCE, "altitude", "elevator", "aileron", "rudder")
     assert found(time, truth) == []
     if winged:
         assert [one.subject for one in found(time, {**truth, "vd": -truth["vd"]})] == ["vd"]
@@ -194,7 +170,7 @@ def test_without_accelerometers_path_and_bank_tell_of_z(winged: bool) -> None:
 
 def test_an_attitude_to_the_left_whose_pitch_counts_nose_up(tmp_path: Path) -> None:
     """As small loggers write it; nothing shows where north is."""
-    time, truth = columns(True)
+    time, truth = aircraft(3000)
     left = times("left and up", -1.0, "q", "r", "ay", "az", "psi", "ve", "vd", "pe")
     path, mapping = put(tmp_path, time, dict(left.apply(truth)))
     made = corrected_mapping(path, mapping)
@@ -204,6 +180,6 @@ def test_an_attitude_to_the_left_whose_pitch_counts_nose_up(tmp_path: Path) -> N
 
 
 def test_thrust_ahead_tells_pitch_from_its_rate() -> None:
-    time, truth = airborne((*SPECIFIC_FORCE, "altitude"), winged=False)
+    time, truth = airborne(False, *SPECIFIC_FORCE, "altitude")
     for name in ("q", "theta"):
         assert [one.values["lines"] for one in found(time, {**truth, name: -truth[name]})] == [(name,)]

@@ -70,11 +70,17 @@ def test_true_airspeed_in_2000_m(tmp_path: Path) -> None:
         assert flight.sources["airspeed_pitot"] == flight.sources["airspeed_equivalent"]
 
 
-def test_a_climb_is_followed(tmp_path: Path) -> None:
+def test_a_climb_is_followed_and_a_frozen_pitot_is_one_in_true_airspeed_too(tmp_path: Path) -> None:
     height = np.linspace(100.0, 3100.0, T.size)
     density = standard_density(height)
     flight = flown(tmp_path, TRUE * np.sqrt(density / 1.225), a=table("POS", Alt=height))
     np.testing.assert_allclose(flight.column("airspeed_pitot"), TRUE, rtol=1e-3)
+    frozen = np.where(T < 5.0, wavering(EQUIVALENT) + 0.01 * np.cos(9.0 * T), EQUIVALENT)
+    flight = flown(tmp_path, frozen, a=table("POS", Alt=HEIGHT + 3.0 * T))
+    (fault,) = [f for f in flight.faults if f.variable == "airspeed_pitot"]
+    assert fault.kind == "stuck"
+    assert fault.start == pytest.approx(1.0 + 5.0, abs=0.1)
+    assert np.isnan(without_faults(flight).column("airspeed_pitot")[-100:-1]).all()
 
 
 @pytest.mark.parametrize("variable", ["airspeed_pitot", "V"])
@@ -84,12 +90,3 @@ def test_what_a_mapping_calls_true_stays(tmp_path: Path, variable: str) -> None:
     np.testing.assert_allclose(flight.column(variable), wavering(TRUE), atol=5e-3)
     assert told(flight) == ""
     assert ("airspeed_equivalent" in flight.data) == (variable == "V")
-
-
-def test_a_pitot_that_froze_is_one_in_true_airspeed_too(tmp_path: Path) -> None:
-    frozen = np.where(T < 5.0, wavering(EQUIVALENT) + 0.01 * np.cos(9.0 * T), EQUIVALENT)
-    flight = flown(tmp_path, frozen, a=table("POS", Alt=HEIGHT + 3.0 * T))
-    (fault,) = [f for f in flight.faults if f.variable == "airspeed_pitot"]
-    assert fault.kind == "stuck"
-    assert fault.start == pytest.approx(1.0 + 5.0, abs=0.1)
-    assert np.isnan(without_faults(flight).column("airspeed_pitot")[-100:-1]).all()

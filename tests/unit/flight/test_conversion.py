@@ -59,9 +59,6 @@ def test_attitudes() -> None:
         np.testing.assert_allclose(back, truth, atol=1e-9)
     ros = rotate_axes(columns(EULER, np.array([[0.1, -0.2, 0.3]])), ("flu", "enu"))
     assert [ros[n][0] for n in EULER] == pytest.approx([0.1, 0.2, np.pi / 2 - 0.3])
-
-
-def test_what_cannot_be_turned_alone() -> None:
     for names in (("phi",), ("vn",), ("V",), ("p", "vn"), ("q0", "q1")):
         with pytest.raises(LogError, match="says nothing about"):
             check_frame("m.toml: group.x", names, "enu")
@@ -77,13 +74,10 @@ def made(text: str, **outputs: FloatArray) -> dict[str, FloatArray]:
     return {name: x for group in found for name, x in group.values.items()}
 
 
-def test_a_table_is_read_between_its_points_and_beyond() -> None:
+def test_tables_are_read_between_and_beyond_their_points_and_fitted_curves_go_through_them() -> None:
     pulses = np.array([1100.0, 1300.0, 1500.0, 1700.0, 1900.0, 2000.0, 1000.0, 0.0])
     expected = [-0.4, -0.2, 0.0, 0.19, 0.38, 0.475, -0.5, np.nan]
     np.testing.assert_allclose(made(ELEVATOR, pwm_3=pulses)["elevator"], expected, atol=1e-6)
-
-
-def test_a_fitted_curve_is_the_polynomial_through_its_points() -> None:
     text = ELEVATOR.replace("points", "degree = 2\npoints")
     x = np.linspace(1100, 1900, 9)
     lagrange = -0.4 * (x - 1500) * (x - 1900) / (400 * 800) + 0.38 * (x - 1100) * (x - 1500) / (800 * 400)
@@ -118,9 +112,6 @@ def test_weights_and_outputs_of_two_clocks() -> None:
     (found,), notices = surfaces(text).deflections(groups)
     np.testing.assert_allclose(found.values["aileron"], slow - 0.5, atol=1e-12)
     assert notices == []
-
-
-def test_leaving_the_table_and_missing_outputs_are_told() -> None:
     groups = [Channels("a", np.arange(4.0), {"pwm_3": np.array([1500.0, 1500.0, 1500.0, 2000.0])})]
     _, (found,) = surfaces(ELEVATOR).deflections(groups)
     assert found == notice("output-beyond-calibration", "pwm_3", low=1100.0, high=1900.0, share=0.25)

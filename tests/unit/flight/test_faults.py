@@ -33,15 +33,12 @@ def test_what_is_no_fault() -> None:
     assert found(p=gap, theta=coarse, **still) == []
 
 
-def test_stuck() -> None:
+def test_stuck_and_clipped() -> None:
     p = noise(0)
     p[500:700] = p[500]
     (fault,) = recorded_faults([Channels("x", TIME, {"p": p})])
     assert (fault.kind, fault.notice.code) == ("stuck", "constant-reading")
     assert (fault.start, fault.stop) == (5.0, 6.99)
-
-
-def test_clipped_on_both_sides_or_on_one() -> None:
     assert found(p=np.clip(noise(1), -1.5, 1.5)) == [("clipped", "p"), ("clipped", "p")]
     assert found(q=np.minimum(noise(1), 1.0)) == [("clipped", "q")]
     assert found(az=np.maximum(noise(1), -1.0)) == [("clipped", "az")]
@@ -69,9 +66,6 @@ def test_rest_is_slow_and_lasting() -> None:
     assert rest[:800].all()
     assert not rest[800:1601].any()  # the second after it is too short
     assert rest[1601:].all()
-
-
-def test_offsets_at_rest() -> None:
     moving = slice(800, 1500)
     assert rest_faults(TIME, at_standstill(moving), 100.0) == []
     for name, offset, value in (("airspeed_pitot", -3.0, -3.0), ("q", 0.04, 0.04), ("az", 1.0, 8.81)):

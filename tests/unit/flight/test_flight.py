@@ -38,9 +38,6 @@ def test_the_data_set_holds_what_the_columns_hold(flight: Flight) -> None:
     assert data["p"].attrs == texts
     assert texts["units"] == "rad/s"
     assert data.attrs == {"truth": "{}"} == flight.attributes
-
-
-def test_a_flight_with_another_data_set(flight: Flight) -> None:
     other = replace(flight, name="g", data=flight.data.assign(r=2.0 * flight.data["q"]))
     assert other.channels == ("p", "q", "r")
     np.testing.assert_array_equal(other.column("r"), 2.0 * np.sin(TIME))
@@ -50,15 +47,12 @@ def test_a_flight_with_another_data_set(flight: Flight) -> None:
     assert (other.attributes["truth"], flight.attributes["truth"]) == ("changed", "{}")
 
 
-def test_copies_and_pickles(flight: Flight) -> None:
+def test_copies_pickles_and_samples_between_two_times(flight: Flight) -> None:
     for _ in range(2):
         for other in (copy.deepcopy(flight), pickle.loads(pickle.dumps(flight))):  # noqa: S301 (ours)
             np.testing.assert_array_equal(other.column("p"), flight.column("p"))
             assert (other.name, other.rate, other.attributes) == ("f", 10.0, {"truth": "{}"})
         assert len(flight.data) == 2
-
-
-def test_samples_between_two_times(flight: Flight) -> None:
     for start, stop in ((100.0, 104.9), (100.05, 101.0), (99.0, 100.0), (104.95, 200.0), (101.5, 101.5)):
         between = TIME[flight.between(start, stop)]
         np.testing.assert_array_equal(between, TIME[(start <= TIME) & (stop >= TIME)])
@@ -122,7 +116,6 @@ def test_air_data_and_faults_come_back(tmp_path: Path) -> None:
     save(replace(holding(np.arange(5.0)), air=air, faults=(fault,)), tmp_path / "g.nc")
     back = load(tmp_path / "g.nc")
     assert back.faults == (fault,)
-    assert back.air is not None
     assert (back.air.wind_n, back.air.notices, back.air.accelerometer_bias) == (1.5, NOTICES, bias)
     assert np.isnan(back.air.pitot_scale)
     for name, trace in traces.items():
@@ -142,7 +135,6 @@ def test_sentences_of_older_files_come_back(tmp_path: Path) -> None:
     back = load(tmp_path / "old.nc")
     assert [str(found) for found in back.notices] == sentences
     assert [(f.kind, f.value, f.message) for f in back.faults] == [("stuck", 0.5, "still")]
-    assert back.air is not None
     assert [str(found) for found in back.air.notices] == sentences
 
 

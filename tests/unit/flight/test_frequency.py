@@ -112,15 +112,12 @@ def test_windows_of_several_lengths_are_weighed_as_printed() -> None:
             assert_allclose(one.bound[i], stdtrit(freedom, 0.975) * error[k], rtol=1e-8)
 
 
-def test_a_power_spectrum_is_that_of_scipy() -> None:
+def test_power_spectra_are_those_of_scipy_and_their_area_the_variance_also_beside_gaps() -> None:
     p = signal.lfilter([0.3], [1.0, -0.7], np.random.default_rng(1).standard_normal(len(TIME)))
     (one,) = power_spectra(from_columns("f", TIME, {"p": p}), ["p"])
     frequency, density = signal.welch(p, RATE, "hann", 500, detrend="constant")
     assert one.frequency == pytest.approx(frequency[1:])
     assert one.density[:-1] == pytest.approx(density[1:-1], rel=1e-9)
-
-
-def test_the_variance_is_the_area_also_beside_gaps() -> None:
     p = 0.1 * np.random.default_rng(2).standard_normal(len(TIME))
     p[1000:1300] = np.nan
     (one,) = power_spectra(from_columns("f", TIME, {"p": p}), ["p"])

@@ -77,16 +77,25 @@ def test_the_low_pass_weakens_as_a_butterworth_run_both_ways() -> None:
         wave, phase = amplitude(10.0, recorded)
         assert abs(wave - 1.0) < 1e-3
         assert abs(phase) < 1e-6
-
-
-def test_slow_measurements_are_interpolated_smoothly() -> None:
     cubic, _ = amplitude(1.0, 9.0)
     linear, _ = amplitude(1.0, 9.0, smooth=False)
     assert abs(cubic - 1.0) < 2e-3
     assert linear < 0.97
 
 
-def test_samples_on_the_grid_are_taken_as_they_are() -> None:
+def test_the_grid_lies_on_whole_periods_and_samples_on_it_are_taken_as_they_are() -> None:
+    grid = make_grid(68.227, 252.083, 100.0, 1, "f")
+    assert grid.time[0] == 68.23
+    assert grid.time[-1] == 252.08
+    assert {140.0, 145.0} <= set(grid.time.tolist())
+    for start, stop, rate, words in (
+        *((0.0, 1.0, rate, "choose a rate between") for rate in (0.0, -1.0, float("nan"), 1e6)),
+        (0.0, 1e9, 100.0, "too long for a grid"),
+        *((start, start + 1.0, 100.0, "check the unit of the time") for start in (-1e15, 1e15)),
+        (0.012, 0.016, 100.0, "less than two samples of 100 Hz"),
+    ):
+        with pytest.raises(FlightError, match=words):
+            make_grid(start, stop, rate, 1, "f")
     rng = np.random.default_rng(3)
     time, x = 2.61 + 0.01 * np.arange(300), rng.normal(size=(300, 2))
     for smooth in (False, True):
@@ -96,13 +105,6 @@ def test_samples_on_the_grid_are_taken_as_they_are() -> None:
     grid, data, _ = grid_channels([Channels("gyro", slow, {"p": x[:, 0]})], None, "f")
     assert grid.rate == 50.0
     np.testing.assert_allclose(data["p"], x[:, 0], rtol=0.0, atol=1e-9)
-
-
-def test_the_grid_lies_on_whole_periods_of_the_log_s_clock() -> None:
-    grid = make_grid(68.227, 252.083, 100.0, 1, "f")
-    assert grid.time[0] == 68.23
-    assert grid.time[-1] == 252.08
-    assert {140.0, 145.0} <= set(grid.time.tolist())
 
 
 def noisy_gyros(start: float, rate: float, clock: float) -> tuple[Grid, FloatArray, FloatArray]:
@@ -124,12 +126,9 @@ def test_gyros_that_read_between_the_multiples_of_the_period_are_taken_as_they_a
     np.testing.assert_allclose(grid.time * 50.0, np.rint(grid.time * 50.0), atol=1e-9)
 
 
-def test_any_short_stretch_can_be_filtered() -> None:
+def test_short_stretches_and_clocks_that_no_sensor_has_are_filtered() -> None:
     for samples in range(1, 61):
         np.testing.assert_allclose(gridding.low_pass(np.ones((samples, 2)), 400.0, 100.0), 1.0, atol=1e-9)
-
-
-def test_clocks_that_no_sensor_has() -> None:
     for step in (5e-324, 1e-300, 1e-12, 1e-8):
         time = np.cumsum(np.concatenate([np.full(30, step), [0.04, 0.04]]))
         out = resample(make_grid(0.0, 0.08, 100.0, 1, "here"), time, np.ones((time.size, 1)), smooth=True)
@@ -140,17 +139,6 @@ def test_clocks_that_no_sensor_has() -> None:
     time = np.array([0.0, 0.02, 0.020001, 0.04, 0.06, 0.08])
     out = resample(Grid(0, 9, 100.0), time, np.array([[0.0, 0.1, -0.1, 0.0, 0.1, 0.0]]).T, smooth=True)
     assert np.nanmax(np.abs(out)) <= 0.1 + 1e-12  # a spline swings no further
-
-
-def test_grids_that_cannot_be() -> None:
-    for start, stop, rate, words in (
-        *((0.0, 1.0, rate, "choose a rate between") for rate in (0.0, -1.0, float("nan"), 1e6)),
-        (0.0, 1e9, 100.0, "too long for a grid"),
-        *((start, start + 1.0, 100.0, "check the unit of the time") for start in (-1e15, 1e15)),
-        (0.012, 0.016, 100.0, "less than two samples of 100 Hz"),
-    ):
-        with pytest.raises(FlightError, match=words):
-            make_grid(start, stop, rate, 1, "f")
 
 
 @given(st.lists(st.floats(0.0, 1e4), max_size=5))
@@ -235,7 +223,7 @@ def test_quick_motion_between_slow_samples() -> None:
     assert [(n.code, n.values["rate"]) for n in after[1]] == [("attitude-follows-rates", pytest.approx(5.0))]
 
 
-def test_holes_stay() -> None:
+def test_holes_fast_attitudes_and_slow_rates_stay() -> None:
     slow, fast = np.arange(0.0, 20.0, 0.2), np.arange(0.0, 20.0, 0.004)
     slow = slow[(slow < 6.0) | (slow > 7.5)]
     fast = fast[(fast < 12.0) | (fast > 13.0)]
@@ -245,9 +233,6 @@ def test_holes_stay() -> None:
     for name in ("q0", "phi"):
         np.testing.assert_array_equal(np.isnan(after[name]), np.isnan(data[name]))
     assert off(channels, True)[0] < 0.03
-
-
-def test_fast_attitudes_and_slow_rates_are_left() -> None:
     fast = recorded(np.arange(0.0, 5.0, 0.02), np.arange(0.0, 5.0, 0.004))
     slow = recorded(np.arange(0.0, 5.0, 0.1), np.arange(0.0, 5.0, 0.1))
     for channels in (fast, slow, slow[:1], slow[1:]):

@@ -6,6 +6,7 @@ import contextlib
 from pathlib import Path
 
 import numpy as np
+import pytest
 from unit.flight.made_logs import CLOCK, lines_of
 
 from stoop.base.arrays import FloatArray
@@ -51,18 +52,11 @@ def write(random: np.random.Generator, folder: Path) -> Path:
     return path
 
 
-def end_well(seeds: range, folder: Path) -> None:
+@pytest.mark.parametrize("seeds", [range(8), range(8, 150)], ids=["few", "many"])
+def test_hostile_numbers_end_well(seeds: range, tmp_path: Path) -> None:
     for seed in seeds:
-        path = write(np.random.default_rng([seed // 5, seed % 5]), folder)
+        path = write(np.random.default_rng([seed // 5, seed % 5]), tmp_path)
         with contextlib.suppress(StoopError):
             flight = load(path)
             describe(flight)
             find_windows({"flight": without_faults(flight)})
-
-
-def test_hostile_numbers_end_well(tmp_path: Path) -> None:
-    end_well(range(8), tmp_path)
-
-
-def test_many_hostile_numbers_end_well(tmp_path: Path) -> None:
-    end_well(range(8, 150), tmp_path)

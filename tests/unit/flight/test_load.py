@@ -45,6 +45,8 @@ def test_channels_come_as_they_are(tmp_path: Path) -> None:
     assert flight.data["p"].attrs["units"] == "rad/s"
     assert "no-air-data" in codes(flight)
     np.testing.assert_allclose(np.diff(load(tmp_path / "sortie.csv", rate=50.0).time), 0.02)
+    names = {"a/b.csv.gz": "b", "a/b.ulg": "b", "x/flight2": "flight2", "v1.2.csv": "v1.2", ".nc": ".nc"}
+    assert {path: flight_name(Path(path)) for path in names} == names
 
 
 def test_logs_that_are_read_together_have_one_rate(tmp_path: Path) -> None:
@@ -89,11 +91,6 @@ def test_nothing_of_use_is_left(tmp_path: Path) -> None:
         load(tmp_path / "topics")
 
 
-def test_names_lose_their_endings() -> None:
-    names = {"a/b.csv.gz": "b", "a/b.ulg": "b", "x/flight2": "flight2", "v1.2.csv": "v1.2", ".nc": ".nc"}
-    assert {path: flight_name(Path(path)) for path in names} == names
-
-
 def test_flights_from_arrays() -> None:
     for time, columns, words in (
         ([0.0, 1.0, 2.0], {"P": np.zeros(3)}, "no variable 'P'"),
@@ -104,6 +101,14 @@ def test_flights_from_arrays() -> None:
     ):
         with pytest.raises(FlightError, match=words):
             from_columns("f", np.array(time), columns)
+    one = turning(speed=False)
+    t, phi, psi = one.time, one.column("phi"), one.column("psi")
+    several = from_columns("f", t, {"phi": phi - 2 * np.pi, "theta": 0.0 * t, "psi": psi + 6 * np.pi})
+    np.testing.assert_allclose(several.column("psi"), psi, atol=1e-12)
+    np.testing.assert_allclose(several.column("phi"), phi, atol=1e-12)
+    assert np.array_equal(from_columns("f", t, {"psi": psi}).column("psi"), psi)
+    parts = from_columns("f", t, {name: several.column(name) for name in ("q0", "q1", "q2", "q3")})
+    np.testing.assert_allclose(parts.column("psi"), psi, atol=1e-12)
 
 
 def turning(speed: bool, pitot: bool = False) -> Flight:
@@ -117,7 +122,7 @@ def turning(speed: bool, pitot: bool = False) -> Flight:
     return from_columns("turns", t, columns)
 
 
-def test_a_measured_airspeed_stays() -> None:
+def test_a_measured_airspeed_stays_and_a_pitot_tells_the_wind_before_it() -> None:
     bare = turning(speed=True)
     for flight in (with_air(bare), without(with_air(bare), [(0.0, 10.0)])):
         assert np.array_equal(flight.column("V"), bare.column("V"))
@@ -125,15 +130,10 @@ def test_a_measured_airspeed_stays() -> None:
         assert "airspeed_pitot" not in flight.data
         np.testing.assert_allclose(flight.column("alpha")[300:-300], 0.05, atol=0.01)
         assert flight.sources["alpha"].source == "reconstructed"
-        assert flight.air is not None
         assert flight.air.method == "pitot"
         assert flight.air.wind_n == pytest.approx(3.0, abs=0.1)
         assert [found.code for found in flight.notices].count("airspeed-measured-as-pitot") == 1
-
-
-def test_a_pitot_tells_the_wind_before_a_measured_airspeed() -> None:
     flight = with_air(turning(speed=True, pitot=True))
-    assert flight.air is not None
     assert flight.air.wind_n == pytest.approx(3.0, abs=0.1)
     assert flight.column("airspeed_pitot")[0] == 18.0
     assert flight.column("V")[0] == 21.0
@@ -173,17 +173,6 @@ def test_an_attitude_in_two_files_is_whole(tmp_path: Path) -> None:
     assert flight.air is not None
     assert "no-air-data" not in codes(flight)
     assert set(flight.sources) == {str(name) for name in flight.data.data_vars}
-
-
-def test_angles_of_several_turns_are_brought_onto_the_circle() -> None:
-    one = turning(speed=False)
-    t, phi, psi = one.time, one.column("phi"), one.column("psi")
-    several = from_columns("f", t, {"phi": phi - 2 * np.pi, "theta": 0.0 * t, "psi": psi + 6 * np.pi})
-    np.testing.assert_allclose(several.column("psi"), psi, atol=1e-12)
-    np.testing.assert_allclose(several.column("phi"), phi, atol=1e-12)
-    assert np.array_equal(from_columns("f", t, {"psi": psi}).column("psi"), psi)
-    parts = from_columns("f", t, {name: several.column(name) for name in ("q0", "q1", "q2", "q3")})
-    np.testing.assert_allclose(parts.column("psi"), psi, atol=1e-12)
 
 
 def test_wild_stamps_make_no_flight_of_hours(tmp_path: Path) -> None:

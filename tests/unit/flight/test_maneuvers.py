@@ -56,21 +56,15 @@ def test_each_maneuver_is_found_once_under_its_axis() -> None:
     assert found[1].amplitude == pytest.approx(0.4, rel=0.3)
 
 
-def test_what_is_no_maneuver() -> None:
+def test_what_is_no_maneuver_holes_inside_and_flights_without_a_speed() -> None:
     checks = signal((65.0, "doublet", 0.5), (175.0, "3211", 0.5))
     for u in (checks, np.where(TIME > 120.0, 0.3, 0.0), np.zeros(TIME.size), np.full(TIME.size, np.nan)):
         assert find_maneuvers(flight(elevator=u)) == []
     assert airborne(flight()).sum() == pytest.approx((170.0 - 80.0 - 6.0) * 100.0, abs=5)
-
-
-def test_holes_inside_are_counted() -> None:
     u = signal((100.0, "3211", 0.5))
     u[4300:4400] = np.nan
     (one,) = find_maneuvers(flight(elevator=u))
     assert 0.8 < one.whole < 0.95
-
-
-def test_without_a_speed_everything_may_be_flight() -> None:
     flown = from_columns("f", TIME, {"elevator": signal((65.0, "doublet", 0.5))})
     assert airborne(flown).all()
     assert len(find_maneuvers(flown)) == 1
@@ -231,7 +225,7 @@ def test_a_gimbal_and_a_dead_output_are_no_motors(copter: Flight) -> None:
     assert np.median(lift_command(more)) == pytest.approx(pulses / 1e3 - 1.0, rel=0.01)  # type: ignore[arg-type]
 
 
-def test_four_surfaces_that_answer_a_plane_in_the_hand_are_none() -> None:
+def test_surfaces_of_any_effect_are_no_motors() -> None:
     rng, t = np.random.default_rng(0), np.arange(6000) / 100.0
     tones = rng.random((2, 5, 3)) * [0.2, 4.0, 1.0]
     phi, theta = (sum(a * np.sin(w * t + 6.0 * b) for a, w, b in one) for one in tones)
@@ -243,9 +237,6 @@ def test_four_surfaces_that_answer_a_plane_in_the_hand_are_none() -> None:
     plane = from_columns("p", t, {**pulses, **motion})
     assert rotor_pulses(plane) == []
     assert not carried_by_rotors(plane)
-
-
-def test_surfaces_of_any_effect_are_no_motors() -> None:
     t = np.arange(4000) / 100.0
     for seed in range(10):
         rng = np.random.default_rng(seed)

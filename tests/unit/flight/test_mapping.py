@@ -50,9 +50,6 @@ def test_one_column_for_one_variable(tmp_path: Path) -> None:
     timed = mapped(tmp_path, text, gyro=stream(x=1.0, ms=5000.0 + 20.0 * np.arange(200)))
     assert timed.channels[0].time[:2].tolist() == pytest.approx([5.0, 5.02])
     assert timed.unmapped == {}
-
-
-def test_a_clock_for_one_stream(tmp_path: Path) -> None:
     text = (
         '[clock.b]\ncolumn = "us"\nunit = "us"\noffset = -1.0\n[variables]\np = {stream = "a", column = "x", '
         'unit = "rad/s"}\nq = {stream = "b", column = "x", unit = "rad/s"}\n'
@@ -73,9 +70,6 @@ def test_sources_in_order_of_trust(tmp_path: Path) -> None:
     fast = Stream(np.arange(900) * 0.002, {k: np.ones(900) for k in "xyz"})
     assert mapped(tmp_path, text, a=first, b=fast).channels[0].source == "b", "it is much faster"
     assert values(mapped(tmp_path, text, b=stream(x=1.0, y=2.0))) == {}, "it lacks a column"
-
-
-def test_one_stream_for_each_variable(tmp_path: Path) -> None:
     text = '[group.esc]\nvariables = ["rotor_{1..4}"]\nunit = "rpm"\nunused = 0\n'
     text += 'sources = [{stream = "ESC/{0..3}", columns = "RPM"}]\n'
     streams = {"ESC": stream(RPM=600.0), "ESC/1": stream(RPM=1200.0), "ESC/3": stream(RPM=0.0)}
@@ -94,9 +88,6 @@ def test_a_mapping_may_extend_a_ready_one(tmp_path: Path) -> None:
     whole = mapped(tmp_path, 'extends = "px4"\n[group.specific_force]\nvariables = ["ax"]\nsources = [{stream = "mine", '
                    'columns = "up"}]\n', sensor_combined=stream(**imu), mine=stream(up=5.0))  # fmt: skip
     assert "ay" not in values(whole)
-
-
-def test_an_attitude_of_one_form_takes_the_place_of_the_other(tmp_path: Path) -> None:
     lines = (f'{n} = {{stream = "mocap", column = "{n}", unit = "deg"}}\n' for n in ("phi", "theta", "psi"))
     text = 'extends = "px4"\n[variables]\n' + "".join(lines)
     estimate = stream(**{f"q[{i}]": 0.5 for i in range(4)})
@@ -112,6 +103,12 @@ def test_ready_mappings_name_only_what_there_is() -> None:
     for name in set(READY.values()):
         assert ready(name).groups
         assert not ready(name).surfaces.mixes
+    turning = stream(**{"esc[0].esc_rpm": 3000.0, "esc[1].esc_rpm": 0.0})
+    rotors = {"esc_status": turning, "rpm": stream(rpm_estimate=9.0)}
+    for thrust in (0.6, 0.0):
+        asked = stream(**{"xyz[0]": 0.0, "xyz[1]": 0.0, "xyz[2]": -thrust})
+        found = first("px4", "ulog", {"vehicle_thrust_setpoint": asked, **rotors})
+        assert found == pytest.approx({"control_throttle": thrust, "rotor_1": 100.0 * math.pi})
 
 
 def test_ardupilot() -> None:
@@ -180,24 +177,6 @@ def test_betaflight_and_inav() -> None:
     assert abs(turned["q0"] * half + turned["q2"] * half) == pytest.approx(1.0)  # either sign
 
 
-def test_px4_of_a_hovering_vehicle() -> None:
-    turning = stream(**{"esc[0].esc_rpm": 3000.0, "esc[1].esc_rpm": 0.0})
-    rotors = {"esc_status": turning, "rpm": stream(rpm_estimate=9.0)}
-    for thrust in (0.6, 0.0):
-        asked = stream(**{"xyz[0]": 0.0, "xyz[1]": 0.0, "xyz[2]": -thrust})
-        found = first("px4", "ulog", {"vehicle_thrust_setpoint": asked, **rotors})
-        assert found == pytest.approx({"control_throttle": thrust, "rotor_1": 100.0 * math.pi})
-
-
-def test_a_unit_that_the_file_contradicts_is_told(tmp_path: Path) -> None:
-    path = tmp_path / "m.toml"
-    path.write_text('[variables]\np = {stream = "g", column = "x", unit = "deg/s"}\n')
-    log = Recording(Path("log"), "dataflash", {"g": stream(x=1.0)}, units={"g": {"x": "rad/s"}})
-    (found,) = apply_mapping(read_flight_mapping(path), log).notices
-    assert (found.code, found.subject) == ("unit-contradicted", "g.x")
-    assert (found.values["unit"], found.values["stated"]) == ("deg/s", "rad/s")
-
-
 def test_each_mistake_is_one_line(tmp_path: Path) -> None:
     for text, words in (
         (GOOD.replace("p =", "pp ="), r"variables\.pp is no variable of stoop"),
@@ -226,6 +205,12 @@ def test_each_mistake_is_one_line(tmp_path: Path) -> None:
         assert "\n" not in str(caught.value)
     with pytest.raises(LogError, match="cannot read the mapping file"):
         read_flight_mapping(tmp_path / "no.toml")
+    path = tmp_path / "m.toml"
+    path.write_text(GOOD.replace("rad/s", "deg/s"))
+    log = Recording(Path("log"), "dataflash", {"g": stream(x=1.0)}, units={"g": {"x": "rad/s"}})
+    (found,) = apply_mapping(read_flight_mapping(path), log).notices
+    assert (found.code, found.subject) == ("unit-contradicted", "g.x")
+    assert (found.values["unit"], found.values["stated"]) == ("deg/s", "rad/s")
 
 
 def sampled(rate: float, *names: str, **columns: FloatArray) -> Stream:
@@ -254,7 +239,7 @@ def test_a_source_that_is_never_valid_gives_way(void: str, lost: str, kept: str)
     assert np.array_equal(np.isnan(named(vehicle_local_position=at_times)[lost][1]), np.arange(40) % 2 == 0)
 
 
-def test_a_source_without_a_value_supplies_nothing() -> None:
+def test_a_source_without_a_value_supplies_nothing_and_altitude_counts_from_the_sea() -> None:
     nothing = np.full(40, np.nan)
     assert named(airspeed=sampled(10, true_airspeed_m_s=nothing)) == {}
     slow = sampled(1, true_airspeed_m_s=np.ones(4))
@@ -265,9 +250,6 @@ def test_a_source_without_a_value_supplies_nothing() -> None:
     assert np.isnan(named(wind_estimate=wind)["wind_n"][1]).tolist() == [True, True, False, False]
     columns = {"true_airspeed_m_s": np.ones(40), "air_temperature_celsius": np.full(40, 20.0)}
     assert named(airspeed=sampled(10, **columns))["temperature"][1][0] == 293.15
-
-
-def test_altitude_counts_from_the_sea() -> None:
     barometer = sampled(20, baro_alt_meter=np.full(80, 33.0))
     assert named(vehicle_air_data=barometer)["altitude"][1][0] == 33.0
     for sea, altitude in ((86.0, 106.0), (np.nan, 33.0)):
@@ -293,16 +275,13 @@ def test_pulses_of_the_instance_that_moves_most() -> None:
         assert as_px4(alone).notices == []
 
 
-def test_actuators_without_pulses() -> None:
+def test_actuators_without_pulses_and_commands_of_either_generation() -> None:
     nothing = np.full(40, np.nan)
     columns = {"control[0]": np.full(40, 0.1), "control[1]": np.full(40, -0.2), "control[2]": nothing}
     found = named(actuator_servos=sampled(10, **columns), actuator_motors=sampled(10, **columns))
     assert set(found) == {"servo_1", "servo_2", "motor_1", "motor_2"}
     assert found["servo_2"][1][0] == -0.2
     assert found["motor_1"][0] == "actuator_motors"
-
-
-def test_commands_of_either_generation() -> None:
     old = named(actuator_controls_0=sampled(100, *(f"control[{i}]" for i in range(4))))
     new = named(vehicle_torque_setpoint=sampled(100, *GYRO), vehicle_thrust_setpoint=sampled(100, *GYRO))
     names = {"control_roll", "control_pitch", "control_yaw", "control_throttle"}

@@ -65,16 +65,6 @@ def test_edits_of_a_group_change_its_lists(tmp_path: Path) -> None:
     assert (source["columns"], source["scale"]) == (["q", "p", "r"], [2, 1, 3])
 
 
-def test_what_the_data_do_not_decide_is_left(tmp_path: Path) -> None:
-    """A rate and its angle alone contradict each other, and nothing shows which is wrong."""
-    truth = flown()
-    text = CLOCK + lines_of("phi", "p")
-    path, mapping = written(tmp_path, {**truth, "p": -truth["p"]}, text)
-    made = corrected_mapping(path, mapping)
-    assert (made.text, made.applied) == (mapping.read_text(), ())
-    assert [one.code for one in made.left] == ["mapping-ambiguous"]
-
-
 def test_the_verb_writes_the_mapping(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     truth, before, other = flown(), MAPPING + SINGLE, tmp_path / "new.toml"
     path, mapping = written(tmp_path, {**truth, "q": -truth["q"]}, before)
@@ -111,11 +101,15 @@ def test_an_exchange_writes_names_of_any_kind_and_only_within_a_stream(tmp_path:
     text = with_changes(place.read_text(), [*map(str, every["p", "q"].changes(lines))])
     assert tomllib.loads(text)["variables"]["q"] == {"column": 'a"b', "unit": "rad/s"}
     assert every["q", "r"].changes(lines) == ()  # the flag goes with its column
-
-
-def test_what_a_draft_doubted_is_not_said_of_a_corrected_line() -> None:
     text = '[variables]\nq = {column = "q", unit = "rad"}  # unsure: rad by its size only; rad by its size; mine\n'
     assert with_changes(text, ['variables.q.unit = "deg"']).endswith('"deg"}  # mine\n')
+    # a rate and its angle alone contradict each other, and nothing shows which is wrong
+    truth = flown()
+    text = CLOCK + lines_of("phi", "p")
+    path, mapping = written(tmp_path, {**truth, "p": -truth["p"]}, text)
+    made = corrected_mapping(path, mapping)
+    assert (made.text, made.applied) == (mapping.read_text(), ())
+    assert [one.code for one in made.left] == ["mapping-ambiguous"]
 
 
 def test_what_is_no_mapping_is_told(tmp_path: Path) -> None:

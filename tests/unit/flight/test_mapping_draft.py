@@ -74,8 +74,7 @@ NAMES = {
     "control_yaw": "yaw_command control_yaw", "control_throttle": "throttle_cmd control_throttle_pct thr_control",
     "": "DesRoll roll_setpoint lat FrameNumber status xyz[0] p1 checksum",
 }  # fmt: skip
-#: words of a role alone
-NOTHING = ("theta_cmd", "roll_cmd_deg", "pitch position setpoint", "left", "cmd", "gps", "u_fps")
+
 FLOWN = maneuver(20.0, ("roll", "doublet", 3, 0.2, 8), ("pitch", "doublet", 9, 0.2, 8), rate=100.0)
 QUAD = {f"SERVO{n}_FUNCTION": 32.0 + motor for n, motor in enumerate((3, 1, 4, 2), 1)}
 
@@ -111,7 +110,7 @@ def test_a_flight_comes_back_from_any_dialect(tmp_path: Path, dialect: str) -> N
         np.testing.assert_allclose(flight.column(variable), truth[variable], atol=2e-6, err_msg=variable)
 
 
-def test_clocks_are_told_by_name_or_by_their_steps(tmp_path: Path) -> None:
+def test_clocks_are_told_by_name_or_steps_and_what_is_unsure_is_marked(tmp_path: Path) -> None:
     p = flown()["p"]
     for clock, per_second, unit in (
         ("Systime", 1.0, "s"), ("frame clock", 1e3, "ms"), ("timestamp", 1e6, "us"), ("time_ns", 1e9, "ns"),
@@ -119,9 +118,6 @@ def test_clocks_are_told_by_name_or_by_their_steps(tmp_path: Path) -> None:
         text = drafted(tmp_path, {"p": p}, clock, per_second).text
         assert tomllib.loads(text)["time"]["unit"] == unit
         assert ("# unsure: its steps are" in text) == (clock != "time_ns")
-
-
-def test_what_is_unsure_is_marked(tmp_path: Path) -> None:
     truth = flown()
     columns = {"x": T, "acc_y": truth["ay"], "acc_z": -truth["az"], "roll": 0.1 * truth["phi"]}
     columns["noise"] = np.cos(99 * T)
@@ -169,6 +165,11 @@ def test_a_rate_without_a_name_is_found_by_what_it_does(tmp_path: Path) -> None:
     made = drafted(tmp_path, columns)
     assert lines_of(made)["p"] == {"column": "channel B", "unit": "deg/s", "scale": -1.0}
     assert "unsure: by its numbers only: the derivative of phi" in made.text
+    surface = flown()["elevator"]
+    columns = {"fcs/elevator-cmd-norm": surface / 0.3, "fcs/elevator-pos-rad": surface}
+    made = drafted(tmp_path, columns | {"load cell": np.cos(T)})
+    assert lines_of(made)["elevator"]["column"] == "fcs/elevator-pos-rad"
+    assert made.unknown == ("load cell",)
 
 
 def test_units_that_the_file_states_are_taken() -> None:
@@ -182,6 +183,16 @@ def test_units_that_the_file_states_are_taken() -> None:
     assert made.unsure == 0
     dead = draft_of(Recording(Path("x.mat"), "mat", {"IMU": Stream(T, imu | {"Temp": 0 * T})}))
     assert "temperature" in dead.text
+    turn = {name: Stream(T, {"point.x": flown()[x], "point.y": flown()[y]}) for name, x, y in (
+        ("/plane/euler", "phi", "theta"), ("/plane/bodyrate", "p", "q"), ("/rompc/att_error", "phi", "theta"))}  # fmt: skip
+    found = lines_of(draft_of(Recording(Path("x.bag"), "rosbag", turn)))
+    assert {name: (entry["stream"], entry["column"], entry["unit"]) for name, entry in found.items()} == {
+        "phi": ("/plane/euler", "point.x", "rad"), "theta": ("/plane/euler", "point.y", "rad"),
+        "p": ("/plane/bodyrate", "point.x", "rad/s"), "q": ("/plane/bodyrate", "point.y", "rad/s"),
+    }  # fmt: skip
+    info = {"clock of a": 'x\n[variables]\nq = {column = "evil", unit = "rad"}'}
+    recording = Recording(Path("log.mat"), "mat", {"a": Stream(T, {"p": np.sin(T)})}, info=info)
+    assert set(lines_of(draft_of(recording))) == {"p"}
 
 
 def test_columns_as_others_write_them() -> None:
@@ -192,7 +203,8 @@ def test_columns_as_others_write_them() -> None:
         for name in names.split():
             guess = recognized(name)
             assert (guess.variable if guess else "") == variable, name
-    for name in (*NOTHING, "(" * 50_000, "a" + " " * 50_000 + "b", "motor " + "9" * 5000):  # in no time
+    roles = ("theta_cmd", "roll_cmd_deg", "pitch position setpoint", "left", "cmd", "gps", "u_fps")
+    for name in (*roles, "(" * 50_000, "a" + " " * 50_000 + "b", "motor " + "9" * 5000):  # in no time
         assert recognized(name) is None, name[:50]
     (motor,) = filter(None, [recognized("motor_1")])
     assert motor.unit == "", "its number is no unit"
@@ -224,14 +236,6 @@ def test_rotors_are_written_as_the_rates(tmp_path: Path) -> None:
         assert "unsure: rpm or rad/s" in made.text
 
 
-def test_what_was_measured_of_a_surface_is_taken_before_what_was_asked(tmp_path: Path) -> None:
-    surface = flown()["elevator"]
-    columns = {"fcs/elevator-cmd-norm": surface / 0.3, "fcs/elevator-pos-rad": surface}
-    made = drafted(tmp_path, columns | {"load cell": np.cos(T)})
-    assert lines_of(made)["elevator"]["column"] == "fcs/elevator-pos-rad"
-    assert made.unknown == ("load cell",)
-
-
 @settings(max_examples=60, deadline=None)
 @given(st.dictionaries(st.text(min_size=1, max_size=12), st.floats(-1e6, 1e6), min_size=1, max_size=8))
 def test_a_draft_is_valid_whatever_the_columns_are_called(columns: dict[str, float]) -> None:
@@ -240,22 +244,6 @@ def test_a_draft_is_valid_whatever_the_columns_are_called(columns: dict[str, flo
     assert found.keys() <= VARIABLES.keys()
     assert {entry["column"] for entry in found.values()} <= set(columns)
     assert all(entry["unit"] in FACTORS for entry in found.values())
-
-
-def test_the_stream_says_what_its_components_are_of() -> None:
-    turn = {name: Stream(T, {"point.x": flown()[x], "point.y": flown()[y]}) for name, x, y in (
-        ("/plane/euler", "phi", "theta"), ("/plane/bodyrate", "p", "q"), ("/rompc/att_error", "phi", "theta"))}  # fmt: skip
-    found = lines_of(draft_of(Recording(Path("x.bag"), "rosbag", turn)))
-    assert {name: (entry["stream"], entry["column"], entry["unit"]) for name, entry in found.items()} == {
-        "phi": ("/plane/euler", "point.x", "rad"), "theta": ("/plane/euler", "point.y", "rad"),
-        "p": ("/plane/bodyrate", "point.x", "rad/s"), "q": ("/plane/bodyrate", "point.y", "rad/s"),
-    }  # fmt: skip
-
-
-def test_what_a_log_says_of_its_clock_stays_a_comment() -> None:
-    info = {"clock of a": 'x\n[variables]\nq = {column = "evil", unit = "rad"}'}
-    recording = Recording(Path("log.mat"), "mat", {"a": Stream(T, {"p": np.sin(T)})}, info=info)
-    assert set(lines_of(draft_of(recording))) == {"p"}
 
 
 def test_axes_that_point_to_the_left_are_doubted_with_z(tmp_path: Path) -> None:
@@ -305,9 +293,6 @@ def test_parameters_say_which_surface_an_output_moves() -> None:
     assert "# points = [[1000, -0.4], [1401, 0.0], [2000, 0.4]]" in text
     assert "pwm_3 =" not in text
     assert "variables" not in tomllib.loads(text)
-
-
-def test_a_quadplane_has_motors_and_surfaces() -> None:
     motors = {f"SERVO{n}_FUNCTION": 28.0 + n for n in (5, 6, 7, 8)}
     use = {"SERVO1_FUNCTION": 4.0, **motors, "Q_M_PWM_MIN": 1000.0, "Q_M_PWM_MAX": 2000.0}
     text = draft_of(logged(waves(8), use)).text
@@ -325,16 +310,6 @@ def test_pulses_that_turn_the_vehicle_are_motors_without_any_parameter() -> None
     assert list(tomllib.loads(made.text)["variables"]) == [f"motor_{n}" for n in range(1, 7)]
     assert made.text.count("# unsure: a motor by what it turns, check its number") == made.unsure == 6
     assert "surface" not in made.text
-
-
-@pytest.mark.parametrize("strange", [float("nan"), float("inf"), -1e300, 33.5])
-def test_strange_parameters_tell_nothing(strange: float) -> None:
-    names = ("FUNCTION", "MIN", "TRIM", "MAX")
-    told = {f"SERVO{n}_{name}": strange for n in range(1, 5) for name in names}
-    assert draft_of(logged(waves(4), told)).text == draft_of(logged(waves(4), {})).text
-
-
-def test_motors_that_have_no_line_of_their_own_are_named_to_the_vehicle_file() -> None:
     flown = simulate_flight(resolve_vehicle("quad-x"), FLOWN, seed=2, name="f")
     signals = {f"pwm_{n}": (flown.time, 1000.0 + 1000.0 * flown.column(f"motor_{n}")) for n in range(1, 5)}
     rates = {rate: (flown.time, flown.column(rate)) for rate in "pq"}
@@ -343,3 +318,10 @@ def test_motors_that_have_no_line_of_their_own_are_named_to_the_vehicle_file() -
     text = "\n".join(outputs.surface_lines())
     assert "pwm_1 pwm_2 pwm_3 pwm_4 turn the vehicle against one another" in text
     assert "surface" not in text
+
+
+@pytest.mark.parametrize("strange", [float("nan"), float("inf"), -1e300, 33.5])
+def test_strange_parameters_tell_nothing(strange: float) -> None:
+    names = ("FUNCTION", "MIN", "TRIM", "MAX")
+    told = {f"SERVO{n}_{name}": strange for n in range(1, 5) for name in names}
+    assert draft_of(logged(waves(4), told)).text == draft_of(logged(waves(4), {})).text

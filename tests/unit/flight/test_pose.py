@@ -41,7 +41,7 @@ def recorded(folder: Path, columns: dict[str, FloatArray]) -> Flight:
     return load(mapped_log(folder / "room.csv", {"t": TIME, **columns}))
 
 
-def test_a_turn_has_the_motion_of_its_closed_form(tmp_path: Path) -> None:
+def test_a_turn_has_the_motion_of_its_closed_form_and_what_was_measured_stays(tmp_path: Path) -> None:
     flight = recorded(tmp_path, POSE)
     speed = np.hypot(SPEED, 0.5)
     np.testing.assert_allclose(flight.column("V"), speed, rtol=1e-6)
@@ -56,9 +56,6 @@ def test_a_turn_has_the_motion_of_its_closed_form(tmp_path: Path) -> None:
     assert flight.sources["V"].derived
     assert not flight.sources["pn"].derived
     assert "motion-of-pose" in [n.code for n in flight.notices]
-
-
-def test_what_was_measured_stays(tmp_path: Path) -> None:
     gyro = {**POSE, "r": np.full(len(TIME), 0.123)}
     np.testing.assert_allclose(recorded(tmp_path, gyro).column("r"), 0.123)
     pitot = {**POSE, "az": np.full(len(TIME), -12.0)}

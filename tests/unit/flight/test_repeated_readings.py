@@ -71,6 +71,14 @@ def test_a_steady_climb_in_steps_of_a_meter_was_read_in_every_row() -> None:
     assert regular(np.flatnonzero(np.diff(np.round(TIME))) + 1)
     assert found(altitude=np.round(TIME))["altitude"].time is TIME
     assert found(altitude=np.round(TIME) * 0.3048)["altitude"].time is TIME
+    rows, coarse = readings(10.0, 0.0), np.round(motion(1, 0.0, 60.0) / 0.2) * 0.2
+    alone = found(vn=hold(coarse, rows))
+    assert alone["vn"].time is TIME
+    groups = found(vn=hold(coarse, rows), vd=hold(motion(2, 0.1), rows), altitude=coarse)
+    assert groups["vn"] is groups["vd"]
+    assert groups["altitude"].time is TIME  # it changes between those readings
+    at = np.searchsorted(TIME, groups["vn"].time)
+    np.testing.assert_array_equal(groups["vn"].values["vn"], coarse[at])
 
 
 @given(SEEDS, st.sampled_from([3, 5, 10, 25]), st.sampled_from([0.0, 1e-4]))
@@ -91,10 +99,6 @@ def test_columns_that_were_read_together_share_their_readings() -> None:
     assert groups["vd"] is groups["vn"]
     assert groups["V"] is not groups["vn"]
     np.testing.assert_array_equal(np.searchsorted(TIME, groups["vd"].time), rows)
-
-
-def test_commands_and_parts_of_an_attitude_stay_as_they_are() -> None:
-    rows = readings(5.0, 0.0)
     slow = hold(motion(1, 0.1), rows)
     assert found(elevator=slow)["elevator"].time is TIME
     mixed = {"phi": slow / 9.0, "theta": motion(2, 0.1) / 9.0, "psi": slow / 8.0}
@@ -114,15 +118,3 @@ def test_a_table_with_a_held_receiver_is_laid_on_the_grid_of_its_fast_sensors(tm
     at, inside = np.searchsorted(TIME, flight.time), slice(10, -10)
     np.testing.assert_allclose(flight.column("vn")[inside], truth[at][inside], atol=5e-3)
     assert [n.code for n in flight.notices].count("readings-repeated") == 1
-
-
-def test_a_column_that_moves_by_single_steps_is_read_with_its_sensor() -> None:
-    """Near hover a velocity in tenths of a knot moves by single steps, one in feet per minute does not."""
-    rows, coarse = readings(10.0, 0.0), np.round(motion(1, 0.0, 60.0) / 0.2) * 0.2
-    alone = found(vn=hold(coarse, rows))
-    assert alone["vn"].time is TIME
-    groups = found(vn=hold(coarse, rows), vd=hold(motion(2, 0.1), rows), altitude=coarse)
-    assert groups["vn"] is groups["vd"]
-    assert groups["altitude"].time is TIME  # it changes between those readings
-    at = np.searchsorted(TIME, groups["vn"].time)
-    np.testing.assert_array_equal(groups["vn"].values["vn"], coarse[at])

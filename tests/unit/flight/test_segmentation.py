@@ -72,6 +72,15 @@ def test_columns_come_in_the_order_asked_and_outputs_may_be_missing() -> None:
     (segment,), _ = segments(flight(), 10.0, 12.0, (), OUTPUTS)
     assert np.flatnonzero(np.isnan(segment.z[:, 0])).tolist() == [5], "which splits nothing"
     assert segment.u.shape == (201, 0)
+    (segment,), (found,) = segments(flight(), 9.8, 15.0, INPUTS, OUTPUTS)
+    assert segment.t[[0, -1]].tolist() == [10.0, 15.0]
+    assert (found.code, found.values["start"]) == ("window-trimmed", 10.0)
+    holed = flight(np.concatenate([np.arange(k, k + 9) for k in range(60, 500, 70)]))
+    _, (found,) = segments(holed, 10.0, 16.0, INPUTS, OUTPUTS)
+    assert (found.code, found.values["count"]) == ("inputs-missing-often", 7)
+    slow = {**flight().sources, "elevator": SourceRate("x", 9.0, 0.2, 0, 10.0, 16.0)}
+    _, notices = segments(dataclasses.replace(flight(), sources=slow), 11.0, 12.0, INPUTS, OUTPUTS)
+    assert notices == [notice("slow-input", "f", variable="elevator", rate=9.0)]
 
 
 def test_impossible_windows() -> None:
@@ -90,15 +99,3 @@ def test_impossible_windows() -> None:
         with pytest.raises(FlightError, match=words) as caught:
             segments(flight(), start, stop, inputs, outputs)
         assert "\n" not in str(caught.value)
-
-
-def test_a_trimmed_window_many_holes_and_a_slow_input_are_told() -> None:
-    (segment,), (found,) = segments(flight(), 9.8, 15.0, INPUTS, OUTPUTS)
-    assert segment.t[[0, -1]].tolist() == [10.0, 15.0]
-    assert (found.code, found.values["start"]) == ("window-trimmed", 10.0)
-    holed = flight(np.concatenate([np.arange(k, k + 9) for k in range(60, 500, 70)]))
-    _, (found,) = segments(holed, 10.0, 16.0, INPUTS, OUTPUTS)
-    assert (found.code, found.values["count"]) == ("inputs-missing-often", 7)
-    slow = {**flight().sources, "elevator": SourceRate("x", 9.0, 0.2, 0, 10.0, 16.0)}
-    _, notices = segments(dataclasses.replace(flight(), sources=slow), 11.0, 12.0, INPUTS, OUTPUTS)
-    assert notices == [notice("slow-input", "f", variable="elevator", rate=9.0)]

@@ -79,6 +79,13 @@ def test_the_first_version_packs_four_numbers_into_whole_bytes() -> None:
     )  # fmt: skip
     found = raw(content + 2 * b"I\x0a\xe5\x21\xff\x34\x12")
     assert [found[name][0] for name in "abcd"] == [1, 2, -1, 0x1234]
+    content = head(
+        Data_version="2", I_interval="256", P_interval="16", Field_I_name="loopIteration,time", Field_I_signed="0,0",
+        Field_I_predictor="0,0", Field_I_encoding="1,1", Field_P_predictor="6,2", Field_P_encoding="9,0",
+    )  # fmt: skip
+    content += b"I" + writer.unsigned_vb(256) + writer.unsigned_vb(1000)
+    content += b"P" + writer.signed_vb(2000) + b"P" + writer.signed_vb(0)
+    assert raw(content)["loopIteration"].tolist() == [256, 272, 288]
 
 
 def test_an_independent_decoder_reads_the_same(tmp_path: Path) -> None:
@@ -151,24 +158,10 @@ def test_motors_and_volts_by_version() -> None:
         np.testing.assert_allclose(found, share, atol=1e-6, err_msg=str(lines))
 
 
-def test_every_sixteenth_iteration() -> None:
-    """P interval 16: iterations between frames are not logged, and add up in those that are."""
-    content = head(
-        Data_version="2", I_interval="256", P_interval="16", Field_I_name="loopIteration,time", Field_I_signed="0,0",
-        Field_I_predictor="0,0", Field_I_encoding="1,1", Field_P_predictor="6,2", Field_P_encoding="9,0",
-    )  # fmt: skip
-    content += b"I" + writer.unsigned_vb(256) + writer.unsigned_vb(1000)
-    content += b"P" + writer.signed_vb(2000) + b"P" + writer.signed_vb(0)
-    assert raw(content)["loopIteration"].tolist() == [256, 272, 288]
-
-
-def test_time_goes_on_after_71_minutes() -> None:
+def test_time_goes_on_after_71_minutes_and_after_a_pause_of_the_log() -> None:
     values = numbers() | {"time": 2**32 - 50_000 + 1000 * np.arange(N)}
     time = parse_blackbox(PATH, blackbox_bytes(FIELDS, values, HEADER)).streams["main"].time
     np.testing.assert_allclose(np.diff(time), 1e-3, atol=1e-9)
-
-
-def test_a_pause_of_the_log() -> None:
     values = numbers()
     values["loopIteration"][50:] += 700
     values["time"][50:] += 700_000
@@ -233,6 +226,9 @@ def test_what_cannot_be_read(tmp_path: Path) -> None:
     ):
         with pytest.raises(LogError, match=word):
             parse_blackbox(PATH, wrong)
+    (tmp_path / "a.csv").write_text(",".join(numbers()) + "\n" + rows(numbers()), encoding="utf-8")
+    (tmp_path / "a.csv.toml").write_text('[time]\ncolumn = "time"\nunit = "us"\n')
+    assert read(tmp_path / "a.csv").format == "table"  # a mapping with a clock makes it one
     for name in ("a.bbl", "a.BFL", "LOG00001.TXT", "noending"):  # told by its first bytes
         (tmp_path / name).write_bytes(whole)
         assert read(tmp_path / name).format == "blackbox"
@@ -264,9 +260,3 @@ def test_decoded_tables_are_the_raw_log(table: Any, assumed: int, tmp_path: Path
     for name, column in known.streams["main"].columns.items():
         theirs = found.streams["main"].columns[name]
         np.testing.assert_allclose(theirs, column, rtol=1e-6, atol=1e-9, err_msg=name)
-
-
-def test_a_mapping_with_a_clock_makes_it_a_table(tmp_path: Path) -> None:
-    (tmp_path / "a.csv").write_text(",".join(numbers()) + "\n" + rows(numbers()), encoding="utf-8")
-    (tmp_path / "a.csv.toml").write_text('[time]\ncolumn = "time"\nunit = "us"\n')
-    assert read(tmp_path / "a.csv").format == "table"

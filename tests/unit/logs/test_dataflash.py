@@ -69,9 +69,6 @@ def test_text_with_units_parameters_and_commas() -> None:
         ("corrupt", f"a.log byte {text.index(bytes([0, 255]))}"), ("corrupt", "GYR"), ("text", "GYR"),
         ("skipped", f"a.log byte {text.index(b'XYZ')}"),
     }  # fmt: skip
-
-
-def test_instances_that_no_number_counts() -> None:
     head = (
         b"FMT,1,2,UNIT,QbZ,TimeUS,Id,Label\nFMT,3,2,FMTU,QBNN,TimeUS,FmtType,UnitIds,MultIds\n"
         b"FMT,7,2,GYR,QBf,TimeUS,I,GyrX\nUNIT, 0, 35, instance\nFMTU, 0, 7, s#E, F-0\n"

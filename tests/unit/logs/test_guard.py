@@ -60,17 +60,15 @@ def test_how_a_child_ends_is_one_line(log: Path, tmp_path: Path, monkeypatch: py
 def test_errors_come_back_with_the_name_that_was_given(log: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(LogError, match="os:remove is no format"):  # only readers are called
         read_in_child("os:remove", log)
+    with monkeypatch.context() as patch:
+        patch.setattr(importlib.util, "find_spec", lambda _: None)
+        assert read_guarded("matlab", log).streams  # of version 5: SciPy reads it
+        with pytest.raises(LogError, match=r"needs the package rosbags; pip install '\.\[ros\]' in a clone"):
+            read_guarded("rosbag", log)
     log.write_bytes(log.read_bytes()[:200])
     monkeypatch.chdir(log.parent)
     with pytest.raises(LogError, match=r"^a\.mat: "):
         read_in_child(READER, Path("a.mat"))
-
-
-def test_a_package_that_is_missing(log: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(importlib.util, "find_spec", lambda _: None)
-    assert read_guarded("matlab", log).streams  # of version 5: SciPy reads it
-    with pytest.raises(LogError, match=r"needs the package rosbags; pip install '\.\[ros\]' in a clone"):
-        read_guarded("rosbag", log)
 
 
 def test_pickled_arrays_are_refused(tmp_path: Path) -> None:

@@ -44,13 +44,6 @@ def messages(store: Any) -> Iterator[tuple[str, str, int, Any]]:
         yield "/said", "std_msgs/msg/String", stamp, types["std_msgs/msg/String"](data="hello")
 
 
-def write_first(path: Path) -> Path:
-    store = get_typestore(Stores.ROS1_NOETIC)
-    with Writer1(path) as writer:
-        write(writer, store, store.serialize_ros1)
-    return path
-
-
 def write(writer: Any, store: Any, serialize: Any) -> None:
     known: dict[str, Any] = {}
     for topic, kind, stamp, message in messages(store):
@@ -58,19 +51,16 @@ def write(writer: Any, store: Any, serialize: Any) -> None:
         writer.write(known[topic], stamp, bytes(serialize(message, kind)))
 
 
-def write_second(path: Path, plugin: StoragePlugin) -> Path:
-    store = get_typestore(Stores.ROS2_HUMBLE)
-    with Writer2(path, version=9, storage_plugin=plugin) as writer:
-        write(writer, store, store.serialize_cdr)
-    return path
-
-
 @pytest.fixture(scope="module")
 def bags(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     folder = tmp_path_factory.mktemp("bags")
-    plugins = {"db3": StoragePlugin.SQLITE3, "mcap": StoragePlugin.MCAP}
-    second = {name: write_second(folder / name, plugin) for name, plugin in plugins.items()}
-    return {"first": write_first(folder / "a.bag"), **second}
+    first, second = get_typestore(Stores.ROS1_NOETIC), get_typestore(Stores.ROS2_HUMBLE)
+    with Writer1(folder / "a.bag") as writer:
+        write(writer, first, first.serialize_ros1)
+    for name, plugin in (("db3", StoragePlugin.SQLITE3), ("mcap", StoragePlugin.MCAP)):
+        with Writer2(folder / name, version=9, storage_plugin=plugin) as writer:
+            write(writer, second, second.serialize_cdr)
+    return {"first": folder / "a.bag", "db3": folder / "db3", "mcap": folder / "mcap"}
 
 
 @pytest.mark.parametrize("name", ["first", "db3", "mcap"])

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from unit.flight.made_logs import CLOCK
 
 from stoop.base.arrays import FloatArray
 from stoop.errors import LogError, StoopError
@@ -41,7 +42,6 @@ def write(folder: Path, mapping: str = GOOD, log: str = LOG) -> tuple[Path, Path
 
 def mapped(log: Path, mapping: Path | None = None) -> tuple[Recording, Signals]:
     recording, found = read_mapped(log, mapping)
-    assert found is not None
     return recording, {n: (group.time, x) for group in found.channels for n, x in group.values.items()}
 
 
@@ -63,18 +63,25 @@ def test_units_scale_and_offset(tmp_path: Path) -> None:
 
 
 def test_a_folder_of_files_with_their_own_clocks(tmp_path: Path) -> None:
-    (tmp_path / "a.csv").write_text("t,x\n0,1\n1,2\n")
-    (tmp_path / "b.csv").write_text("t,y\n0.5,3\n1.5,4\n")
-    (tmp_path / "other.csv").write_text("no table\n")  # no variable stands there: it is not read
-    (tmp_path / "mapping.toml").write_text(
-        '[time]\ncolumn = "t"\nunit = "s"\n[variables]\n'
-        'p = {column = "x", unit = "rad/s", file = "a.csv"}\n'
-        'q = {column = "y", unit = "rad/s", file = "b.csv"}\n'
-    )
-    recording, found = mapped(tmp_path)
+    (folder := tmp_path / "log").mkdir()
+    for path in (tmp_path / "out.csv", folder / "a.csv"):
+        path.write_text("t,x\n0,1\n1,2\n")
+    (folder / "b.csv").write_text("t,y\n0.5,3\n1.5,4\n")
+    (folder / "other.csv").write_text("no table\n")  # no variable stands there: it is not read
+    text = CLOCK + 'q = {column = "y", unit = "rad/s", file = "b.csv"}\n'
+    text += 'p = {column = "x", unit = "rad/s", file = "a.csv"}\n'
+    (folder / "mapping.toml").write_text(text)
+    recording, found = mapped(folder)
     assert np.array_equal(found["p"][0], [0.0, 1.0])
     assert np.array_equal(found["q"][0], [0.5, 1.5])
     assert recording.unread == {"other.csv": ()}
+    for outside in ('"../out.csv"', '"c.csv"', "1"):
+        (folder / "mapping.toml").write_text(text.replace('"a.csv"', outside))
+        with pytest.raises(StoopError, match=r"variables\.p"):
+            mapped(folder)
+    log = "t_ms,roll rate,acc,T,remark\n1000,90,x,20,hello\n1010,-45,2,21,you\n1005,1,1,1,z\n"
+    defects = mapped(*write(tmp_path, log=log))[0].defects
+    assert [(d.kind, d.place) for d in defects] == [("text", "f.csv acc"), ("time order", "f.csv")]
 
 
 def test_each_mistake_in_a_mapping_is_named(tmp_path: Path) -> None:
@@ -100,22 +107,6 @@ def test_each_mistake_in_a_mapping_is_named(tmp_path: Path) -> None:
             reader(log, tmp_path / "no.toml")
 
 
-@pytest.mark.parametrize("file", ['"../a.csv"', '"c.csv"', "1"])
-def test_a_file_outside_the_folder_is_refused(tmp_path: Path, file: str) -> None:
-    folder = tmp_path / "log"
-    folder.mkdir()
-    (tmp_path / "a.csv").write_text("t,x\n0,1\n1,2\n")
-    (folder / "b.csv").write_text("t,x\n0,1\n1,2\n")
-    mapping = folder / "mapping.toml"
-    mapping.write_text(
-        '[time]\ncolumn = "t"\nunit = "s"\n[variables]\n'
-        'q = {column = "x", unit = "rad/s", file = "b.csv"}\n'
-        f'p = {{column = "x", unit = "rad/s", file = {file}}}\n'
-    )
-    with pytest.raises(StoopError, match=r"variables\.p"):
-        mapped(folder)
-
-
 def test_without_a_mapping_the_error_holds_one_to_start_from(tmp_path: Path) -> None:
     log, mapping = write(tmp_path)
     with pytest.raises(LogError, match=r"needs a mapping .* f\.csv\.toml beside it") as caught:
@@ -129,12 +120,6 @@ def test_without_a_mapping_the_error_holds_one_to_start_from(tmp_path: Path) -> 
 @given(st.lists(st.text(min_size=1, max_size=8), min_size=1, max_size=6, unique=True))
 def test_a_template_is_valid_toml_whatever_the_columns_are_called(header: list[str]) -> None:
     assert len(tomllib.loads(template(header)).get("variables", {})) == len(header) - 1
-
-
-def test_defects_of_columns_in_use_only(tmp_path: Path) -> None:
-    log = "t_ms,roll rate,acc,T,remark\n1000,90,x,20,hello\n1010,-45,2,21,you\n1005,1,1,1,z\n"
-    defects = mapped(*write(tmp_path, log=log))[0].defects
-    assert [(d.kind, d.place) for d in defects] == [("text", "f.csv acc"), ("time order", "f.csv")]
 
 
 def put(folder: Path, *names: str, body: str = BODY) -> None:
@@ -155,29 +140,19 @@ def test_topics_are_found_behind_any_prefix(tmp_path: Path) -> None:
         assert {(file.prefix, file.topic) for file in topic_files(folder)} == {(prefix, t) for t in topics}
 
 
-def test_time_is_the_stamp_in_seconds_and_not_shifted(tmp_path: Path) -> None:
-    put(tmp_path, "log_vehicle_attitude_0.csv")
+def test_topics_keep_their_clock_instances_are_numbered_and_bad_files_are_skipped(tmp_path: Path) -> None:
+    put(tmp_path, "log_vehicle_attitude_0.csv", "log_airspeed_0.csv", "log_airspeed_1.csv")
+    put(tmp_path, "log_battery_status_1.csv", "log_my_own_topic_0.csv", "log_new_airspeed_0.csv", "other.csv")
+    bad = {"sensor_combined": "", "sensor_baro": "time,x\n1,2\n", "status": "timestamp,x\nnan,2\n"}
+    for topic, body in bad.items():
+        put(tmp_path, f"log_{topic}_0.csv", body=body)
     recording = read(tmp_path)
+    own = {"my_own_topic", "new_airspeed"}
+    assert set(recording.streams) == {"vehicle_attitude", "airspeed", "airspeed/1", "battery_status", *own}
     stream = recording.streams["vehicle_attitude"]
     assert recording.format == "px4-csv"
     np.testing.assert_allclose(stream.time, [1.0, 1.1], rtol=1e-15)
     assert np.array_equal(stream.columns["q[0]"], [1.0, 0.5])
-
-
-def test_further_instances_are_numbered_and_unknown_topics_follow(tmp_path: Path) -> None:
-    put(tmp_path, "log_airspeed_0.csv", "log_airspeed_1.csv", "log_battery_status_1.csv")
-    put(tmp_path, "log_my_own_topic_0.csv", "log_new_airspeed_0.csv", "other.csv")
-    own = {"my_own_topic", "new_airspeed"}
-    assert set(read(tmp_path).streams) == {"airspeed", "airspeed/1", "battery_status", *own}
-
-
-def test_one_bad_file_does_not_lose_the_others(tmp_path: Path) -> None:
-    put(tmp_path, "log_airspeed_0.csv")
-    bad = {"sensor_combined": "", "vehicle_attitude": "time,x\n1,2\n", "status": "timestamp,x\nnan,2\n"}
-    for topic, body in bad.items():
-        put(tmp_path, f"log_{topic}_0.csv", body=body)
-    recording = read(tmp_path)
-    assert set(recording.streams) == {"airspeed"}
     skipped = {d.place for d in recording.defects if d.kind == "skipped"}
     assert skipped == {f"log_{topic}_0.csv" for topic in bad}
 

@@ -37,7 +37,7 @@ def test_plain_and_gzipped_are_the_same(tmp_path: Path) -> None:
     assert [str(d) for d in defects] == ["a.csv x: 1 of 2 cells hold no number"]
 
 
-def test_a_cut_text_loses_only_its_last_line(tmp_path: Path) -> None:
+def test_a_cut_text_loses_only_its_last_line_and_a_cut_archive_yields_what_is_left(tmp_path: Path) -> None:
     whole = table()
     path = tmp_path / "a.csv"
     for end in range(len(whole) - 40, len(whole)):
@@ -45,9 +45,6 @@ def test_a_cut_text_loses_only_its_last_line(tmp_path: Path) -> None:
         columns, defects = read_table(path)
         assert columns["timestamp"].size == whole[:end].count(b"\n") - 1
         assert bool(defects) == (whole[end - 1 : end] != b"\n")
-
-
-def test_a_cut_archive_yields_what_is_left_or_says_so(tmp_path: Path) -> None:
     whole, path, sizes = gzip.compress(table(2000)), tmp_path / "a.csv.gz", []
     for end in range(0, len(whole) - 1, 397):
         path.write_bytes(whole[:end])

@@ -83,10 +83,13 @@ def recorded(folder: Path, content: bytes, topics: frozenset[str] | None = None)
     return read(folder / "a.ulg", topics=topics)
 
 
-def same_rows(ours: Recording, path: Path) -> None:
+def test_each_kind_of_message(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     from pyulog import ULog
 
-    theirs = {f"{d.name}/{d.multi_id}" if d.multi_id else d.name: d.data for d in ULog(str(path)).data_list}
+    ours = recorded(tmp_path, everything())
+    assert capsys.readouterr().out == ""
+    pyulog = ULog(str(tmp_path / "a.ulg"))
+    theirs = {f"{d.name}/{d.multi_id}" if d.multi_id else d.name: d.data for d in pyulog.data_list}
     assert set(ours.streams) == set(theirs)
     for name, data in theirs.items():
         stream = ours.streams[name]
@@ -95,14 +98,6 @@ def same_rows(ours: Recording, path: Path) -> None:
         assert set(stream.columns) == known
         for key in known:
             np.testing.assert_array_equal(stream.columns[key], data[key])
-
-
-def test_each_kind_of_message(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    from pyulog import ULog
-
-    ours = recorded(tmp_path, everything())
-    assert capsys.readouterr().out == ""
-    same_rows(ours, tmp_path / "a.ulg")
     assert np.array_equal(ours.streams["pack"].columns["cells[1].flags[2]"], np.arange(30))
     assert ours.parameters == {"GAIN": 0.5, "MODE": -3.0}
     info = ours.info
@@ -114,24 +109,19 @@ def test_each_kind_of_message(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     assert (unknown.kind, dropout.kind) == ("skipped", "dropout")
     assert "1 messages of unknown kinds" in str(unknown)
     assert str(dropout) == "a.ulg: the logger reports 1 dropouts, 0.12 s in all"
-    theirs = ULog(str(tmp_path / "a.ulg"))
-    assert ours.parameters == theirs.initial_parameters
-    assert theirs.changed_parameters == [(2_011_005, "GAIN", 0.75)]
-    assert theirs.get_default_parameters(0) == {"GAIN": 0.25}
-    assert [d.duration for d in theirs.dropouts] == [120]
+    assert ours.parameters == pyulog.initial_parameters
+    assert pyulog.changed_parameters == [(2_011_005, "GAIN", 0.75)]
+    assert pyulog.get_default_parameters(0) == {"GAIN": 0.25}
+    assert [d.duration for d in pyulog.dropouts] == [120]
 
 
-def test_only_the_topics_wanted(tmp_path: Path) -> None:
+def test_only_the_topics_wanted_and_appended_data(tmp_path: Path) -> None:
     whole = recorded(tmp_path, everything())
     part = recorded(tmp_path, everything(), frozenset({"plain", "not there"}))
     assert set(part.streams) == {"plain", "plain/2"}
     np.testing.assert_array_equal(part.streams["plain/2"].columns["x"], whole.streams["plain/2"].columns["x"])
     with pytest.raises(LogError, match="none of the topics wanted, but pack, plain; log others"):
         recorded(tmp_path, everything(), frozenset({"not there"}))
-
-
-def test_appended_data(tmp_path: Path) -> None:
-    """What was cut by the crash is dropped at the place where data were appended."""
     empty = HEAD + flags(0, 1, (2**20,)) + ulog_message("F", FORMATS[2]) + add(4, "plain")
     first = b"".join(row(4, "Qd", 2_000_000 + i, i) for i in range(10)) + row(4, "Qd", 1, 1)[:-4]
     last = b"".join(row(4, "Qd", 3_000_000 + i, -i) for i in range(5))
@@ -147,9 +137,6 @@ def test_a_topic_given_again_goes_on(tmp_path: Path) -> None:
     log = HEAD + flags() + ulog_message("F", FORMATS[2]) + add(4, "plain") + row(4, "Qd", 1_000_000, 1.0)
     log += ulog_message("R", struct.pack("<H", 4)) + add(6, "plain") + row(6, "Qd", 2_000_000, 2.0)
     assert np.array_equal(recorded(tmp_path, log).streams["plain"].columns["x"], [1.0, 2.0])
-
-
-def test_rows_of_a_topic_without_format_are_counted(tmp_path: Path) -> None:
     log = HEAD + flags() + ulog_message("F", FORMATS[2]) + add(4, "plain") + add(9, "lost")
     at = len(log) - len(add(9, "lost"))
     log += b"".join(row(4, "Qd", i + 1, i) + row(9, "Qd", i + 1, i) for i in range(4))
@@ -226,7 +213,7 @@ def test_a_header_that_is_repeated_without_end_costs_no_row_before_it(tmp_path: 
     assert sum(s.time.size for s in found.streams.values()) >= 60
 
 
-def test_formats_that_no_message_can_hold(tmp_path: Path) -> None:
+def test_formats_that_no_message_can_hold(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for texts in (
         ["a:b x;", "b:a x;"],
         ["a:a[65533] x;"],
@@ -257,9 +244,6 @@ def test_formats_that_no_message_can_hold(tmp_path: Path) -> None:
     for log, words in ((wide, None), (HEAD + flags(0, 2), "newer kind")):
         with pytest.raises(LogError, match=words):
             recorded(tmp_path, log)
-
-
-def test_sizes_of_formats_are_not_gone_through_without_end(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Formats, "max_visited", 1100)
     formats = Formats()
     formats.add(b"long:" + b"".join(b"uint8_t a%d;" % i for i in range(500)) + b"missing b;")

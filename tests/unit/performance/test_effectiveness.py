@@ -134,15 +134,12 @@ def test_a_weak_rotor_is_found_and_its_error_bar_holds(quad: Balance, hexa: Bala
     assert judge(found).kind != "healthy"
 
 
-def test_a_mass_is_told_by_the_yaw_that_it_leaves_alone(quad: Balance) -> None:
+def test_a_mass_is_told_by_its_yaw_and_what_no_rotor_explains_is_called_odd(quad: Balance) -> None:
     rng = np.random.default_rng(6)
     found = assess(flown(quad, rng, "new", near=2, mass=0.2), healthy(quad, rng, 5))
     assert (judge(found).kind, judge(found).rotors) == ("mass", ("M3",))
     mass = found.mass_near("M3")
     assert abs(mass.size - 0.2) < 3.0 * mass.std
-
-
-def test_what_no_rotor_explains_is_called_odd(quad: Balance) -> None:
     rng = np.random.default_rng(8)
     reference = healthy(quad, rng, 5)
     one = flown(quad, rng, "light")

@@ -54,9 +54,6 @@ def test_with_next_to_no_gusts_the_polar_and_the_efficiency_come_back() -> None:
     names = ("CD0", "K", "CL0", "best glide", "efficiency")
     truth = dict(zip(names, (*TRUTH, glide, EFFICIENCY), strict=True))
     assert {n: found[n][0] for n in truth} == pytest.approx(truth, rel=0.02)
-
-
-def test_no_power_balances_a_drag_far_below_zero() -> None:
     found = replace(fit_polar(flown(0), MASS, AREA, 0.01), values=np.array([-50.0, 0.0, 0.0, 1.0, 0.7, -1.0]))
     with warnings.catch_warnings():
         warnings.simplefilter("error")

@@ -46,7 +46,12 @@ def test_the_true_model_leaves_nothing_but_a_bias_of_the_fit(quad: Vehicle) -> N
     np.testing.assert_allclose(biased.model[:, 0] - curves.model[:, 0], 0.5, atol=1e-9)
 
 
-def test_a_constant_and_static_thrust_are_learned_from_what_was_fitted() -> None:
+def test_half_is_left_at_the_cutoff() -> None:
+    t = DT * np.arange(4000)
+    for frequency, share in ((0.5, 1.0), (CUTOFF, 0.5), (25.0, 0.0)):
+        wave = np.sin(2.0 * np.pi * frequency * t)[:, None]
+        left = np.std(low_passed(wave, DT)[500:-500]) / np.std(wave)
+        assert left == pytest.approx(share, abs=0.01)
     squares = np.linspace(1.0, 2.0, 50)
     force = np.column_stack([np.full(50, 0.3), np.full(50, -0.1), -4.0 - 3.0 * squares])
     learned = ForceCurves(DT * np.arange(50), force, force, squares)
@@ -55,14 +60,6 @@ def test_a_constant_and_static_thrust_are_learned_from_what_was_fitted() -> None
     assert (ax.constant, ax.static, ax.model) == pytest.approx((1.0, 1.0, 1.0))
     assert az.static == pytest.approx(0.0, abs=1e-9)
     assert az.constant == pytest.approx(float(np.std(force[:, 2])))
-
-
-def test_half_is_left_at_the_cutoff() -> None:
-    t = DT * np.arange(4000)
-    for frequency, share in ((0.5, 1.0), (CUTOFF, 0.5), (25.0, 0.0)):
-        wave = np.sin(2.0 * np.pi * frequency * t)[:, None]
-        left = np.std(low_passed(wave, DT)[500:-500]) / np.std(wave)
-        assert left == pytest.approx(share, abs=0.01)
 
 
 def test_the_voltage_is_averaged_where_the_file_says_so(quad: Vehicle) -> None:

@@ -27,9 +27,6 @@ def test_a_score_is_the_mean_of_rms_errors_over_ranges() -> None:
     assert score(measured, np.full_like(measured, np.nan)) == np.inf
     still = np.column_stack([measured[:, 0], np.ones(5)])  # what does not move has no range
     assert score(still, still + np.array([0.5, 3.0])) == 0.25
-
-
-def test_a_straight_flight_is_a_straight_line() -> None:
     time = np.arange(COUNT) * DT
     start = {"V": 20.0, "alpha": 0.1, "beta": 0.0, "phi": 0.0, "theta": 0.1, "psi": 0.5}
     place = {"pn": 20.0 * np.cos(0.5) * time, "pe": 3.0 + 20.0 * np.sin(0.5) * time, "pd": -7.0 + 0.0 * time}
