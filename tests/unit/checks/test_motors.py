@@ -21,10 +21,8 @@ from stoop.simulation.rotors import channel_range
 from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 
-INPUTS: tuple[Input, ...] = tuple(
-    (axis, "3-2-1-1", start, step, size)
-    for axis, start, step, size in (("roll", 1, 0.15, 8), ("pitch", 4, 0.15, 8), ("yaw", 7, 0.4, 1.5))
-)
+STEPS = "3-2-1-1"
+INPUTS = (("roll", STEPS, 1, 0.15, 8), ("pitch", STEPS, 4, 0.15, 8), ("yaw", STEPS, 7, 0.4, 1.5))
 
 
 def flown(vehicle: Vehicle, *inputs: Input) -> Flight:

@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from unit.checks.test_clean_flights import OWN
-from unit.flight.made_logs import body_rates, mapped_log
+from unit.flight.made_logs import mapped_log
+from unit.flight.test_mapping_draft import T, flown
 
 from stoop.base.arrays import FloatArray
 from stoop.base.notices import Notice
@@ -18,27 +19,17 @@ from stoop.checks.units import Sizes, without_jumps
 from stoop.errors import FlightError
 from stoop.flight import Flight, load
 
-T = 0.01 * np.arange(3000)
 DEG = 180.0 / np.pi
 FORCE = ("ax", "ay", "az")
 
 
-def motion() -> dict[str, np.ndarray]:
-    phi, theta, psi = 0.4 * np.sin(1.7 * T), 0.3 * np.sin(2.3 * T), 0.5 * np.sin(1.1 * T)
-    p, q, r = body_rates(phi, theta, *(np.gradient(x, T) for x in (phi, theta, psi)))
-    return {
-        "phi": phi, "theta": theta, "psi": psi, "p": p, "q": q, "r": r,
-        "ax": 9.8 * np.sin(theta), "ay": -9.8 * np.sin(phi), "az": -9.8 * np.cos(phi), "voltage": 12.0 + 0 * T,
-    }  # fmt: skip
-
-
 def flight(folder: Path, **changed: np.ndarray) -> Flight:
-    return load(mapped_log(folder / "f.csv", {"t": T, **motion(), **changed}))
+    return load(mapped_log(folder / "f.csv", {"t": T, **flown(), **changed}))
 
 
 def test_a_sign_a_unit_and_exchanged_axes(tmp_path: Path) -> None:
     assert flight(tmp_path).faults == ()
-    m, in_g = motion(), {name: motion()[name] / 9.8 for name in FORCE}
+    m, in_g = flown(), {name: flown()[name] / 9.8 for name in FORCE}
     whole = 'p = {column = "q", unit = "rad/s"} and q = {column = "p", unit = "rad/s"} under [variables] in'
     for changed, variable, fix in (
         ({"p": -m["p"]}, "p", "write scale = -1 for variables.p in"),
@@ -81,7 +72,7 @@ def test_units_that_explain_a_size() -> None:
 
 def noisy(folder: Path, units: str, **factors: float) -> list[str]:
     """Return what is told of a flight whose accelerometers are noisy and whose mapping says these units of them."""
-    rng, m = np.random.default_rng(0), motion()
+    rng, m = np.random.default_rng(0), flown()
     flight(folder, **{n: factors.get(n, 1.0) * (m[n] + rng.normal(0.0, 0.1, T.size)) for n in FORCE})
     file = folder / "f.csv.toml"
     text = file.read_text()
@@ -110,7 +101,7 @@ def test_a_heading_near_north_is_no_degree() -> None:
     """It jumps by a whole turn wherever it passes north, whichever way it turns."""
     r = 0.02 * np.sin(9.0 * T)
     heading = np.cumsum(r) * 0.01 + 2e-4 * np.random.default_rng(0).standard_normal(T.size)
-    values = motion() | {"r": r, "psi": np.mod(heading, 2.0 * np.pi)}
+    values = flown() | {"r": r, "psi": np.mod(heading, 2.0 * np.pi)}
     sizes = Sizes({name: (T, x) for name, x in values.items()})
     assert sizes.growth({}, "psi", "r") == pytest.approx(1.0, rel=0.2)
     heading = np.linspace(0.0, 20.0, 500)
@@ -121,7 +112,7 @@ def test_a_heading_near_north_is_no_degree() -> None:
 
 @pytest.mark.parametrize(("unit", "factor"), [("rad/s", DEG), ("deg/s", 1.0 / DEG)])
 def test_a_rate_that_was_converted_twice_is_multiplied_back(unit: str, factor: float) -> None:
-    values = {name: x for name, x in motion().items() if name != "voltage"}
+    values = {name: x for name, x in flown().items() if name != "voltage"}
     values["q"] = values["q"] / factor
     lines = {name: OWN[name] for name in values}
     lines["q"] = Line("m.toml", "variables.q", unit, {"column": "q", "unit": unit})

@@ -23,7 +23,7 @@ from stoop_studies.verify import lines
 from stoop_studies.verify.lines import CALIBRATED, FRAMES, Mangled, flown, misread, times
 
 Columns = dict[str, FloatArray]
-ROS = next(frame for frame in FRAMES if frame.words == "all in flu and enu")
+
 #: as meters a second it is most of the speed, and where it is small the aircraft is no less in the air
 FEET = times("climb in ft/min", 60.0 / 0.3048, "vd")
 
@@ -129,24 +129,15 @@ def airborne(winged: bool, *without: str) -> tuple[FloatArray, Columns]:
     return time[up], {name: x[up] for name, x in truth.items() if name not in without}
 
 
-def named_and_corrected(folder: Path, frame: Mangled, winged: bool) -> None:
+@pytest.mark.parametrize("winged", [True, False], ids=["aircraft", "multirotor"])
+@pytest.mark.parametrize("frame", [*FRAMES, FEET], ids=lambda frame: frame.words)
+def test_other_axes_are_named_and_corrected(tmp_path: Path, frame: Mangled, winged: bool) -> None:
     time, truth = aircraft(3000, winged)
-    path, mapping = put(folder, time, dict(frame.apply(truth)))
+    path, mapping = put(tmp_path, time, dict(frame.apply(truth)))
     assert lines.verdict(lines.accusations(path, mapping), frame.lines) == "named"
     made = corrected_mapping(path, mapping)
     assert made.left == ()
     assert misread(path, made.text, frame.shown(truth), truth, CALIBRATED) == []
-
-
-@pytest.mark.parametrize("frame", [ROS, FEET], ids=["ros", "feet"])
-def test_axes_of_ros_and_a_climb_in_feet_are_named_and_corrected(tmp_path: Path, frame: Mangled) -> None:
-    named_and_corrected(tmp_path, frame, winged=True)
-
-
-@pytest.mark.parametrize("winged", [True, False], ids=["aircraft", "multirotor"])
-@pytest.mark.parametrize("frame", FRAMES, ids=lambda frame: frame.words)
-def test_other_axes_are_named_and_corrected(tmp_path: Path, frame: Mangled, winged: bool) -> None:
-    named_and_corrected(tmp_path, frame, winged)
 
 
 def found(time: FloatArray, shown: Columns) -> list[Notice]:

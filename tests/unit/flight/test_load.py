@@ -77,7 +77,7 @@ def test_rows_out_of_order_are_dropped_and_what_is_missing_or_impossible_leaves_
     assert np.isnan(load(write(tmp_path, table)).column("p")).all()
 
 
-def test_nothing_of_use_is_left(tmp_path: Path) -> None:
+def test_nothing_of_use_is_left_and_wild_stamps_make_no_flight_of_hours(tmp_path: Path) -> None:
     for size in (0, 1):
         with pytest.raises(LogError):
             load(write(tmp_path, rows(size)))
@@ -85,6 +85,18 @@ def test_nothing_of_use_is_left(tmp_path: Path) -> None:
     wild[250:, 0] = 1e12 + np.arange(250)
     with pytest.raises(StoopError, match="too long for a grid"):  # and memory is not filled
         load(write(tmp_path, wild))
+    log = tmp_path / "a.ulg"
+
+    def flown(time: np.ndarray) -> Flight:
+        columns = {f"xyz[{i}]": np.ones(time.size, "f4") for i in range(3)}
+        log.write_bytes(ulog([Topic("vehicle_angular_velocity", time, columns)]))
+        return load(log)
+
+    flight = flown(np.append(2.0 + 0.02 * np.arange(59), 34_359.0))
+    assert flight.time[-1] < 4.0
+    assert notice("stray-samples", "vehicle_angular_velocity", count=1, distance=60.0) in flight.notices
+    with pytest.raises(FlightError, match="only 30 samples in 29000 s: a clock is damaged"):
+        flown(1000.0 * np.arange(30))
     (tmp_path / "topics").mkdir()
     (tmp_path / "topics" / "log_cpuload_0.csv").write_text("timestamp,load\n1,2\n3,4\n")
     with pytest.raises(FlightError, match="no variable of the registry"):
@@ -173,18 +185,3 @@ def test_an_attitude_in_two_files_is_whole(tmp_path: Path) -> None:
     assert flight.air is not None
     assert "no-air-data" not in codes(flight)
     assert set(flight.sources) == {str(name) for name in flight.data.data_vars}
-
-
-def test_wild_stamps_make_no_flight_of_hours(tmp_path: Path) -> None:
-    log = tmp_path / "a.ulg"
-
-    def flown(time: np.ndarray) -> Flight:
-        columns = {f"xyz[{i}]": np.ones(time.size, "f4") for i in range(3)}
-        log.write_bytes(ulog([Topic("vehicle_angular_velocity", time, columns)]))
-        return load(log)
-
-    flight = flown(np.append(2.0 + 0.02 * np.arange(59), 34_359.0))
-    assert flight.time[-1] < 4.0
-    assert notice("stray-samples", "vehicle_angular_velocity", count=1, distance=60.0) in flight.notices
-    with pytest.raises(FlightError, match="only 30 samples in 29000 s: a clock is damaged"):
-        flown(1000.0 * np.arange(30))

@@ -258,7 +258,7 @@ def test_a_source_without_a_value_supplies_nothing_and_altitude_counts_from_the_
         assert (found == altitude).all()
 
 
-def test_pulses_of_the_instance_that_moves_most() -> None:
+def test_pulses_of_the_instance_that_moves_most_and_commands_without_pulses() -> None:
     t = sampled(10).time
     driven = {f"output[{i}]": np.full(t.size, x) for i, x in ((0, 1500.0), (1, 0.0), (4, 1000.0))}
     assert set(named(actuator_outputs=Stream(t, driven))) == {"pwm_1", "pwm_5"}
@@ -273,9 +273,6 @@ def test_pulses_of_the_instance_that_moves_most() -> None:
     assert named(**{"actuator_outputs/1": moved}).keys() == {"pwm_1"}
     for alone in ({"actuator_outputs/1": moved}, {"actuator_outputs": idle}):
         assert as_px4(alone).notices == []
-
-
-def test_actuators_without_pulses_and_commands_of_either_generation() -> None:
     nothing = np.full(40, np.nan)
     columns = {"control[0]": np.full(40, 0.1), "control[1]": np.full(40, -0.2), "control[2]": nothing}
     found = named(actuator_servos=sampled(10, **columns), actuator_motors=sampled(10, **columns))

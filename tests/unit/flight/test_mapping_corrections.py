@@ -52,7 +52,7 @@ def test_one_variable_of_a_group_is_turned_and_the_others_stay(tmp_path: Path) -
     assert made.left == ()
 
 
-def test_edits_of_a_group_change_its_lists(tmp_path: Path) -> None:
+def test_edits_of_a_group_change_its_lists_or_advise_where_columns_are_not_plain(tmp_path: Path) -> None:
     place = tmp_path / "m.toml"
     place.write_text(GROUPED.replace('unit = "rad/s"', 'scale = [1.0, 2.0, 3.0]\nunit = "rad/s"'))
     lines = read_lines(dict.fromkeys("pqr", f"{place}: group.gyro.sources[0]"))
@@ -63,6 +63,16 @@ def test_edits_of_a_group_change_its_lists(tmp_path: Path) -> None:
     text = with_changes(place.read_text(), [*map(str, swapped.changes(lines))])
     (source,) = tomllib.loads(text)["group"]["gyro"]["sources"]
     assert (source["columns"], source["scale"]) == (["q", "p", "r"], [2, 1, 3])
+    place = tmp_path / "m.toml"
+    for entry in (
+        'columns = ["g[{0..2}]"]', 'columns = "g[{0..2}]"',
+        'columns = ["p", "q", "r"]\nframe = "flu"', 'columns = [{p = 1.0, q = -1.0}, "q", "r"]',
+    ):  # fmt: skip
+        place.write_text(f"{GYRO}{entry}\n")
+        lines = read_lines(dict.fromkeys("pqr", f"{place}: group.gyro.sources[0]"))
+        for edit in (*mapping_edits(dict.fromkeys("pqr", (T, T)), "pqr", lines, {}), *frame_edits(lines)):
+            assert edit.changes(lines) == ()
+            assert "group.gyro" in edit.advice(lines)
 
 
 def test_the_verb_writes_the_mapping(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -74,19 +84,6 @@ def test_the_verb_writes_the_mapping(tmp_path: Path, capsys: pytest.CaptureFixtu
     assert other.read_text() == before.replace('"q", unit = "rad/s"}', '"q", unit = "rad/s", scale = -1}')
     assert main(["map", str(path), "--apply", str(mapping)]) == 0
     assert capsys.readouterr().out == other.read_text()
-
-
-def test_columns_that_are_not_plain_get_advice_without_changes(tmp_path: Path) -> None:
-    place = tmp_path / "m.toml"
-    for entry in (
-        'columns = ["g[{0..2}]"]', 'columns = "g[{0..2}]"',
-        'columns = ["p", "q", "r"]\nframe = "flu"', 'columns = [{p = 1.0, q = -1.0}, "q", "r"]',
-    ):  # fmt: skip
-        place.write_text(f"{GYRO}{entry}\n")
-        lines = read_lines(dict.fromkeys("pqr", f"{place}: group.gyro.sources[0]"))
-        for edit in (*mapping_edits(dict.fromkeys("pqr", (T, T)), "pqr", lines, {}), *frame_edits(lines)):
-            assert edit.changes(lines) == ()
-            assert "group.gyro" in edit.advice(lines)
 
 
 def test_an_exchange_writes_names_of_any_kind_and_only_within_a_stream(tmp_path: Path) -> None:

@@ -140,9 +140,7 @@ def test_a_mass_is_told_by_its_yaw_and_what_no_rotor_explains_is_called_odd(quad
     assert (judge(found).kind, judge(found).rotors) == ("mass", ("M3",))
     mass = found.mass_near("M3")
     assert abs(mass.size - 0.2) < 3.0 * mass.std
-    rng = np.random.default_rng(8)
-    reference = healthy(quad, rng, 5)
-    one = flown(quad, rng, "light")
+    one, reference = flown(quad, rng, "light"), healthy(quad, rng, 5)
     light = replace(one, thrust=0.8 * one.thrust, torque=0.8 * one.torque)
     assert judge(assess(light, reference)).kind == "odd"
 
