@@ -1,5 +1,3 @@
-"""A small fit whose model lacks a term of the truth, shared by these tests."""
-
 from __future__ import annotations
 
 import pytest

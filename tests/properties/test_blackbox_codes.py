@@ -55,15 +55,14 @@ def three(values: list[int], cases: tuple[tuple[tuple[int, ...], str], ...]) -> 
             return packed(head + (gap if tag == 2 else "").join(map(two, values, widths)))
     sizes = [next(n for n in range(1, 5) if fits([v], (8 * n,))) for v in values]
     lead = 3 << 6 | sum((n - 1) << 2 * k for k, n in enumerate(sizes))
-    return bytes([lead]) + b"".join(
-        (v % 2**32).to_bytes(4, "little")[:n] for v, n in zip(values, sizes, strict=True)
-    )
+    whole = ((v % 2**32).to_bytes(4, "little") for v in values)
+    return bytes([lead]) + b"".join(v[:n] for v, n in zip(whole, sizes, strict=True))
 
 
 def four(values: list[int]) -> bytes:
     """Widths 0, 4, 8 and 16 bits, two bits each, of the first number lowest; then the numbers without gaps."""
     codes = [
-        0 if v == 0 else next(c for c, w in ((1, 4), (2, 8), (3, 16)) if fits([v], (w,))) for v in values
+        next(c for c, w in enumerate((0, 4, 8, 16)) if (fits([v], (w,)) if w else not v)) for v in values
     ]
     bits = "".join(two(v, (0, 4, 8, 16)[c]) for v, c in zip(values, codes, strict=True))
     return bytes([sum(c << 2 * k for k, c in enumerate(codes))]) + packed(bits)

@@ -29,7 +29,8 @@ from stoop.vehicle.load import parse_vehicle
 
 WINDOWS = Window("a", 0.0, 5.0), Window("b", 0.0, 5.0)
 FREE = ("Cmalpha", "Cmq", "Cmelevator")
-Case = tuple[Vehicle, Mapping[str, Flight]]
+Flights = Mapping[str, Flight]
+Case = tuple[Vehicle, Flights]
 
 
 @cache
@@ -49,9 +50,8 @@ def freed(vehicle: Vehicle) -> Vehicle:
 
 def flown(vehicle: Vehicle, duration: float = 5.0, amplitude: float = 0.05) -> Mapping[str, Flight]:
     given = {"control": "elevator", "shape": "doublet", "start": 0.5, "step": 0.5, "amplitude": amplitude}
-    maneuver = Maneuver.model_validate(
-        {"duration": duration, "rate": 50.0, "altitude": 200.0, "input": [given]}
-    )
+    whole = {"duration": duration, "rate": 50.0, "altitude": 200.0, "input": [given]}
+    maneuver = Maneuver.model_validate(whole)
     return {name: simulate_flight(vehicle, maneuver, seed=i, name=name) for i, name in enumerate("ab")}
 
 
@@ -60,9 +60,7 @@ def flights(reduced: bool = True) -> Mapping[str, Flight]:
     return flown(known() if reduced else whole())
 
 
-def changed(
-    channel: str, change: Callable[[np.ndarray, int], np.ndarray], names: str = "ab"
-) -> Mapping[str, Flight]:
+def changed(channel: str, change: Callable[[np.ndarray, int], np.ndarray], names: str = "ab") -> Flights:
     out = dict(flights())
     for k, name in enumerate(names):
         data, column = out[name].data, change(out[name].column(channel).copy(), k)

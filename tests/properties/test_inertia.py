@@ -173,6 +173,18 @@ def test_the_written_tensor_is_that_of_the_vehicle(
     assert reader(made, tmp_path) == pytest.approx(tensor(vehicle, up), rel=1e-9)
 
 
+def test_state_space_turns_the_tensor_of_the_vehicle(quad: Vehicle) -> None:
+    """At rest I dw'/dx are the derivatives of the moments, whatever the tensor."""
+    plain, moments = quad.with_numbers({f"mass.inertia.{n}": {"value": 0.0} for n in SIX[3:]}), []
+    for vehicle in (quad, plain):
+        made = exported("state-space", vehicle)
+        read = json.loads(made.files[made.main])
+        turned = [[s["name"] for s in read["states"]].index(a) for a in "pqr"]
+        moments.append(tensor(vehicle) @ np.array(read["A"])[turned])
+    assert np.abs(moments[0]).max() > 0.1
+    assert moments[0] == pytest.approx(moments[1], rel=1e-6, abs=1e-8)
+
+
 @pytest.mark.parametrize("target", ["pyflyt", "gym-pybullet-drones", "isaac", "crazyflow", "mujoco"])
 def test_parameter_sets_hold_the_tensor_of_each_draw(target: str, quad: Vehicle) -> None:
     drawn = {f"mass.inertia.{n}": np.array([1.1 * x, 0.8 * x]) for n, x in NUMBERS.items()}

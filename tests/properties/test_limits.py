@@ -49,9 +49,8 @@ def grade(found: Result, size: float = 0.0) -> str:
 def lacks(moved: float, error: float = 0.01) -> Result:
     """Return a result with an extension that moves Clp, -0.5, by some standard errors."""
     test = ExtensionTest("x.lag", "lag", 0.04, 0.004, "s", 10.0, 1e-9, 50.0, "line", moves={"Clp": moved})
-    return result(
-        parameters={"Clp": ParameterEstimate(-0.5, error)}, extensions=ExtensionTests(100, 0.01, (test,))
-    )
+    known = {"Clp": ParameterEstimate(-0.5, error)}
+    return result(parameters=known, extensions=ExtensionTests(100, 0.01, (test,)))
 
 
 def colored(p_value: float) -> Result:

@@ -144,9 +144,7 @@ def test_text_within_formulas_and_tables_is_text() -> None:
     assert "&lt;b&gt;&amp;" in page
 
 
-def test_a_result_is_moved_into_place_after_what_it_describes(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Any
-) -> None:
+def test_a_result_is_moved_into_place_after_what_it_describes(monkeypatch: Any, tmp_path: Any) -> None:
     model: Any = SimpleNamespace(
         attachments={"posterior.nc": b""}, vehicle=None, parameters={}, flights=(), archive=b"x", files=(),
         traces=(), convergence=None, command="", result=None,

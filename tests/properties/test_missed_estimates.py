@@ -1,5 +1,3 @@
-"""Properties of estimates, searches and files that no quick test held: each kills a planted defect that others missed."""
-
 from __future__ import annotations
 
 import math
@@ -156,9 +154,7 @@ def test_time_left_counts_what_was_computed_now(tmp_path: Path, monkeypatch: pyt
     np.testing.assert_allclose(left, [seen[1].seconds * 2.0, seen[2].seconds / 2.0, 0.0], rtol=1e-9)
 
 
-def test_the_band_of_white_residuals_narrows_with_the_root_of_their_number(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_the_band_of_white_residuals_narrows_with_the_root_of_their_number(monkeypatch: Any) -> None:
     axes = MagicMock(**{"plot.return_value": [Mock()]})
     monkeypatch.setattr(charts, "canvas", contextmanager(lambda *_, **__: iter([(None, (axes,))])))
     monkeypatch.setattr(charts, "svg", lambda *_: "")

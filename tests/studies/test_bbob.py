@@ -1,5 +1,3 @@
-"""The BBOB functions as problems, and the arithmetic of their benchmark."""
-
 from __future__ import annotations
 
 import importlib

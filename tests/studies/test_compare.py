@@ -1,5 +1,3 @@
-"""Comparisons from plan to page, on problems that cost nothing."""
-
 from __future__ import annotations
 
 import csv

@@ -1,5 +1,3 @@
-"""Running times, intervals and tests against cases that can be worked out by hand, and against SciPy."""
-
 from __future__ import annotations
 
 from math import inf

@@ -1,5 +1,3 @@
-"""A flight as a problem of comparison: the same numbers as `stoop identify` fits, joined into one box."""
-
 from __future__ import annotations
 
 import re

@@ -1,5 +1,3 @@
-"""What is taken for the truth of JSBSim's F450, against JSBSim's own numbers and against our equations."""
-
 from __future__ import annotations
 
 import numpy as np

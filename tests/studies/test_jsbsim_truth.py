@@ -1,6 +1,6 @@
-"""What stoop is told of JSBSim's aircraft, and what is taken for the truth, against JSBSim's own numbers."""
-
 from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 import pytest
@@ -27,14 +27,13 @@ def cessna() -> Aircraft:
 
 def test_inertia_is_the_one_that_jsbsim_turns_by(cessna: Aircraft) -> None:
     i = inertia(cessna)
-    tensor = np.array(
-        [[i["xx"], -i["xy"], -i["xz"]], [-i["xy"], i["yy"], -i["yz"]], [-i["xz"], -i["yz"], i["zz"]]]
-    )
+    xy, xz, yz = (-i[a] for a in ("xy", "xz", "yz"))
+    tensor = np.array([[i["xx"], xy, xz], [xy, i["yy"], yz], [xz, yz, i["zz"]]])
     rates = cessna.read([f"velocities/{a}i-rad_sec" for a in "pqr"])
     turning = cessna.read([f"accelerations/{a}idot-rad_sec2" for a in "pqr"])
     moment = cessna.read([f"moments/{a}-total-lbsft" for a in "lmn"]) * 1.3558179483314004
     assert tensor @ turning + np.cross(rates, tensor @ rates) == pytest.approx(moment, abs=1e-8)
-    assert min(abs(i[a]) for a in ("xy", "xz", "yz")) > 1.0, "all three signs count"
+    assert np.abs([xy, xz, yz]).min() > 1.0, "all three signs count"
 
 
 def test_moment_at_the_reference_point_is_the_sum_of_the_tables(cessna: Aircraft) -> None:
@@ -91,9 +90,7 @@ def short_case() -> tuple[Vehicle, Recording, dict[str, float]]:
     return vehicle, flown, derivatives(jsbsim, trim, vehicle, flown)
 
 
-def test_flights_are_the_same_again(
-    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_flights_are_the_same_again(monkeypatch: pytest.MonkeyPatch, capfd: Any) -> None:
     brief(monkeypatch)
     first, second = (fly(one, trimmed(one)) for one in (Aircraft(CESSNA), Aircraft(CESSNA)))
     assert all(np.array_equal(first.columns[c], second.columns[c]) for c in first.columns)

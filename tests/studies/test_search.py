@@ -1,5 +1,3 @@
-"""One search as a campaign runs it: stops share one run, what is told is what `minimize` says."""
-
 from __future__ import annotations
 
 import numpy as np

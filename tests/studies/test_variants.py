@@ -1,5 +1,3 @@
-"""What may stand in place of an optimizer's name."""
-
 from __future__ import annotations
 
 import pytest

@@ -1,5 +1,3 @@
-"""What follows selection: exchange between islands, acceleration, migration, second mutation; and local search."""
-
 from __future__ import annotations
 
 import numpy as np

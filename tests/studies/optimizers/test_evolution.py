@@ -1,5 +1,3 @@
-"""The compositions of differential evolution, against a naive twin of the paper's steps."""
-
 from __future__ import annotations
 
 from collections.abc import Callable

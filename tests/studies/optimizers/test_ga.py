@@ -1,5 +1,3 @@
-"""The genetic algorithm on arrays against pymoo's own, and its operators against what defines them."""
-
 from __future__ import annotations
 
 from typing import Any

@@ -1,5 +1,3 @@
-"""Mutations against naive twins, and the properties that every operator must have."""
-
 from __future__ import annotations
 
 from collections import Counter

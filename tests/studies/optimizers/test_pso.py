@@ -1,5 +1,3 @@
-"""The canonical swarm against its naive twin, and against what is known of it."""
-
 from __future__ import annotations
 
 import numpy as np

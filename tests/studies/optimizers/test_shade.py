@@ -1,5 +1,3 @@
-"""L-SHADE, jSO and ordered SHADE: their pieces against the definitions, the whole against a naive twin."""
-
 from __future__ import annotations
 
 from collections.abc import Callable
@@ -77,9 +75,8 @@ def test_the_population_shrinks_to_four_over_the_planned_budget(make: Callable[.
     budget, sizes = 3000.0, []
     problem = Only(rastrigin, 5)
     stop = optimize.Stop(generations=10**6, budget=1.1 * budget, target_cost=-1.0)
-    optimize.minimize(
-        make(budget), problem, seed=0, stop=stop, callback=lambda p: sizes.append(len(p.state.X))
-    )
+    note = lambda p: sizes.append(len(p.state.X))  # noqa: E731
+    optimize.minimize(make(budget), problem, seed=0, stop=stop, callback=note)
     assert sizes[-1] == 4
     assert (np.diff(sizes) <= 0).all()
     assert problem.asked <= 1.1 * budget

@@ -1,5 +1,3 @@
-"""The quadrotor's and the hexacopter's problems: what the truth costs, who finds it, what is refused."""
-
 from __future__ import annotations
 
 from pathlib import Path

@@ -1,5 +1,3 @@
-"""The paper's problem: what is measured, where the optimum lies, what counts as reached."""
-
 from __future__ import annotations
 
 import numpy as np

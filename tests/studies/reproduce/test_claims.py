@@ -1,5 +1,3 @@
-"""Claims follow the numbers: made-up runs turn every verdict round."""
-
 from __future__ import annotations
 
 from itertools import product

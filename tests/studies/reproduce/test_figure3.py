@@ -1,5 +1,3 @@
-"""Figure 3, and the index of the pages."""
-
 from __future__ import annotations
 
 from stoop_studies.findings import Setting

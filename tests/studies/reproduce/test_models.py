@@ -1,5 +1,3 @@
-"""The two claims of the paper's text: what their models are, against formulas and against hand-made cases."""
-
 from __future__ import annotations
 
 import numpy as np
@@ -32,9 +30,8 @@ def test_biases_are_added_to_their_channels_only() -> None:
     assert difference[:, outputs.index("beta")] == pytest.approx(0.01)
     assert np.abs(np.delete(difference, outputs.index("beta"), axis=1)).max() == 0.0
     every = lateral.measured("all", 0, noise=False) - lateral.truth().measured(0, noise=False)
-    assert dict(zip(outputs, every[7], strict=True)) == pytest.approx(
-        dict.fromkeys(outputs, 0.0) | lateral.BIASES
-    )
+    wanted = dict.fromkeys(outputs, 0.0) | lateral.BIASES
+    assert dict(zip(outputs, every[7], strict=True)) == pytest.approx(wanted)
 
 
 def test_the_bound_does_not_depend_on_the_box() -> None:

@@ -1,5 +1,3 @@
-"""Multirotors: claims follow the numbers, and without data the real flight is left out."""
-
 from __future__ import annotations
 
 from typing import Any

@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-import contextlib
-import csv
-import io
 import os
 import signal
-import sqlite3
 import sys
 from collections.abc import Mapping
 from pathlib import Path
@@ -15,12 +11,9 @@ from typing import Any, Final
 from unittest import mock
 
 from studies.robustness.small_runs import STORES, check_file, reproducible_outputs, written
-from studies.robustness.trials import promise
 
 from stoop.base.files import SCRATCH
-from stoop.base.npz import read_arrays
 from stoop.cli.main import main
-from stoop.optimize import load_state
 
 #: events that change files, beside open for writing
 CHANGES: Final = ("os.mkdir", "os.rename", "os.remove", "os.rmdir", "sqlite3.connect")
@@ -71,26 +64,6 @@ def differences(expected: Mapping[str, bytes], out: Path) -> str:
     return "; ".join(f"{what}: {', '.join(names)}" for what, names in parts.items() if names)
 
 
-def _check_table(path: Path) -> None:
-    text = path.read_text(encoding="utf-8")
-    promise(len({*map(len, csv.reader(io.StringIO(text)))}) == 1 and text.endswith("\n"), "cut")
-
-
-def _check_store(path: Path) -> None:
-    with contextlib.closing(sqlite3.connect(path)) as store:
-        promise(store.execute("PRAGMA integrity_check").fetchall() == [("ok",)], "damaged")
-
-
-def _check_archive(path: Path) -> None:
-    if path.name == "search.npz":
-        load_state(path)
-    with path.open("rb") as file:
-        read_arrays(file, 2**31)
-
-
-CHECKS: Final = {".csv": _check_table, ".npz": _check_archive, STORES: _check_store}
-
-
 def broken(out: Path) -> str:
     """Return which file of a killed run is not whole, and what piles up; empty if nothing is wrong."""
     hidden = [path.name for path in out.iterdir() if path.name.startswith(SCRATCH)]
@@ -98,7 +71,7 @@ def broken(out: Path) -> str:
         return f"piles up: {', '.join(hidden)}"
     for path in sorted(p for p in out.iterdir() if p.name not in hidden and not p.name.endswith("-journal")):
         try:
-            CHECKS.get(path.suffix, check_file)(path)
+            check_file(path)
         except Exception as error:
             return f"{path.name} is not whole: {type(error).__name__}: {error}"
     return ""

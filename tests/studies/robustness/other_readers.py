@@ -28,15 +28,12 @@ from studies.robustness.trials import LISTED, READ, promise
 
 from stoop import logs
 from stoop.errors import StoopError
-from stoop.logs.recording import Defect
 
 DESCRIPTIVE = frozenset({"FMT", "FMTU", "UNIT", "MULT", "PARM", "MSG", "VER"})
-EMPTY_CELLS = frozenset(
-    (
-        "", "#N/A", "#N/A N/A", "#NA", "-1.#IND", "-1.#QNAN", "-NaN", "-nan", "1.#IND", "1.#QNAN", "<NA>", "N/A", "NA", "NULL",
-        "NaN", "None", "n/a", "nan", "null",
-    )
-)  # fmt: skip  #: what tables write where there is no number, as pandas documents it
+EMPTY_CELLS = {
+    "", "#N/A", "#N/A N/A", "#NA", "-1.#IND", "-1.#QNAN", "-NaN", "-nan", "1.#IND", "1.#QNAN", "<NA>", "N/A", "NA", "NULL",
+    "NaN", "None", "n/a", "nan", "null",
+}  # fmt: skip  #: what tables write where there is no number, as pandas documents it
 SAME = "same"  #: both read a log, and find the same
 Columns = Mapping[str, np.ndarray]
 
@@ -131,9 +128,8 @@ def by_pymavlink(path: Path, _: Path | None) -> dict[str, Samples]:
         kinds, _, names = layout.partition(" ")
         labels: list[str] = []
         for letter, name in zip(kinds, (n.strip() for n in names.split(",")), strict=True):
-            labels += (
-                [] if letter in "nNZ" else [f"{name}[{i}]" for i in range(32)] if letter == "a" else [name]
-            )
+            several = [f"{name}[{i}]" for i in range(32)] if letter == "a" else [name]
+            labels += [] if letter in "nNZ" else several
         block = dict(zip(labels, np.array(table, dtype=np.float64).T, strict=True))
         time = 1e-6 * block.pop("TimeUS")
         samples = Samples(time, by_plain_name(block), stream not in split)
@@ -171,9 +167,7 @@ def by_csv(path: Path, mapping: Path | None) -> dict[str, Samples]:
     """Read a table by Python's csv module and `float`; a cell that is empty or holds no number is NaN."""
     raw = gzip.decompress(path.read_bytes()) if path.suffix == ".gz" else path.read_bytes()
     lines = raw.decode("utf-8-sig")
-    lines = (
-        lines[: lines.rfind("\n") + 1] or lines
-    )  # a last line without an end is perhaps cut, and is dropped
+    lines = lines[: lines.rfind("\n") + 1] or lines  # a last line without an end is perhaps cut
     head, *cells = csv.reader(io.StringIO(lines, newline=""), strict=True)
     full = [row for row in cells if row]
     if any(len(row) > len(full[0]) for row in full):  # stoop refuses a table whose lines grow
@@ -230,9 +224,7 @@ def same(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return np.asarray((a.view(np.int64) == b.view(np.int64)) | (np.isnan(a) & np.isnan(b)))
 
 
-def compare_samples(
-    name: str, time: np.ndarray, columns: Columns, other: Samples, about: Sequence[Defect]
-) -> None:
+def compare_samples(name: str, time: np.ndarray, columns: Columns, other: Samples, about: Any) -> None:
     """Compare a stream with the samples that another reader finds in it.
 
     Where both have all samples they are compared one by one, else at the times that occur once in both. Stoop drops samples
@@ -259,9 +251,7 @@ def compare_samples(
     damages = sum(defect.kind not in ("time order", "text") for defect in about)
     for key in columns.keys() & other.columns.keys():
         wrong = np.flatnonzero(~same(columns[key][here], other.columns[key][there]))
-        promise(
-            wrong.size <= damages, f"{name} {key} is not the same, samples {wrong[:9]}"
-        )  # each damages one at most
+        promise(wrong.size <= damages, f"{name} {key} is not the same, samples {wrong[:9]}")
 
 
 def longest_run(time: np.ndarray) -> int:

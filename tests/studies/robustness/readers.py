@@ -82,9 +82,8 @@ def in_this_process():
     They call whatever is raised damage, as libraries raise anything; what our own code raises by mistake is a
     `BrokenPromiseError` here.
     """
-    modules = [
-        importlib.import_module(f"stoop.logs.{n}") for n in ("guard", "matlab", "netcdf", "parquet", "rosbag")
-    ]
+    names = ("guard", "matlab", "netcdf", "parquet", "rosbag")
+    modules = [importlib.import_module(f"stoop.logs.{n}") for n in names]
 
     def here(known: str, path: Path, folder: Path, limits: guard.Limits) -> None:
         with warnings.catch_warnings(), ExitStack() as patches:

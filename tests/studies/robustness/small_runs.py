@@ -7,11 +7,13 @@ result.json, and on the page), and the command on the page, which may have gaine
 from __future__ import annotations
 
 import contextlib
+import csv
 import io
 import json
 import os
+import sqlite3
 import xml.etree.ElementTree as ET
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor, Future
 from contextlib import ExitStack, contextmanager
 from functools import cache
@@ -24,28 +26,24 @@ from unittest import mock
 
 from studies.robustness.trials import BrokenPromiseError, lay_out, promise
 
+from stoop.base.npz import read_arrays
 from stoop.base.toml import parse_source
-from stoop.cli.main import main
+from stoop.cli.main import USER_ERROR, main
 from stoop.errors import StoopError
 from stoop.flight import load
+from stoop.optimize import load_state
 from stoop.parallel.pools import Given
 from stoop.results.result import from_json, to_json
 from stoop.vehicle import load_vehicle
 
-MANEUVER: Final = """\
-format = "stoop-maneuver/1"
+MANEUVER: Final = """
 duration = 12.0
 rate = 50.0
 airspeed = 35.0
 altitude = 200.0
-
-[[input]]
-control = "elevator"
-shape = "3-2-1-1"
-start = 1.0
-step = 0.3
-amplitude = 0.2
+input = [{ control = "elevator", shape = "3-2-1-1", start = 1.0, step = 0.3, amplitude = 0.2 }]
 """
+ERROR: Final = "stoop: error: "
 OUT: Final = "out"  #: where every verb writes
 TIMED: Final = ("bounds", "gusts", "run", "sensor_delays")  #: decisions whose seconds are in result.json
 STORES: Final = ".sqlite"  #: ending of stores, which hold what was done in the order in which it was done
@@ -125,14 +123,18 @@ class Ended(NamedTuple):
     stderr_lines: tuple[str, ...]
 
 
-def run(words: tuple[str, ...], threads: int = 1) -> Ended:
-    with (
-        reproducible_outputs(threads),
-        contextlib.redirect_stdout(io.StringIO()),
-        contextlib.redirect_stderr(io.StringIO()) as stderr,
-    ):
+def said(words: Sequence[str]) -> tuple[int, str, str]:
+    """Run a verb; return its exit code, and what it printed on stdout and stderr."""
+    out, errors = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(errors):
         code = main(words)
-    return Ended(code, tuple(stderr.getvalue().splitlines()))
+    return code, out.getvalue(), errors.getvalue()
+
+
+def run(words: Sequence[str], threads: int = 1) -> Ended:
+    with reproducible_outputs(threads):
+        code, _, errors = said(words)
+    return Ended(code, tuple(errors.splitlines()))
 
 
 def done(words: tuple[str, ...]) -> None:
@@ -175,16 +177,27 @@ def _read_page(path: Path) -> None:
     promise(text.startswith("<!doctype html") and text.endswith("</html>"), f"{path.name} is cut off")
 
 
+def _read_table(path: Path) -> None:
+    text = path.read_text("utf-8")
+    promise(len({*map(len, csv.reader(io.StringIO(text)))}) == 1 and text.endswith("\n"), "cut")
+
+
+def _read_store(path: Path) -> None:
+    with contextlib.closing(sqlite3.connect(path)) as store:
+        promise(store.execute("PRAGMA integrity_check").fetchall() == [("ok",)], "damaged")
+
+
+def _read_archive(path: Path) -> None:
+    with path.open("rb") as file:
+        read_arrays(file, 2**31)
+
+
 READERS: Final[Mapping[str, Callable[[Path], Any]]] = {
-    "result.json": _read_result,
-    ".json": lambda path: json.loads(path.read_text("utf-8"), parse_constant=_no_number),
-    ".html": _read_page,
-    "vehicle.toml": load_vehicle,
-    "v.toml": load_vehicle,
-    ".toml": lambda path: parse_source(path.read_text("utf-8"), path.name, StoopError),
-    ".nc": load,
-    ".xml": ET.parse,
-}  #: name or ending -> how it is read
+    "result.json": _read_result, ".json": lambda path: json.loads(path.read_text("utf-8"), parse_constant=_no_number),
+    ".toml": lambda path: parse_source(path.read_text("utf-8"), path.name, StoopError), ".html": _read_page,
+    "vehicle.toml": load_vehicle, "v.toml": load_vehicle, ".nc": load, ".xml": ET.parse, "search.npz": load_state,
+    ".csv": _read_table, ".npz": _read_archive, STORES: _read_store,
+}  # fmt: skip  #: name or ending -> how it is read
 
 
 def check_file(path: Path) -> None:
@@ -194,3 +207,23 @@ def check_file(path: Path) -> None:
         (READERS.get(path.name) or READERS.get(path.suffix, Path.read_bytes))(path)
     except (StoopError, ET.ParseError, ValueError) as error:
         raise BrokenPromiseError(f"{path.name} cannot be read: {error}") from error
+
+
+def command(folder: Path, words: list[str]) -> None:
+    """Run a command line in a folder, and look at what it promises; an error of ours is raised as one."""
+    with contextlib.chdir(folder):
+        code, out, errors = said(words)
+    complaints = [line for line in errors.splitlines() if line.startswith(ERROR)]
+    odd = next((c for c in out + errors if not (c.isprintable() or c in "\n\t")), "")
+    promise(not odd, f"prints {odd!r}")
+    promise("Traceback" not in errors, errors[-600:])
+    if code == USER_ERROR and len(complaints) == 1:
+        raise StoopError(complaints[0].removeprefix(ERROR))
+    promise(not code and not complaints, f"ends with {code}, and prints {errors[-200:]!r}")
+    if words[-1] == "--json":
+        json.loads(out, parse_constant=_no_number)
+    results = [path.read_text("utf-8") for path in folder.glob("out/result.json")]
+    refused = any('"estimates-refused"' in text for text in results)  # what is said need not hold
+    for path in filter(Path.is_file, folder.glob("out/**/*")):
+        if not (refused and path.name == "vehicle.toml"):
+            check_file(path)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import mmap
 import os
 import sys
-from collections.abc import Callable
-from contextlib import closing
+from collections.abc import Callable, Iterator
+from contextlib import closing, contextmanager
 from pathlib import Path
 from types import FrameType
 
@@ -23,23 +23,20 @@ MOMENTS = 20
 PACKAGE = str(Path(logs.__file__).parent)
 
 
-class Stopwatch:
-    """Counts calls and returns of functions while a log is read, those in C among them, and acts once at one of them."""
+@contextmanager
+def stopwatch(at: int, act: Callable[[], object]) -> Iterator[list[str]]:
+    """Gather calls and returns of functions while a log is read, those in C among them, and act once at one of them."""
+    seen: list[str] = []
 
-    def __init__(self, at: int, act: Callable[[], None]) -> None:
-        self.count, self._at, self._act = 0, at, act
-
-    def __call__(self, frame: FrameType, event: str, argument: object) -> None:
+    def note(frame: FrameType, event: str, argument: object) -> None:
         if frame.f_code.co_filename.startswith(PACKAGE):
-            self.count += 1
-            if self.count == self._at:
-                self._act()
+            seen.append(event)
+            _ = len(seen) == at and act()
 
-    def __enter__(self) -> Stopwatch:
-        sys.setprofile(self)
-        return self
-
-    def __exit__(self, *_: object) -> None:
+    sys.setprofile(note)
+    try:
+        yield seen
+    finally:
         sys.setprofile(None)
 
 
@@ -59,12 +56,12 @@ def test_a_file_that_changes_at_any_moment(form: str, tmp_path: Path) -> None:
     """The file is cut or overwritten at twenty moments between the first call of the reader and its last."""
     prepare()
     log = sound(form)[0]
-    with Stopwatch(-1, lambda: None) as whole:
+    with stopwatch(-1, dict) as whole:
         ask(*log.write(tmp_path), READER)
 
     def read(folder: Path, moment: int, act: Callable[[Path], None]) -> str:
         path, mapping = log.write(folder)
-        with Stopwatch(1 + moment * whole.count // MOMENTS, lambda: act(path)):
+        with stopwatch(1 + moment * len(whole) // MOMENTS, lambda: act(path)):
             ask(path, mapping, READER)
         return READ
 

@@ -1,5 +1,3 @@
-"""Readers against independent readers, writers against readers, and what they found, once each."""
-
 from __future__ import annotations
 
 import gc
@@ -43,10 +41,9 @@ def test_an_independent_reader_finds_the_same_numbers(form: str, tmp_path: Path)
     for case in cases(form):
         ended = try_case(twice, tmp_path, case)
         assert ended.outcome not in BAD, f"{case.case}: {ended.message}"
-        assert ended.outcome in (SAME, LISTED) or not case.case.startswith("sound") or not case.entry, (
-            case.case
-        )
-        read += ended.outcome in (SAME, LISTED)
+        both = ended.outcome in (SAME, LISTED)
+        assert both or not case.case.startswith("sound") or not case.entry, case.case
+        read += both
     gc.collect()  # files that pyulog leaves open
     assert read > 3
 

@@ -1,5 +1,3 @@
-"""Bounds that hold for every document that stoop reads: texts, results, packed arrays, states of searches, stores."""
-
 from __future__ import annotations
 
 import io
@@ -13,6 +11,7 @@ from collections.abc import Callable
 from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -49,10 +48,7 @@ def test_bounds_of_texts() -> None:
     for text, word in TOO_MUCH:
         with pytest.raises(VehicleError, match=word):
             parse_source(text, "v.toml", VehicleError)
-    for text in (
-        "a = [" + ", ".join(["0.5"] * 500) + "]",
-        "# don't = [\na = 1e308\nb = " + "[" * 60 + "]" * 60,
-    ):
+    for text in (f"a = [{'0.5, ' * 500}]", "# don't = [\na = 1e308\nb = " + "[" * 60 + "]" * 60):
         assert parse_source(text, "v.toml", VehicleError) == tomllib.loads(text)
     for text in ("[" * 100_000, "[" * 70 + "]" * 70, "1" + "0" * 400, '{"a": [-1' + "0" * 310 + "]}", "x"):
         with pytest.raises(ValueError, match=r"deep|digits|Expecting"):
@@ -138,12 +134,9 @@ def test_arrays_that_are_not_there_are_not_made_and_others_come_back() -> None:
         found = read_arrays(sink, 2**20)
         assert list(found) == list(arrays)
         for name, x in arrays.items():
-            assert (found[name].dtype, found[name].strides, found[name].flags.writeable) == (
-                x.dtype,
-                x.strides,
-                True,
-            )
-            np.testing.assert_array_equal(found[name], x)
+            own = found[name]
+            assert (own.dtype, own.strides, own.flags.writeable) == (x.dtype, x.strides, True)
+            np.testing.assert_array_equal(own, x)
 
 
 def test_a_state_of_other_types_or_shapes_is_one_error(tmp_path: Path) -> None:
@@ -175,9 +168,7 @@ TAMPERED = {
 
 
 @pytest.mark.parametrize("way", TAMPERED)
-def test_a_store_that_was_tampered_with_is_refused(
-    way: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_store_that_was_tampered_with_is_refused(way: str, tmp_path: Path, monkeypatch: Any) -> None:
     path = tmp_path / "runs.sqlite"
     with open_store(path, PLAN, ENVIRONMENT) as opened:
         opened.add(PLAN.runs[:2], ['{"y":1.5}'] * 2)

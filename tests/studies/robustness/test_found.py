@@ -7,9 +7,7 @@ with code 2 and one line of ours; never with a traceback, a warning of a library
 
 from __future__ import annotations
 
-import contextlib
 import csv
-import io
 import json
 import zipfile
 from collections.abc import Mapping
@@ -18,41 +16,14 @@ from pathlib import Path
 
 import numpy as np
 from studies.robustness import documents, other_readers, readers
-from studies.robustness.small_runs import check_file
+from studies.robustness.small_runs import command
 from studies.robustness.trials import BAD, READ, Bounds, Child, lay_out, promise
 
 from stoop.base.variables import RATES
-from stoop.cli.main import USER_ERROR, main
-from stoop.errors import StoopError
 from stoop.exporters.flight_logs import save_flight_as
 from stoop.flight import load
 
 HERE = Path(__file__).parent
-ERROR = "stoop: error: "
-
-
-def command(folder: Path, words: list[str]) -> None:
-    """Run a command line in a folder, and look at what it promises; an error of ours is raised as one."""
-    streams = io.StringIO(), io.StringIO()
-    with (
-        contextlib.chdir(folder), contextlib.redirect_stdout(streams[0]), contextlib.redirect_stderr(streams[1]),
-    ):  # fmt: skip
-        code = main(words)
-    out, errors = (stream.getvalue() for stream in streams)
-    complaints = [line for line in errors.splitlines() if line.startswith(ERROR)]
-    odd = next((c for c in out + errors if not (c.isprintable() or c in "\n\t")), "")
-    promise(not odd, f"prints {odd!r}")
-    promise("Traceback" not in errors, errors[-600:])
-    if code == USER_ERROR and len(complaints) == 1:
-        raise StoopError(complaints[0].removeprefix(ERROR))
-    promise(not code and not complaints, f"ends with {code}, and prints {errors[-200:]!r}")
-    if words[-1] == "--json":
-        json.loads(out, parse_constant=lambda word: promise(False, f"printed {word}"))
-    results = [path.read_text("utf-8") for path in folder.glob("out/result.json")]
-    refused = any('"estimates-refused"' in text for text in results)  # what is said need not hold
-    for path in filter(Path.is_file, folder.glob("out/**/*")):
-        if not (refused and path.name == "vehicle.toml"):
-            check_file(path)
 
 
 def once_more(folder: Path, surface: str, words: list[str], files: Mapping[str, bytes]) -> str:

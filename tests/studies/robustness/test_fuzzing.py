@@ -1,5 +1,3 @@
-"""Logs and documents of the corpus, damaged anew: they end well. The tools that watch over them see what does not."""
-
 from __future__ import annotations
 
 import os
@@ -27,10 +25,8 @@ def damaged_logs(draw, form: str) -> Case:
     found = [case for case in sound(form) if form != "mapping" or case.mapping]
     one = draw(st.sampled_from(found))
     other = draw(st.sampled_from([case for case in found if case.form == one.form]))
-    name, content = (
-        draw(st.sampled_from([n for n in case.files if (n == MAPPING) == (form == "mapping")]))
-        for case in (one, other)
-    )
+    names = ([n for n in case.files if (n == MAPPING) == (form == "mapping")] for case in (one, other))
+    name, content = (draw(st.sampled_from(some)) for some in names)
     way = draw(st.sampled_from([READER] * 9 + [FLIGHT]))
     changed = one.with_file(name, draw(damaged(one.files[name], other.files[content], one.form)))
     return Case(**{**vars(changed), "way": way})
@@ -39,9 +35,8 @@ def damaged_logs(draw, form: str) -> Case:
 @st.composite
 def damaged_documents(draw, kind: str) -> Case:
     """Draw a damaged document; the number says what is asked of it."""
-    one, other = (
-        draw(st.sampled_from([c for c in corpus(f"document:{kind}") if c.outcome == READ])) for _ in "ab"
-    )
+    read = [c for c in corpus(f"document:{kind}") if c.outcome == READ]
+    one, other = (draw(st.sampled_from(read)) for _ in "ab")
     content = draw(damaged(one.files[one.entry], other.files[other.entry], BYTES.get(kind, "lines")))
     return Case(**{**vars(one.with_file(one.entry, content)), "way": str(draw(st.integers(0, 99)))})
 

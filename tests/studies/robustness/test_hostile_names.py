@@ -214,10 +214,8 @@ def renamed(files: Mapping[str, bytes], name: str) -> dict[str, bytes]:
 
     def content(place: str, given: bytes) -> bytes:
         if place.endswith(".fmu"):
-            with (
-                zipfile.ZipFile(io.BytesIO(given)) as archive,
-                zipfile.ZipFile(out := io.BytesIO(), "w") as new,
-            ):
+            archive = zipfile.ZipFile(io.BytesIO(given))
+            with zipfile.ZipFile(out := io.BytesIO(), "w") as new:
                 for inside in archive.namelist():
                     new.writestr(other(inside), content(inside, archive.read(inside)))
             return out.getvalue()
@@ -255,12 +253,11 @@ def assert_same_code(found: Mapping[str, bytes], plain: Mapping[str, bytes], nam
 
 @pytest.mark.parametrize("target", TARGETS)
 def test_no_name_of_a_vehicle_becomes_code_of_an_export(target: str) -> None:
-    builtin = (
-        "quad-x" if target in LEARNING else "quadplane" if target in ("gazebo", "px4-jsbsim") else "twin-boom"
-    )
-    plain = exported(target, with_name(builtin_text(builtin), PLAIN))
+    several = "quadplane" if target in ("gazebo", "px4-jsbsim") else "twin-boom"
+    text = builtin_text("quad-x" if target in LEARNING else several)
+    plain = exported(target, with_name(text, PLAIN))
     for name in SEVERAL:
-        assert_same_code(exported(target, with_name(builtin_text(builtin), name)), plain, name)
+        assert_same_code(exported(target, with_name(text, name)), plain, name)
 
 
 def file_stem(name: str) -> str:

@@ -1,20 +1,17 @@
-"""Verbs that are killed before a change of a file, and under limits of the system: no file is lost or half-written."""
-
 from __future__ import annotations
 
 import random
-import resource
 import shutil
 import signal
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
 import pytest
-from studies.robustness import limited, small_runs
+from studies.robustness import small_runs
 from studies.robustness.kills import broken, differences, run_and_kill
-from studies.robustness.limited import MEMORY
 from studies.robustness.small_runs import COMMANDS, OUT, inputs, run, written
-from studies.robustness.trials import FACTOR, check, lay_out
+from studies.robustness.trials import FACTOR, READ, REFUSED, Bounds, Child, check, lay_out
 
 import stoop
 from stoop.cli.main import INTERRUPTED
@@ -130,21 +127,22 @@ def test_the_store_of_a_fleet_survives_kills(tmp_path: Path) -> None:
     assert differences(expected, killed / OUT) == ""
 
 
-LIMITS = {
-    "files of 4 kB": {resource.RLIMIT_FSIZE: 2**12},
-    "0.75 GB of memory": {resource.RLIMIT_AS: MEMORY // 2},
-}  #: kind -> limits of a process
+LIMITS = {"files of 4 kB": Bounds(60, file=2**12), "16 MiB of memory": Bounds(60, address_space=2**24)}
 
 
 @pytest.mark.parametrize("kind", LIMITS)
 def test_a_command_under_a_limit_ends_in_all_of_its_files_or_in_one_line(kind: str, tmp_path: Path) -> None:
     """As on a full disk: nothing half-written is left, and no input is lost."""
+
+    def work(_: Path, name: str) -> str:
+        small_runs.command(tmp_path / name, list(COMMANDS[name]))
+        return READ
+
     for name in ("table", "state-space"):
-        folder = place(tmp_path / name)
-        ended = limited.run(COMMANDS[name], folder, LIMITS[kind])
-        check("limits", kind, ended.ended)
+        folder, expected = place(tmp_path / name), {*small_runs.undisturbed(COMMANDS[name])}
+        with closing(Child(work, LIMITS[kind])) as child:
+            ended = child(name)
+        check("limits", kind, ended)
         assert all((folder / file).read_bytes() == content for file, content in inputs().items())
         there = {file for file in written(folder / OUT) if not file.startswith(".stoop-")}
-        assert there == (set() if ended.code else set(small_runs.undisturbed(COMMANDS[name])))
-        for path in filter(Path.is_file, (folder / OUT).rglob("*")):
-            small_runs.check_file(path)
+        assert there == (set() if ended.outcome == REFUSED else expected)

@@ -1,5 +1,3 @@
-"""Verbs in odd surroundings: folders, clocks, terminals, homes, locales, texts, names of files, threads and workers."""
-
 from __future__ import annotations
 
 import codecs
@@ -10,6 +8,7 @@ import signal
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 from studies.robustness.corpus import sound
@@ -38,9 +37,7 @@ def complaint(ended: Ended) -> str:
 
 
 @pytest.mark.parametrize("name", ["maneuvers", "flight", "identify"])
-def test_an_output_folder_that_is_none_or_vanishes(
-    name: str, place: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_output_folder_that_is_none_or_vanishes(name: str, place: Path, monkeypatch: Any) -> None:
     for make in (lambda out: out.symlink_to("nowhere"), lambda out: out.symlink_to(out.name), Path.touch):
         make(place / OUT)
         assert OUT in complaint(run(COMMANDS[name]))

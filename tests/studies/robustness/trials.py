@@ -27,7 +27,6 @@ from stoop.errors import StoopError
 
 REFUSED, LISTED, READ = "refused", "listed", "read"
 BAD = ("fault", "crash", "hang", "memory")  #: outcomes that are failures
-MAX_FILE = 2**28  #: bytes of a file that may be written
 
 
 class Ended(NamedTuple):
@@ -40,7 +39,8 @@ class Bounds:
     seconds: int = 3  #: of processor time
     wall: float = 300.0  #: s without an answer after which the process is ended
     address_space: int = 2**30  #: bytes beyond what the process has at its beginning
-    memory: int = 2**28  #: bytes
+    memory: int = 2**28  #: bytes, of the process or of one that it starts
+    file: int = 2**28  #: bytes of a file that may be written
 
 
 class BrokenPromiseError(Exception):
@@ -76,6 +76,13 @@ def try_case(work: Callable[..., str], folder: Path, *given: object) -> Ended:
     finally:
         shutil.rmtree(folder, ignore_errors=True)
         folder.mkdir()
+
+
+def peak() -> int:
+    """Return the largest memory so far of this process, or of one that it started, bytes."""
+    return 1024 * max(
+        resource.getrusage(w).ru_maxrss for w in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)
+    )
 
 
 class Child:
@@ -129,11 +136,11 @@ class Child:
             self._limit()
             while True:
                 given = pipe.recv()
-                used = resource.getrusage(resource.RUSAGE_SELF)
+                used, began = resource.getrusage(resource.RUSAGE_SELF), peak()
                 soft = int(used.ru_utime + used.ru_stime) + self._bounds.seconds + 1
                 resource.setrlimit(resource.RLIMIT_CPU, (soft, resource.RLIM_INFINITY))
                 ended = try_case(self._work, Path(self._place.name), *given)
-                more = 1024 * (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - used.ru_maxrss)
+                more = peak() - began
                 if more > self._bounds.memory:
                     ended = Ended("memory", f"{more >> 20} MiB; {ended.message}")
                 pipe.send(tuple(ended))
@@ -149,9 +156,8 @@ class Child:
             signal.signal(one, signal.SIG_DFL)
         pages = int(Path("/proc/self/statm").read_text().split()[0])
         size = pages * resource.getpagesize() + self._bounds.address_space
-        for limit, most in (
-            (resource.RLIMIT_AS, size), (resource.RLIMIT_CORE, 0), (resource.RLIMIT_FSIZE, MAX_FILE),
-        ):  # fmt: skip
+        limits = {resource.RLIMIT_AS: size, resource.RLIMIT_CORE: 0, resource.RLIMIT_FSIZE: self._bounds.file}
+        for limit, most in limits.items():
             resource.setrlimit(limit, (most, most))
         warnings.simplefilter("error")  # a user would see them
         notices.detector_failed = _raised  # a user would have its notice

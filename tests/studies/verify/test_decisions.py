@@ -1,5 +1,3 @@
-"""Rows of `stoop verify decisions` by hand, which decision earns its place by them, and a few vehicles of its fleet."""
-
 from __future__ import annotations
 
 import numpy as np

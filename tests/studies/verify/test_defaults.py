@@ -1,5 +1,3 @@
-"""Made-up vehicles, their flights and logs, and the truth of files that others wrote, for `stoop verify defaults`."""
-
 from __future__ import annotations
 
 from pathlib import Path

@@ -1,5 +1,3 @@
-"""Margins and gains of known vehicles: gains that flew, what counts as kept, made-up results that turn every claim round."""
-
 from __future__ import annotations
 
 from dataclasses import replace

@@ -46,9 +46,8 @@ def test_rows_hold_or_interpolate_the_readings_of_each_sensor(held: bool) -> Non
     ):  # fmt: skip
         for k in range(0, len(time) - 12, 7):
             reading = int(time[k] * rates[sensor] + 1e-9)
-            before, after = (
-                naive_sample(columns[name], m / rates[sensor] - late) for m in (reading, reading + 1)
-            )
+            moments = (m / rates[sensor] - late for m in (reading, reading + 1))
+            before, after = (naive_sample(columns[name], m) for m in moments)
             share = 0.0 if held else time[k] * rates[sensor] - reading
             assert rows[name][k] == pytest.approx(before + share * (after - before), abs=1e-12)
 

@@ -1,10 +1,9 @@
-"""One tiny run of the experiments that take seconds: what is in the flights is found."""
-
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -51,9 +50,7 @@ def test_a_case_calls_for_its_decision(case: str, called: str) -> None:
     assert found["default"]["bias"] < 2.5
 
 
-def test_a_log_holds_noisy_poses_and_commands_as_they_were_sent(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_log_holds_noisy_poses_and_commands_as_they_were_sent(tmp_path: Path, monkeypatch: Any) -> None:
     moved, by_stoop = list[pilots.Columns](), pilots.by_stoop
     monkeypatch.setattr(pilots, "by_stoop", lambda *given: moved.append(by_stoop(*given)) or moved[-1])
     for seed in range(2):

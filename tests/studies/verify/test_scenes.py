@@ -1,5 +1,3 @@
-"""Scenes that experiments fly: closed loops, defects of files and of instruments, and the seeds they come from."""
-
 from __future__ import annotations
 
 import numpy as np
