@@ -80,7 +80,6 @@ def test_loops_opened_with_the_others_closed(count: int) -> None:
 
 @pytest.mark.parametrize("count", [2, 3])
 def test_responses_to_setpoints_with_all_loops_closed(count: int) -> None:
-    """Of an angle to its setpoint, times the gain of its loop; of the yaw rate to its own."""
     motions, feedback, laws = systems(count)
     around = control.feedback(motions, feedback)
     closed = around * laws

@@ -1,7 +1,4 @@
-"""Each decision of a fit applies where the data call for it, and is not needed where they do not.
-
-The truth is how the flights were made: a defect is put into a simulated flight, or into the file, or it is not.
-"""
+"""Each decision of a fit applies where a defect was put into a simulated flight or the file, and is not needed elsewhere."""
 
 from __future__ import annotations
 
@@ -35,7 +32,6 @@ Case = tuple[Vehicle, Flights]
 
 @cache
 def whole() -> Vehicle:
-    """Return an airplane with three free numbers, and a servo without lag."""
     return freed(with_entries(builtin_vehicle("twin-boom"), {("controls", "elevator", "lag"): 0.0}))
 
 
@@ -78,18 +74,12 @@ def spiked(y: np.ndarray, seed: int) -> np.ndarray:
     return y
 
 
-def faulty() -> Mapping[str, Flight]:
+def faulty() -> Flights:
     fault = Fault("stuck", "q", 0.0, 1.0, 2.0, notice("samples-not-measured", variables=("q",)))
     return {**flights(), "a": replace(flights()["a"], faults=(fault,))}
 
 
-def gusty() -> Mapping[str, Flight]:
-    """Return flights whose angle of attack is that of gusts of 1 m/s, which turn and lift nothing."""
-    return changed("alpha", lambda y, k: y + 0.03 * lfilter([0.2], [1.0, -0.98], random(y, k)))
-
-
 def of_pitch(share: float) -> Vehicle:
-    """Return a vehicle whose inertia in pitch is free, from a share of the truth."""
     inertia = {"value": share * known().value("mass.inertia.yy"), "free": True}
     return known().with_numbers({**{n: {"free": False} for n in FREE}, "mass.inertia.yy": inertia})
 
@@ -108,7 +98,6 @@ def with_prior(share: float) -> Vehicle:
 
 
 def of_plain_thrust() -> Vehicle:
-    """Return a vehicle whose file does not say how well its thrust is known."""
     text = known().text.replace("thrust = { value = 220.87, free = false }", "thrust = 220.87")
     assert text != known().text
     return freed(parse_vehicle(text, "plain")).reduced("longitudinal")
@@ -116,7 +105,7 @@ def of_plain_thrust() -> Vehicle:
 
 @cache
 def unstable() -> Case:
-    """Return a vehicle without static stability, and its flights of 3 s, in which errors grow by four powers of ten."""
+    """Return a vehicle and flights in which errors grow by four powers of ten."""
     vehicle = known().with_numbers({"Cmalpha": {"value": 4.0}})
     return vehicle, flown(vehicle, 3.0, 1e-3)
 
@@ -138,7 +127,8 @@ CASES: dict[str, Callable[[], Case]] = {
     "extensions": lambda: (known().with_numbers({"CLelevator": {"value": 0.0, "free": False}}), flights()),
     "method": lambda: (builtin_vehicle("quad-x"), {}),
     "instability": unstable,
-    "gusts": lambda: (known(), gusty()),
+    "gusts": lambda: (  # of 1 m/s, which turn and lift nothing
+        known(), changed("alpha", lambda y, k: y + 0.03 * lfilter([0.2], [1.0, -0.98], random(y, k)))),
 }  #: decision -> a case in which it applies  # fmt: skip
 NEVER: dict[str, Callable[[], Case]] = {
     "bounds": lambda: (of_pitch(0.8), flights()),
@@ -185,7 +175,6 @@ def test_method_or_model_change_before_a_fit_where_the_data_call_for_it(
 
 
 def test_no_decision_applies_to_a_right_vehicle_and_clean_flights() -> None:
-    """All decisions, those included that are off by default; of a vehicle with a right prior."""
     every = Strategy(frozenset(CASES))
     done = fit(every, with_prior(1.0), flights(), WINDOWS, options=Options(seed=1, budget=4000.0))
     assert {one.name: one.state for one in done.decisions} == dict.fromkeys(CASES, "not needed")

@@ -201,7 +201,6 @@ def test_parameter_sets_hold_the_tensor_of_each_draw(target: str, quad: Vehicle)
 
 
 def test_mujoco_turns_the_tensor_of_a_draw(quad: Vehicle, tmp_path: Path) -> None:
-    """The script's principal moments and axes, put together again."""
     mujoco = pytest.importorskip("mujoco")
     made = exported("mujoco", quad)
     write_files(tmp_path, made.files)

@@ -41,13 +41,11 @@ def result(held_back: dict[str, GoodnessOfFit] | None = None, **changes: Any) ->
 
 
 def grade(found: Result, size: float = 0.0) -> str:
-    """Return the grade for one use, which needs the damping in roll."""
     need = Need("damping in roll", ("Clp",), (size,) if size else (), "mass.inertia.xx")
     return verdict(found, (Use("control design", ("p", "V"), (need,)),)).grade
 
 
 def lacks(moved: float, error: float = 0.01) -> Result:
-    """Return a result with an extension that moves Clp, -0.5, by some standard errors."""
     test = ExtensionTest("x.lag", "lag", 0.04, 0.004, "s", 10.0, 1e-9, 50.0, "line", moves={"Clp": moved})
     known = {"Clp": ParameterEstimate(-0.5, error)}
     return result(parameters=known, extensions=ExtensionTests(100, 0.01, (test,)))
@@ -66,7 +64,6 @@ def scattered(count: int) -> Result:
 
 
 def unknown(count: int) -> Result:
-    """Return a result of eight parameters of which some are not identifiable."""
     others = {f"C{i}": ParameterEstimate(1.0, 0.01, identifiable=i >= count) for i in range(7)}
     return result(parameters={"Clp": ParameterEstimate(-0.5, 0.01)} | others)
 

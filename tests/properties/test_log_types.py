@@ -19,7 +19,6 @@ FLOATS = {"e": (-65504.0, 6.103515625e-05), "f": (-3.4028234663852886e38, 1.1754
 
 
 def limits(code: str) -> tuple[float, float]:
-    """Return the least and the largest number of a letter of `struct`; of floats the least, and the least normal one."""
     if code in FLOATS:
         return FLOATS[code]
     bits = 8 * struct.calcsize("<" + code)
@@ -35,7 +34,6 @@ DATAFLASH = {
 
 
 def dataflash_log() -> bytes:
-    """Return a log with a kind of messages for each letter: FMT as published, then two messages."""
     log, form = b"", "<2B4s16s64s"
     layouts = [(128, 3 + struct.calcsize(form), b"FMT", b"BBnNZ", b"Type,Length,Name,Format,Columns")]
     for kind, (letter, (code, _)) in enumerate(DATAFLASH.items(), 1):
@@ -94,7 +92,6 @@ ULOG = {
 
 
 def ulog() -> bytes:
-
     def message(kind: bytes, body: bytes) -> bytes:
         return struct.pack("<Hc", len(body), kind) + body
 

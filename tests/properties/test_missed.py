@@ -204,7 +204,6 @@ def test_calibrated_readings_are_the_truth() -> None:
 
 
 def test_jsbsim_has_the_density_of_the_standard_atmosphere() -> None:
-    """0.0023769 slugs a cubic foot at sea level."""
     standard = twin_boom(density='"standard"')
     (factor,) = (float(one.text or "") for one in jsbsim_model.air_density(standard).iter("value"))
     assert 0.0023768924 * factor == pytest.approx(1.225, rel=1e-4)
@@ -404,7 +403,6 @@ def test_the_drag_of_pyflyt_is_that_of_the_dynamic_pressure() -> None:
 
 
 def test_what_rests_level_feels_no_acceleration() -> None:
-    """The specific force of rest is gravity upward: velocities of zero are what it predicts."""
     names = (*"pqr", "phi", "theta", "psi", "ax", "ay", "vn", "ve", "vd")
     data = {name: np.zeros(400) for name in names} | {"az": np.full(400, -9.80665)}
     found: Any = Motion(data, 50.0)({}, None)["force", "vd"]

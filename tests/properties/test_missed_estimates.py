@@ -133,7 +133,6 @@ def test_what_is_not_identifiable_is_drawn_as_wide_as_it_is(monkeypatch: pytest.
 
 
 def test_time_left_counts_what_was_computed_now(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Four of seven runs were there before; the others go on at the speed of those of this process."""
     runs = tuple(Run(f"r{i}", "m:f", {"i": i}) for i in range(7))
     seen: list[Tally] = []
     monkeypatch.setattr("stoop.parallel.loop.environment", dict)
@@ -164,7 +163,6 @@ def test_the_band_of_white_residuals_narrows_with_the_root_of_their_number(monke
 
 
 def test_a_heading_about_south_is_not_stuck() -> None:
-    """It jumps between half a turn to either side, as white as its noise."""
     vehicle, n = resolve_vehicle("twin-boom"), 100
     noise = 0.01 * np.random.default_rng(0).standard_normal((n, len(vehicle.outputs)))
     psi = vehicle.outputs.index("psi")
@@ -289,7 +287,6 @@ def test_a_maneuver_has_half_a_second_before_it_and_a_second_after() -> None:
 
 
 def test_ailerons_roll_and_elevons_together_do_not() -> None:
-    """A positive deflection of ailerons rolls to the right."""
     wing: Any = SimpleNamespace(span=2.0, root_chord=0.25, taper=1.0, area=0.5, sweep=0.0)
     wing.position = (0.06, 0.0, 0.0)
     own = strips(wing, 0.0, np.zeros(3), (5.0, 4.0))

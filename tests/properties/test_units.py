@@ -28,7 +28,6 @@ KINDS = {
 
 
 def defined(unit: str) -> tuple[float, str]:
-    """Return SI value and SI unit: of the table, of a prefix, or of a base unit over seconds."""
     if unit in DEFINED:
         return DEFINED[unit]
     base, slash, per = unit.partition("/")
@@ -45,15 +44,9 @@ def test_every_factor_is_the_definition() -> None:
     assert wrong == {}
     assert {u: KINDS[defined(u)[1]] for u in units.FACTORS} == units.KINDS
     assert {v.unit for v in VARIABLES.values()} <= {*units.FACTORS}
-
-
-def test_every_zero_is_the_definition() -> None:
     found = {u: zero for u, zero in units.ZEROS.items() if zero}
     assert found == {"degC": c.convert_temperature(0.0, "Celsius", "Kelvin")}
     assert {*units.ZEROS} <= {*units.FACTORS}
-
-
-def test_pulses_are_kept_in_microseconds() -> None:
     expected = {u: c.micro if u == "pwm" else defined(u)[0] for u in units.PULSE_FACTORS}
     assert {*expected} == {"pwm", "us", "ms", "s"}
     assert all(math.isclose(f * c.micro, expected[u], rel_tol=1e-15) for u, f in units.PULSE_FACTORS.items())

@@ -1,7 +1,4 @@
-"""Every file that users get is written beside its place, put on the disk (fsync) and then moved there (os.replace).
-
-One writer does so, `stoop.base.files`. The source is searched for others; what verbs and functions write is watched.
-"""
+"""Every file that users get is written beside its place, put on the disk (fsync) and then moved there (os.replace)."""
 
 from __future__ import annotations
 
@@ -15,47 +12,35 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from studies.robustness.small_runs import files_of_a_flight
+from studies.robustness.trials import lay_out
 
 import stoop
 from stoop.base.files import SCRATCH, write_files
 from stoop.cli.main import main
 from stoop.optimize.state import save_state
-from stoop.vehicle.builtin import builtin_text
 from stoop.workflow import FittedModel
 
 SOURCE = Path(stoop.__file__).parent
-#: module -> why it may write a file by itself
 ALLOWED = {
-    "base/files.py": "the writer",
-    "base/cache.py": "kernels, in a hidden folder that is moved when it is whole and has checksums",
-    "kernels/generated.py": "source of kernels, into such a folder", "kernels/kernel.py": "likewise",
-    "logs/compiled.py": "likewise",
-    "base/streams.py": "the null device",
-    "logs/guard.py": "between two processes, in a temporary folder",
-    "assessment/posterior.py": "read back from a temporary folder", "results/labelled.py": "likewise",
-    "exporters/fmu.py": "source that is compiled in a temporary folder",
-    "app/steps.py": "output of a running process, its lock, and the list of commands, which grows",
-    "app/uploads.py": "parts as they come, then fsync and one move",
-}  # fmt: skip
+    "base/files.py", "base/streams.py",  # the writer; the null device
+    "base/cache.py", "kernels/generated.py", "kernels/kernel.py", "logs/compiled.py",  # into a folder that is moved when whole
+    "logs/guard.py", "assessment/posterior.py", "results/labelled.py", "exporters/fmu.py",  # into a temporary folder
+    "app/steps.py", "app/uploads.py",  # output of a running process, and what grows; parts as they come, then one move
+}  # fmt: skip  #: modules that may write a file by themselves
 WRITES = re.compile(
     r"\b(write_text|write_bytes|to_netcdf|copytree|copyfile|copy2|NamedTemporaryFile|mkstemp|touch)\("
     r"|open\(.*(['\"][wax]b?\+?['\"]|O_W|O_RDWR)"
 )
-MANEUVER = """
-duration = 2.0
-airspeed = 35.0
-input = [{ control = "elevator", shape = "doublet", start = 0.5, step = 0.3, amplitude = 0.05 }]
-"""
 
 
 def test_no_other_module_writes_files() -> None:
     modules = {path.relative_to(SOURCE).as_posix(): path for path in SOURCE.rglob("*.py")}
-    assert {name for name, path in modules.items() if WRITES.search(path.read_text("utf-8"))} == {*ALLOWED}
+    assert {name for name, path in modules.items() if WRITES.search(path.read_text("utf-8"))} == ALLOWED
 
 
 @contextmanager
 def watched(monkeypatch: pytest.MonkeyPatch, root: Path) -> Iterator[None]:
-    """Fail where a file below a folder is opened for writing in its place, or moved there before it is on the disk."""
     synced: dict[int, int] = {}
     opened, os_open, fsync, replace = io.open, os.open, os.fsync, os.replace
 
@@ -105,11 +90,8 @@ def test_what_is_written_in_its_place_is_seen(monkeypatch: pytest.MonkeyPatch, t
 
 @pytest.fixture(scope="module")
 def inputs(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return a folder with a vehicle, a maneuver, its flight and the flight as a table."""
     folder = tmp_path_factory.mktemp("inputs")
-    text = builtin_text("twin-boom").replace("notes = [", 'model = { reduce = "longitudinal" }\nnotes = [')
-    (folder / "v.toml").write_text(text)
-    (folder / "m.toml").write_text(MANEUVER)
+    lay_out(folder, files_of_a_flight())
     for name in ("sim.nc", "t.csv"):
         words = [str(folder / "v.toml"), "--maneuver", str(folder / "m.toml"), "-o", str(folder / name)]
         assert main(["simulate", *words]) == 0

@@ -7,11 +7,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.stats import binom
 
 from stoop_studies import problems
 from stoop_studies.problems import bbob
-
-ROOT = Path(__file__).parents[2]
 
 
 @pytest.mark.parametrize("name", bbob.NAMES)
@@ -35,23 +34,12 @@ def test_the_sphere_and_its_instances_are_what_they_are_called() -> None:
     assert problems.pose("bbob-01", 5).truth != pytest.approx(posed.truth)
 
 
-@pytest.fixture
-def measures(monkeypatch: pytest.MonkeyPatch) -> Any:
-    monkeypatch.syspath_prepend(str(ROOT))
-    return importlib.import_module("benchmarks.bbob")
-
-
-@pytest.mark.parametrize(("gained", "lost"), [(0, 0), (3, 1), (1, 6), (10, 10)])
-def test_mcnemar_is_a_binomial_tail(measures: Any, gained: int, lost: int) -> None:
-    from scipy.stats import binom
-
-    assert measures.mcnemar(gained, lost) == pytest.approx(binom.cdf(gained, gained + lost, 0.5))
-
-
-def test_sign_flips_of_many_functions_are_a_convolution(measures: Any) -> None:
+def test_mcnemar_is_a_binomial_tail_and_sign_flips_are_a_convolution(monkeypatch: Any) -> None:
     """Ones are a binomial; 24 unlike ones are as many as there are functions."""
-    from scipy.stats import binom
-
+    monkeypatch.syspath_prepend(str(Path(__file__).parents[2]))
+    measures = importlib.import_module("benchmarks.bbob")
+    for gained, lost in ((0, 0), (3, 1), (1, 6), (10, 10)):
+        assert measures.mcnemar(gained, lost) == pytest.approx(binom.cdf(gained, gained + lost, 0.5))
     assert measures.sign_flips(np.array([1] * 17 + [-1] * 23)) == pytest.approx(binom.cdf(17, 40, 0.5))
     sizes = np.random.default_rng(2).integers(-5, 6, size=12)
     signs = np.array(list(itertools.product((-1, 1), repeat=12)))

@@ -19,7 +19,6 @@ FREE = ("CLalpha", "Cmalpha", "Cmelevator")
 
 
 def _freed(line: re.Match[str]) -> str:
-    """Hold a coefficient, or free it in a wide box about its truth."""
     name, value = line[1], float(line[2])
     low, high = sorted((0.3 * value, 3.0 * value))
     free = f"free = true, bounds = [{low}, {high}]" if name in FREE else "free = false"
@@ -28,7 +27,6 @@ def _freed(line: re.Match[str]) -> str:
 
 @pytest.fixture(scope="module")
 def posed(tmp_path_factory: pytest.TempPathFactory) -> Posed:
-    """Return the problem of a noisy flight of the paper's aircraft, three of its numbers free."""
     folder = tmp_path_factory.mktemp("flight")
     vehicle = resolve_vehicle("twin-boom")
     flight = simulate_flight(vehicle.reduced("longitudinal"), parse_maneuver(MANEUVER, "m"), 3, name="flown")

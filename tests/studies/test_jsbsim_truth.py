@@ -13,9 +13,7 @@ from stoop_studies.verify.jsbsim_flight import FLEET, Aircraft, Recording, State
 
 CESSNA = FLEET[0]
 TUMBLING = State(V=48.0, altitude=1500.0, alpha=0.05, beta=0.05, phi=0.2, theta=0.1, p=0.5, q=0.2, r=0.3)
-PITCHING = ("Cmo", "Cmalpha", "Cmq", "Cmadot", "Cmde", "Cmdf")
-ROLLING = ("Clb", "Clp", "Clr", "ClDa", "Cldr")
-YAWING = ("Cnb", "Cnp", "Cnr", "Cnda", "Cndr")
+TURNING = {f"{a}_dot": (f"accelerations/{a}dot-rad_sec2", 1.0) for a in "pqr"}
 
 
 @pytest.fixture(scope="module")
@@ -37,8 +35,8 @@ def test_inertia_is_the_one_that_jsbsim_turns_by(cessna: Aircraft) -> None:
 
 
 def test_moment_at_the_reference_point_is_the_sum_of_the_tables(cessna: Aircraft) -> None:
-    axes = (ROLLING, PITCHING, YAWING)
-    sums = [sum(cessna[f"aero/coefficient/{name}"] for name in names) for names in axes]
+    axes = ("Clb Clp Clr ClDa Cldr", "Cmo Cmalpha Cmq Cmadot Cmde Cmdf", "Cnb Cnp Cnr Cnda Cndr")
+    sums = [sum(cessna[f"aero/coefficient/{name}"] for name in names.split()) for names in axes]
     assert moment_at_reference(cessna) == pytest.approx(sums, rel=1e-9)
 
 
@@ -70,11 +68,7 @@ def test_equations_agree_at_the_states_flown() -> None:
         assert np.sqrt(np.mean((ours[name] - known[name]) ** 2)) < 0.01 * np.std(known[name]), name
 
 
-TURNING = {f"{a}_dot": (f"accelerations/{a}dot-rad_sec2", 1.0) for a in "pqr"}
-
-
 def brief(patch: pytest.MonkeyPatch) -> None:
-    """Fly shorter, and note angular accelerations, too."""
     patch.setattr(flight, "DURATION", 6.0)
     patch.setattr(flight, "READ", {**flight.READ, **TURNING})
 

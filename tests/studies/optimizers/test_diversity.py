@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from naive.landscapes import Only
 
 from stoop.optimize.ledger import Evaluations, Ledger
 from stoop_studies.optimizers import evolution
@@ -9,20 +10,16 @@ from stoop_studies.optimizers.evolution import Acceleration, Islands, Migration,
 from stoop_studies.optimizers.local_search import LevenbergMarquardt, PreySchedule
 
 
-class Bowl:
-    dimension, extra, prices = 3, 0, (1.0,)
-
-    def costs(self, X: np.ndarray, rung: int) -> np.ndarray:
-        return 2.0 + ((X - 0.4) ** 2).sum(axis=1)
+def bowl(X: np.ndarray) -> np.ndarray:
+    return 2.0 + ((X - 0.4) ** 2).sum(axis=1)
 
 
-def selected(X: np.ndarray, improved: bool = False, F: np.ndarray | None = None) -> evolution.Selected:
-    F = Bowl().costs(X, 0) if F is None else F
-    return evolution.Selected(X, F, F + 1.0 if improved else F)
+def selected(X: np.ndarray, improved: bool = False) -> evolution.Selected:
+    return evolution.Selected(X, bowl(X), bowl(X) + improved)
 
 
 def pen() -> Ledger:
-    return Ledger(Bowl(), Evaluations.none(Bowl()))
+    return Ledger(Only(bowl, 3), Evaluations.none(Only(bowl, 3)))
 
 
 def cloud(n: int = 12, spread: float = 1.0, seed: int = 0) -> np.ndarray:
@@ -50,7 +47,7 @@ def test_acceleration_moves_the_best_down_its_gradient_only_when_the_generation_
     step, descent = X[best] - now.X[best], 0.4 - now.X[best]
     assert step @ descent == pytest.approx(np.linalg.norm(step) * np.linalg.norm(descent), rel=1e-4)
     assert F[best] < now.F[best]
-    assert F[best] == Bowl().costs(X[best][None, :], 0)[0]
+    assert F[best] == bowl(X[best][None, :])[0]
     assert (np.delete(X, best, axis=0) == np.delete(now.X, best, axis=0)).all()
     assert 4.0 <= ledger.spent <= 3.0 + 5.0
     ledger, content = pen(), selected(cloud(), improved=True)
@@ -66,7 +63,7 @@ def test_migration_draws_all_but_the_best_anew_once_they_have_contracted() -> No
     X, F = Migration(width=1e-3)(together, ledger, np.random.default_rng(0))
     best = int(together.F.argmin())
     assert X[best].tolist() == together.X[best].tolist()
-    assert F.tolist() == pytest.approx(Bowl().costs(X, 0).tolist())
+    assert F.tolist() == pytest.approx(bowl(X).tolist())
     assert np.ptp(X, axis=0).min() > 0.3
     assert ledger.spent == 11.0
 

@@ -18,7 +18,6 @@ def coarse(X: np.ndarray) -> np.ndarray:
 
 
 def theirs(cost: Any, seed: int, generations: int) -> Any:
-
     class Box(Problem):
         def __init__(self) -> None:
             super().__init__(n_var=6, n_obj=1, xl=np.zeros(6), xu=np.ones(6))

@@ -33,40 +33,28 @@ def test_distinct_indices_are_uniform() -> None:
     assert chi2 < 49.7  # 99.9 % of chi-square with 23 degrees of freedom
 
 
-def _rand1(X: np.ndarray, F: np.ndarray, picks: np.ndarray, i: int) -> np.ndarray:
-    a, b, c = picks[:, i]
-    return X[c] + 0.7 * (X[a] - X[b])
+def by_cost(F: np.ndarray, *picks: int) -> list[int]:
+    return sorted(picks, key=lambda m: F[m])
 
 
-def _best2(X: np.ndarray, F: np.ndarray, picks: np.ndarray, i: int) -> np.ndarray:
-    a, b, c, d = picks[:, i]
-    return X[min(range(len(F)), key=lambda m: F[m])] + 0.7 * (X[a] - X[b] + X[c] - X[d])
-
-
-def _ordered(X: np.ndarray, F: np.ndarray, picks: np.ndarray, i: int) -> np.ndarray:
-    r1, r2, r3 = sorted(picks[:, i], key=lambda m: F[m])
+def _ordered(X: np.ndarray, F: np.ndarray, i: int, *picks: int) -> np.ndarray:
+    r1, r2, r3 = by_cost(F, *picks)
     return X[i] + 0.7 * (X[r1] - X[i] + X[r2] - X[r3])
 
 
-def _unordered(X: np.ndarray, F: np.ndarray, picks: np.ndarray, i: int) -> np.ndarray:
-    a, b, c = picks[:, i]
-    return X[i] + 0.7 * (X[a] - X[i] + X[b] - X[c])
-
-
-def _localized(X: np.ndarray, F: np.ndarray, picks: np.ndarray, i: int) -> np.ndarray:
-    three = picks[:, i].tolist()
-    base = min(three, key=lambda m: F[m])
+def _localized(X: np.ndarray, F: np.ndarray, i: int, *three: int) -> np.ndarray:
+    base = by_cost(F, *three)[0]
     k = three.index(base)
     return X[base] + 0.7 * (X[three[(k + 1) % 3]] - X[three[(k + 2) % 3]])
 
 
-def _graded(X: np.ndarray, F: np.ndarray, picks: np.ndarray, i: int) -> np.ndarray:
-    b, m, w = sorted(picks[:, i], key=lambda m: F[m])
+def _graded(X: np.ndarray, F: np.ndarray, i: int, *picks: int) -> np.ndarray:
+    b, m, w = by_cost(F, *picks)
     return X[b] + (0.1 + 0.6 * (F[m] - F[b]) / (F[w] - F[b])) * (X[m] - X[w])
 
 
-def _weighted_centroid(X: np.ndarray, F: np.ndarray, picks: np.ndarray, i: int) -> np.ndarray:
-    a, b, c, d, e = picks[:, i]
+def _weighted_centroid(X: np.ndarray, F: np.ndarray, i: int, *picks: int) -> np.ndarray:
+    a, b, c, d, e = picks
     factor = 1.0 - np.mean([max(column) - min(column) for column in X.T])
     weights = [max(F) - F[m] for m in (a, b, c)]
     centroid = sum(w * X[m] for w, m in zip(weights, (a, b, c), strict=True)) / sum(weights)
@@ -76,14 +64,16 @@ def _weighted_centroid(X: np.ndarray, F: np.ndarray, picks: np.ndarray, i: int) 
 def test_mutation_equals_its_naive_twin() -> None:
     X, F = _population(5, d=5)
     for operator, twin, k, near in (
-        (rand_1, _rand1, 3, 1e-14), (best_2, _best2, 4, 1e-14), (ordered, _ordered, 3, 1e-14),
-        (m.unordered, _unordered, 3, 1e-12), (m.localized, _localized, 3, 1e-12), (m.ScaledByCost(0.1), _graded, 3, 1e-12),
+        (rand_1, lambda X, F, i, a, b, c: X[c] + 0.7 * (X[a] - X[b]), 3, 1e-14),
+        (best_2, lambda X, F, i, a, b, c, d: X[F.argmin()] + 0.7 * (X[a] - X[b] + X[c] - X[d]), 4, 1e-14),
+        (m.unordered, lambda X, F, i, a, b, c: X[i] + 0.7 * (X[a] - X[i] + X[b] - X[c]), 3, 1e-12),
+        (ordered, _ordered, 3, 1e-14), (m.localized, _localized, 3, 1e-12), (m.ScaledByCost(0.1), _graded, 3, 1e-12),
         (m.weighted_centroid, _weighted_centroid, 5, 1e-12),
     ):  # fmt: skip
         mutants = operator(X, F, 0.7, np.random.default_rng(8))
         picks = distinct(len(X), k, np.random.default_rng(8))
-        expected = np.array([twin(X, F, picks, i) for i in range(len(X))])
-        assert mutants == pytest.approx(expected, rel=near), twin.__name__
+        expected = np.array([twin(X, F, i, *picks[:, i].tolist()) for i in range(len(X))])
+        assert mutants == pytest.approx(expected, rel=near), operator
 
 
 def test_trigonometric_mutation_is_the_published_formula() -> None:

@@ -38,7 +38,6 @@ def test_the_truth_is_the_built_in_vehicle_and_costs_nothing() -> None:
 
 
 def test_a_window_is_what_an_integration_by_other_means_says() -> None:
-    """Take the third window with two numbers wrong, and fly it by the naive model."""
     case = quad()
     problem = case.problem("N", 0, noise=False)
     wrong = TEN | {"rotors.T2": 7.0, "mass.inertia.xx": 0.02}

@@ -1,9 +1,4 @@
-"""Hostile files that are committed, one archive a kind, and how each of them ends.
-
-They were drawn from grammars of the formats (numbers, names, sizes and clocks that are hostile) or are small sound logs that
-were damaged, and chosen so that each ends in another error or another list of defects. ``bomb`` are small files that unfold
-to gigabytes.
-"""
+"""Hostile files that are committed, one archive a kind, and how each of them ends; ``bomb`` unfold to gigabytes."""
 
 from __future__ import annotations
 
@@ -52,11 +47,9 @@ class Case:
 
 @cache
 def cases(kind: str) -> tuple[Case, ...]:
-    """Return the cases of a kind: a format of logs, ``document:KIND``, or ``bomb``."""
     with (CORPUS / "cases.csv").open(newline="", encoding="utf-8") as file:
         return tuple(Case(**row) for row in csv.DictReader(file) if row["kind"] == kind)
 
 
 def sound(kind: str) -> tuple[Case, ...]:
-    """Return the cases of a format that nothing was done to."""
     return tuple(case for case in cases(kind) if case.case.startswith("sound"))

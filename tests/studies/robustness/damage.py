@@ -1,8 +1,4 @@
-"""Damage to the pieces of a log (messages, lines, records) and to compressed content, as Hypothesis strategies.
-
-Compressed content is damaged unpacked, and packed again with sizes and checksums that fit, so that the reader meets the
-damage and not the checksum before it.
-"""
+"""Damage to the pieces of a log (messages, lines, records) and, with checksums that fit, to compressed content."""
 
 from __future__ import annotations
 
@@ -42,8 +38,6 @@ def parquet_marks(data: bytes) -> list[int]:
 
 
 def found(pattern: bytes, every: int = 0) -> Callable[[bytes], list[int]]:
-    """Return a function that marks the places of a pattern, and pieces of one size."""
-
     def marks(data: bytes) -> list[int]:
         pieces = range(0, len(data), every) if every else ()
         return sorted({*(match.start() for match in re.finditer(pattern, data)), *pieces})
@@ -98,8 +92,6 @@ FORMS = {
 
 
 class Damager:
-    """Ways to damage content of a form, perhaps with pieces of other content of that form."""
-
     def __init__(self, draw, data: bytes, other: bytes, form: Form) -> None:
         self.draw, self.data, self.other, self.form = draw, data, other, form
 
@@ -110,13 +102,11 @@ class Damager:
         return self.draw(st.integers(0, max(most, 0)))
 
     def span(self) -> tuple[int, int]:
-        """Draw a piece: its first byte, and the first after it."""
         marks = [0, *self.form.marks(self.data), len(self.data)]
         at = self.upto(len(marks) - 2)
         return marks[at], max(marks[at + 1], marks[at])
 
     def place(self) -> int:
-        """Draw a place: anywhere, where a piece begins, or one of the first."""
         size = len(self.data)
         return self.one(self.upto(size), self.span()[0], self.upto(min(size, 2 * self.form.head + 16)))
 

@@ -1,8 +1,4 @@
-"""Documents that stoop reads, and what is asked of them.
-
-Every case ends in an error of ours, or in what the document promises: numbers that are finite and in order, and that are the
-same once they are written and read again.
-"""
+"""Documents that stoop reads: each ends in an error of ours, or is what it promises, also once it is written and read again."""
 
 from __future__ import annotations
 
@@ -114,7 +110,6 @@ def ask_result(path: Path, number: int) -> None:
 
 
 def ask_identification(path: Path, number: int) -> None:
-    """Read the folder of an identification, whose result is damaged, as it is exported."""
     model = load_model(path.parent)
     promise(np.isfinite(model_data(model).vehicle.values).all(), "a number is not finite")
     result = model.result
@@ -190,7 +185,6 @@ ASKS: dict[str, Callable[[Path, int], None]] = {
 
 
 def read_document(folder: Path, case: Case) -> str:
-    """Ask a document of the corpus."""
     path, _ = case.write(folder)
     ASKS[case.kind.partition(":")[2]](path, int(case.way))
     return READ

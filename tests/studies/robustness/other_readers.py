@@ -1,7 +1,4 @@
-"""Logs read by stoop and by independent readers (pyulog, pymavlink, Python's csv): numbers agree to the bit.
-
-Each difference of convention to stoop's own readers is a small rule here, with its reason; nothing else is made alike.
-"""
+"""Logs read by stoop and by independent readers: numbers agree to the bit, but for conventions that are rules here."""
 
 from __future__ import annotations
 
@@ -100,7 +97,6 @@ def by_pyulog(path: Path, _: Path | None) -> dict[str, Samples]:
 
 
 def by_pymavlink(path: Path, _: Path | None) -> dict[str, Samples]:
-    """Binary or text; kinds that describe the log are no streams."""
     is_text = path.suffix == ".log"
     rows: dict[tuple[str, str], list[list[float]]] = {}
     split: set[str] = set()
@@ -148,7 +144,6 @@ def _instance(message: Any, place: int, is_text: bool) -> str:
 
 
 def _cell(message: Any, column: str, letter: str, is_text: bool) -> list[float]:
-    """Return the numbers of a cell; what pymavlink cannot convert is NaN."""
     if letter in "nNZ":
         return []
     try:
@@ -220,16 +215,11 @@ def compare(name: str, path: Path, mapping: Path | None) -> str:
 
 
 def same(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Return where numbers are the same to the bit; every NaN is like every other."""
     return np.asarray((a.view(np.int64) == b.view(np.int64)) | (np.isnan(a) & np.isnan(b)))
 
 
 def compare_samples(name: str, time: np.ndarray, columns: Columns, other: Samples, about: Any) -> None:
-    """Compare a stream with the samples that another reader finds in it.
-
-    Where both have all samples they are compared one by one, else at the times that occur once in both. Stoop drops samples
-    whose time is not finite or does not grow; it keeps a longest run, and says how many it dropped.
-    """
+    """Compare samples one by one where both readers have all, else at the times that occur once in both."""
     lost = set(other.columns) - set(columns)
     promise(about or not lost, f"{name} has lost the columns {sorted(lost)[:5]}")
     if other.ordered and time.size == other.time.size and same(time, other.time).all():

@@ -37,17 +37,12 @@ def read_case(folder: Path, case: Case) -> str:
 
 
 def ask_apart(folder: Path, case: Case) -> str:
-    """Read a log as users do, code of others in a process of its own."""
     ask(*case.write(folder), case.way)
     return READ
 
 
 def ask(path: Path, mapping: Path | None, way: str) -> frozenset[str]:
-    """Read a log as a recording or to a flight; return its defects.
-
-    A stream without a growing clock, a column of another type or length, or a defect of several lines is a
-    `BrokenPromiseError`.
-    """
+    """Read a log as a recording or to a flight, see to what it promises, and return its defects."""
     if way == FLIGHT:
         flight = load(path, mapping)
         describe(flight)
@@ -77,11 +72,7 @@ class OwnFaultError(BaseException):
 
 
 def in_this_process():
-    """Let readers that end in others' code do in this very process what their child would do.
-
-    They call whatever is raised damage, as libraries raise anything; what our own code raises by mistake is a
-    `BrokenPromiseError` here.
-    """
+    """Let readers do here what their child would do; what our own code raises by mistake is a `BrokenPromiseError`."""
     names = ("guard", "matlab", "netcdf", "parquet", "rosbag")
     modules = [importlib.import_module(f"stoop.logs.{n}") for n in names]
 
@@ -108,10 +99,7 @@ def _watched_reason(error: BaseException, most: int = 120) -> str:
 
 @cache
 def prepare() -> None:
-    """Load what readers need once, so that copies of this process need not.
-
-    Texts of pandas may be Arrow's, whose allocator takes a GiB of addresses when it is first asked: not from a case's room.
-    """
+    """Load what readers need once, not from a case's room; texts of pandas may be Arrow's, whose allocator takes a GiB."""
     for name in LIBRARIES:
         importlib.import_module(name)
     importlib.import_module("pandas").Series(["text"]).isna()

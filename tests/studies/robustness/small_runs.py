@@ -1,8 +1,4 @@
-"""Verbs on small inputs, for faults of the machine: what they write undisturbed, and how to run them in a copy of this process.
-
-Two things in a result differ by nature from run to run, and are the same here: the time it took (``seconds`` in
-result.json, and on the page), and the command on the page, which may have gained ``--resume``.
-"""
+"""Verbs on small inputs: what they write undisturbed; times and the command, which differ by nature, are held."""
 
 from __future__ import annotations
 
@@ -78,7 +74,6 @@ def files_of_a_flight() -> dict[str, bytes]:
 
 @cache
 def inputs() -> Mapping[str, bytes]:
-    """Return the files that the verbs read, by name."""
     with TemporaryDirectory(prefix="stoop-") as place, contextlib.chdir(place):
         folder = Path(place)
         lay_out(folder, files_of_a_flight())
@@ -117,14 +112,11 @@ def reproducible_outputs(threads: int = 1) -> Iterator[None]:
 
 
 class Ended(NamedTuple):
-    """How a verb ended: its exit code, and the lines on stderr."""
-
     code: int
     stderr_lines: tuple[str, ...]
 
 
 def said(words: Sequence[str]) -> tuple[int, str, str]:
-    """Run a verb; return its exit code, and what it printed on stdout and stderr."""
     out, errors = io.StringIO(), io.StringIO()
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(errors):
         code = main(words)
@@ -142,7 +134,6 @@ def done(words: tuple[str, ...]) -> None:
 
 
 def written(folder: Path) -> dict[str, bytes]:
-    """Return what lies in a folder, hidden and empty folders included; of a folder the content is empty."""
     found = {}
     for path in sorted(folder.rglob("*")):
         name = path.relative_to(folder).as_posix()
@@ -201,7 +192,6 @@ READERS: Final[Mapping[str, Callable[[Path], Any]]] = {
 
 
 def check_file(path: Path) -> None:
-    """Read an output by its own reader: it is whole, and JSON is without NaN and infinities."""
     promise(not path.name.startswith(".") and path.stat().st_size, f"{path.name} was left behind or is empty")
     try:
         (READERS.get(path.name) or READERS.get(path.suffix, Path.read_bytes))(path)

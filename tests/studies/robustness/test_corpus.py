@@ -1,7 +1,4 @@
-"""Each file of the corpus ends as it did: in an error of one line, in a list of defects, or in what it promises.
-
-Files that code of others reads are tried in a copy of this process, which they may kill or fill.
-"""
+"""Each file of the corpus ends as it did: in an error of one line, in a list of defects, or in what it promises."""
 
 from __future__ import annotations
 
@@ -56,6 +53,6 @@ def test_a_bomb_is_refused_in_one_line(case: int) -> None:
         command(bomb.write(folder)[0].parent, ["info", bomb.entry])
         return READ
 
-    with closing(Child(info, Bounds(seconds=60, memory=2**29))) as child:  # the text of the largest table
+    with closing(Child(info, Bounds(seconds=60, memory=570 << 20))) as child:  # the text of the largest table
         ended = child()
     assert ended.outcome == REFUSED, ended.message

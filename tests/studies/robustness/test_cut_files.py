@@ -53,7 +53,6 @@ def overwrite(path: Path) -> None:
 
 @pytest.mark.parametrize("form", [form for form in OURS if form != "mapping"])
 def test_a_file_that_changes_at_any_moment(form: str, tmp_path: Path) -> None:
-    """The file is cut or overwritten at twenty moments between the first call of the reader and its last."""
     prepare()
     log = sound(form)[0]
     with stopwatch(-1, dict) as whole:

@@ -32,8 +32,6 @@ TIME = np.arange(4.0)
 
 @pytest.mark.parametrize("form", READERS)
 def test_an_independent_reader_finds_the_same_numbers(form: str, tmp_path: Path) -> None:
-    """In sound logs and in hostile ones; what is left out is listed."""
-
     def twice(folder: Path, case: Case) -> str:
         return compare(form, *case.write(folder))
 
@@ -63,7 +61,6 @@ def test_a_difference_is_seen() -> None:
 
 
 def test_cut_lines_and_names_of_text_logs(tmp_path: Path) -> None:
-    """The last line may be cut; names are UTF-8; cells beyond the header of a table are listed."""
     rows = "IMU, 1000, 1, 2\nIMU, 2000, 1, 2\nIMU, 3000, 1, 2"
     (tmp_path / "a.log").write_text(FMT.replace("GyrX", "é") + rows, encoding="utf-8")
     found = logs.read(tmp_path / "a.log")

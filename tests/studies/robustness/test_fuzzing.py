@@ -34,7 +34,6 @@ def damaged_logs(draw, form: str) -> Case:
 
 @st.composite
 def damaged_documents(draw, kind: str) -> Case:
-    """Draw a damaged document; the number says what is asked of it."""
     read = [c for c in corpus(f"document:{kind}") if c.outcome == READ]
     one, other = (draw(st.sampled_from(read)) for _ in "ab")
     content = draw(damaged(one.files[one.entry], other.files[other.entry], BYTES.get(kind, "lines")))
@@ -61,7 +60,6 @@ def test_damaged_logs_end_well(form: str) -> None:
 
 @pytest.mark.parametrize("kind", ASKS)
 def test_damaged_documents_end_well(kind: str) -> None:
-    """In an error of one line, or they are read; what is read is written and read again."""
     readers.prepare()
     with closing(Child(read_document)) as child:
 

@@ -35,31 +35,17 @@ from stoop.vehicle import parse_vehicle
 from stoop.vehicle.builtin import builtin_text
 
 PLAIN = "a name of plain letters, longer than the forty of an identifier"
-NAMES = {
-    "script": "</script><script>alert(1)</script>",
-    "attribute": "\"><img src=x onerror=alert(1)>' onload='x",
-    "quotes": "\"\"\" ''' ` \" '",
-    "lines": "a\nb\r\nc\u2028d\x85e\x0bf",
-    "backslashes": '\\" \\\n \\u0022 \\',
-    "sections": "]]> */ --> ]] ]=] --[[ {- <!-- <![CDATA[ /*",
-    "formula": "=cmd|' /C calc'!A0",
-    "sum": "@SUM(1+1)*cmd|' /C calc'!A0",
-    "call": "'); system('x'); ('",
-    "template": "${x} $name {name} {0} @NAME@ @EQUATIONS@ %s %(x)s {{7*7}} {% x %}",
-    "shell": "x\" $(touch x) `touch x` ; touch x & # ' | touch x",
-    "matlab": "x\n%{\nsystem('x') ... \n%}",
-    "markdown": "[x](javascript:alert(1)) ![x](http://x) <b> | x |\n# x\n```\n",
-    "mathematics": "$\\frac{$ a_b^{ $\\x$ \\input{x}",
-    "path": "../../../../x/../y",
-    "directions": "\u202ex\u2066\x1b[31m\x07\x00",
-    "keyword": "end",
-    "number": "1e5",
-    "letters": "\u0130\u00df\uff1cscript\uff1e\ufb01",
-}  #: kind -> a name
-
-
-SEVERAL = [NAMES["formula"], ""]  #: the names in a few, of as many letters as a vehicle and a file may have
-for hostile in NAMES.values():
+NAMES = (
+    "</script><script>alert(1)</script>", "\"><img src=x onerror=alert(1)>' onload='x",
+    "\"\"\" ''' ` \" '", "a\nb\r\nc\u2028d\x85e\x0bf", '\\" \\\n \\u0022 \\', "]]> */ --> ]] ]=] --[[ {- <!-- <![CDATA[ /*",
+    "=cmd|' /C calc'!A0", "@SUM(1+1)*cmd|' /C calc'!A0", "'); system('x'); ('",
+    "${x} $name {name} {0} @NAME@ @EQUATIONS@ %s %(x)s {{7*7}} {% x %}", "x\" $(touch x) `touch x` ; touch x & # ' | touch x",
+    "x\n%{\nsystem('x') ... \n%}",
+    "[x](javascript:alert(1)) ![x](http://x) <b> | x |\n# x\n```\n", "$\\frac{$ a_b^{ $\\x$ \\input{x}", "../../../../x/../y",
+    "\u202ex\u2066\x1b[31m\x07\x00", "end", "1e5", "\u0130\u00df\uff1cscript\uff1e\ufb01",
+)  # fmt: skip
+SEVERAL = [NAMES[6], ""]  #: the names in a few, of as many letters as a vehicle and a file may have
+for hostile in NAMES:
     if len((SEVERAL[-1] + hostile).encode()) > 190:
         SEVERAL.append("")
     SEVERAL[-1] += hostile
@@ -70,9 +56,7 @@ TEXTS = {
     ".lua": rf"--\[(=*)\[.*?\]\1\]|--[^\n]*|{STRING}|{QUOTED}|\[(=*)\[.*?\]\2\]",
     ".m": r"^\s*%\{\s*$.*?^\s*%\}\s*$|%[^\n]*|\.\.\.[^\n]*|(?<![\w)\]}.'])'(?:''|[^'\n])*'|\"(?:\"\"|[^\"\n])*\"",
     "": r"(?<!\S)#[^\n]*|'[^']*'|\"(?:\\.|[^\"\\])*\"",  # of a shell
-    ".parm": r"^#[^\n]*",
-    ".param": r"^#[^\n]*",
-    ".params": r"^#[^\n]*",
+    **dict.fromkeys((".parm", ".param", ".params"), r"^#[^\n]*"),
 }  #: ending -> comments and texts of a language
 VARIANTS = (file_name, identifier, lambda name: file_name(name).replace("-", "_"))
 PLACE = re.compile(r"[A-Za-z0-9_.-]+(/[A-Za-z0-9_.-]+)*")
@@ -80,8 +64,6 @@ NUMBER = re.compile(r"\b22\d\d\d_")  #: of an airframe of PX4, which follows fro
 
 
 class _Markup(HTMLParser):
-    """Elements with the names of their attributes, and the scripts."""
-
     def __init__(self) -> None:
         super().__init__()
         self.found: list[Any] = []
@@ -146,7 +128,6 @@ def _python(text: str) -> Any:
 
 
 def _table(text: str) -> Any:
-    """Return the widths of the rows; no cell is a formula of a spreadsheet."""
     rows = list(csv.reader(io.StringIO(text, newline="")))
     for cell in (cell for row in rows for cell in row if re.match(r"[=+\-@\t\r]", cell)):
         with contextlib.suppress(ValueError):
@@ -196,7 +177,6 @@ def code(place: str, content: bytes) -> Any:
 
 
 def codes(files: Mapping[str, bytes]) -> dict[str, Any]:
-    """Return the code of files by their place, which stays below a folder."""
     found = {NUMBER.sub("0_", place): code(place, content) for place, content in sorted(files.items())}
     for place in found:
         promise(PLACE.fullmatch(place) and ".." not in place, f"the place {place!r}")
@@ -219,16 +199,14 @@ def renamed(files: Mapping[str, bytes], name: str) -> dict[str, bytes]:
                 for inside in archive.namelist():
                     new.writestr(other(inside), content(inside, archive.read(inside)))
             return out.getvalue()
-        try:
-            return other(given.decode("utf-8")).encode()
-        except UnicodeDecodeError:
-            return given
+        with contextlib.suppress(UnicodeDecodeError):
+            given = other(given.decode("utf-8")).encode()
+        return given
 
     return {other(place): content(place, given) for place, given in files.items()}
 
 
 def with_name(text: str, name: str) -> str:
-    """Return a vehicle file under another name, which is one of its notes, too."""
     head = f"name = {quoted(name)}\nnotes = [{quoted(name)}]\n"
     return head + re.sub(r"(?ms)^(name = [^\n]*|notes = \[.*?\])$", "", text)
 
@@ -265,7 +243,6 @@ def file_stem(name: str) -> str:
 
 
 def named_inputs(name: str) -> dict[str, bytes]:
-    """Return the inputs under a name: of vehicles, of flights in results, of files and of columns."""
     found = dict(inputs())
     for place in ("v.toml", "model/vehicle.toml"):
         found[place] = with_name(found[place].decode(), name).encode()

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from studies.robustness import small_runs
-from studies.robustness.kills import broken, differences, run_and_kill
+from studies.robustness.kills import check_whole, differences, run_and_kill
 from studies.robustness.small_runs import COMMANDS, OUT, inputs, run, written
 from studies.robustness.trials import FACTOR, READ, REFUSED, Bounds, Child, check, lay_out
 
@@ -41,7 +41,6 @@ def again(words: tuple[str, ...], out: Path) -> tuple[str, ...]:
 
 
 def test_a_kill_before_files_are_moved_loses_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Old files stay whole; the same command then writes those of an undisturbed run."""
     words = (*COMMANDS["table"], "--overwrite")
     lay_out(tmp_path, small_runs.files_of_a_flight())
     (tmp_path / OUT).mkdir()
@@ -61,7 +60,6 @@ def test_a_kill_before_files_are_moved_loses_nothing(tmp_path: Path, monkeypatch
 
 @pytest.mark.parametrize("name", LONG)
 def test_verbs_that_are_killed_leave_the_files_of_an_undisturbed_run(name: str, tmp_path: Path) -> None:
-    """Killed before random changes of files and started again: whole after each kill, the same bytes in the end."""
     words, rng = COMMANDS[name], random.Random(f"kills {name}")  # noqa: S311
     expected = small_runs.undisturbed(words)
     assert run_and_kill(words, place(tmp_path / "whole")) == 0
@@ -72,7 +70,7 @@ def test_verbs_that_are_killed_leave_the_files_of_an_undisturbed_run(name: str, 
             kind = rng.choice((signal.SIGKILL, signal.SIGKILL, signal.SIGTERM, signal.SIGINT))
             ending = run_and_kill(again(words, folder / OUT), folder, rng.randint(1, changes), kind)
             assert ending in (0, -kind, INTERRUPTED), (folder / "stderr").read_text()
-            assert broken(folder / OUT) == ""
+            check_whole(folder / OUT)
         assert run_and_kill(again(words, folder / OUT), folder) == 0, (folder / "stderr").read_text()
         assert differences(expected, folder / OUT) == ""
 

@@ -57,7 +57,6 @@ SURROUNDINGS = {
 
 @pytest.mark.parametrize("name", SURROUNDINGS)
 def test_homes_and_locales(name: str, place: Path) -> None:
-    """A flight with a name beyond ASCII is read, and windows are proposed."""
     shutil.copy(place / "sim.nc", place / "flügé \N{AIRPLANE}.nc")
     changes = SURROUNDINGS[name]
     wanted = os.environ | {"LANG": None, "PYTHONUTF8": None} | changes
@@ -78,7 +77,6 @@ NAMES = {
 
 @pytest.mark.parametrize("name", NAMES.values(), ids=NAMES)
 def test_names_of_files(name: str, place: Path) -> None:
-    """Verbs read, write and print them; the page is text."""
     flight, vehicle, out = (f"./{name}{ending}" for ending in (".nc", ".toml", ""))
     shutil.copy("sim.nc", flight)
     shutil.copy("v.toml", vehicle)
@@ -100,7 +98,6 @@ PATHS = ("n" * 300, "/".join(["d" * 200] * 25), "./" * 1900 + "x", "v.toml/x", "
 
 
 def test_odd_paths_are_taken_or_refused_in_one_line(place: Path) -> None:
-    """Too long, through a file, no text, of two lines."""
     for path in PATHS:
         for verb, *words in (("info",), ("trim",), ("map", "table.csv", "-o"), ("agreement", path)):
             ended = run((verb, *words, path))

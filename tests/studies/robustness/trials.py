@@ -1,8 +1,4 @@
-"""Hostile inputs in a copy of this process: each ends in an error of ours or in a result that keeps its promises.
-
-A child tries one case after the other. Its memory is limited, and the processor time of a case is limited by the system, which
-ends the process whatever code it is in. When it dies, the case at hand is to blame, and the next case gets another child.
-"""
+"""Hostile inputs in a copy of this process, with limits: each ends in an error of ours or in a result that keeps its promises."""
 
 from __future__ import annotations
 
@@ -59,7 +55,6 @@ def lay_out(folder: Path, files: Mapping[str, bytes]) -> None:
 
 
 def try_case(work: Callable[..., str], folder: Path, *given: object) -> Ended:
-    """Run a case in an empty folder, and leave that empty."""
     try:
         return Ended(work(folder, *given))
     except StoopError as error:

@@ -51,7 +51,6 @@ def test_outliers_are_added_to_the_same_noise() -> None:
 
 
 def check_flight(case: str) -> dict[str, Any]:
-    """Identify one flight: its estimates lie where their error bars say."""
     (found,) = cover({"case": case, "seed": 7}, [None])
     z = np.array(found["errors"]) / np.array(found["sigma"])
     assert len(z) == (35 if case == "dryden" else 32)  # the intensities of the gusts too

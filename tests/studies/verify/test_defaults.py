@@ -17,7 +17,6 @@ from stoop_studies.verify.truths import Deflection
 
 
 def test_logs_are_read_back(tmp_path: Path) -> None:
-    """What a recorder knows comes back with units and signs; the truth stays out; at rest nothing moves."""
     for number in (0, 2, 4):  # PX4, ArduPilot, a table
         flown = fly(number, tmp_path)
         flight = load(flown.path)

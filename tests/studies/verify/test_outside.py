@@ -22,7 +22,6 @@ QUIET = recorders.Recorder(
 
 
 def tumbling(count: int = 1500) -> OutsideFlight:
-    """Return a flight of smooth columns, no two alike."""
     time = np.arange(count) / RATE
     names = [n for one in recorders.SENSORS.values() for n in one if n not in ("pn", "pe", "pd")]
     names += ["elevator", "aileron", "rudder", "control_pitch", "control_throttle", "motor_1", "rotor_1"]

@@ -13,7 +13,6 @@ from stoop_studies.verify.scenes import Scene, aircraft, maneuvers, with_biases
 
 
 def test_recorded_surfaces_follow_the_recorded_motion() -> None:
-    """Surface less maneuver is the law of the readings of the sample before."""
     rng, maneuver = np.random.default_rng(3), maneuvers()["roll"]
     vehicle = with_biases(aircraft(), rng)
     flight = closed_loop.fly(vehicle, maneuver, rng, "roll")
