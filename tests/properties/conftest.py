@@ -16,9 +16,8 @@ FREE = ("Cm0", "Cmalpha", "Cmelevator")
 @pytest.fixture(scope="session")
 def lacking() -> FittedModel:
     """Return the fit of three numbers of pitch to a flight whose pitching moment also has a term of alpha squared."""
-    text = builtin_text("twin-boom").replace(
-        "[aerodynamics.Cm]", '[aerodynamics.Cm]\nCmsquare = { term = "alpha*alpha", value = 6.0 }'
-    )
+    more = '[aerodynamics.Cm]\nCmsquare = { term = "alpha*alpha", value = 6.0 }'
+    text = builtin_text("twin-boom").replace("[aerodynamics.Cm]", more)
     truth = parse_vehicle(text, "truth").reduced("longitudinal")
     flight = simulate_flight(truth, parse_maneuver(MANEUVER, "flown"), seed=3, name="sim")
     vehicle = builtin_vehicle("twin-boom").reduced("longitudinal")

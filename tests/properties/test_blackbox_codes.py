@@ -61,10 +61,9 @@ def three(values: list[int], cases: tuple[tuple[tuple[int, ...], str], ...]) -> 
 
 def four(values: list[int]) -> bytes:
     """Widths 0, 4, 8 and 16 bits, two bits each, of the first number lowest; then the numbers without gaps."""
-    codes = [
-        next(c for c, w in enumerate((0, 4, 8, 16)) if (fits([v], (w,)) if w else not v)) for v in values
-    ]
-    bits = "".join(two(v, (0, 4, 8, 16)[c]) for v, c in zip(values, codes, strict=True))
+    widths = (0, 4, 8, 16)
+    codes = [next(c for c, w in enumerate(widths) if (fits([v], (w,)) if w else not v)) for v in values]
+    bits = "".join(two(v, widths[c]) for v, c in zip(values, codes, strict=True))
     return bytes([sum(c << 2 * k for k, c in enumerate(codes))]) + packed(bits)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import cache
+from typing import Any
 
 import numpy as np
 import pytest
@@ -156,9 +157,7 @@ def test_a_decision_applies_where_the_data_call_for_it(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", CHOICES)
-def test_method_or_model_change_before_a_fit_where_the_data_call_for_it(
-    name: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_method_or_model_change_before_a_fit_where_the_data_call_for_it(name: str, monkeypatch: Any) -> None:
     monkeypatch.setattr("stoop.strategy.extensions.MAX_ROUNDS", 1)
     monkeypatch.setattr("stoop.strategy.extensions.MAX_RIVALS", 0)
     (decision,) = (one for one in DECISIONS if one.name == name)

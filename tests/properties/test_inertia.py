@@ -12,6 +12,7 @@ import tomllib
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
+from unittest import mock
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -163,12 +164,10 @@ def test_every_target_is_read() -> None:
 
 
 @pytest.mark.parametrize("target", READERS)
-def test_the_written_tensor_is_that_of_the_vehicle(
-    target: str, quad: Vehicle, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(fmu, "find_compiler", lambda: None)  # sources and descriptions alone
+def test_the_written_tensor_is_that_of_the_vehicle(target: str, quad: Vehicle, tmp_path: Path) -> None:
     vehicle = load("crooked") if target == "ardupilot-jsbsim" else quad  # its backend commands no rotors
-    made, (reader, up) = exported(target, vehicle), READERS[target]
+    with mock.patch.object(fmu, "find_compiler", return_value=None):  # sources and descriptions alone
+        made, (reader, up) = exported(target, vehicle), READERS[target]
     write_files(tmp_path, made.files)
     assert reader(made, tmp_path) == pytest.approx(tensor(vehicle, up), rel=1e-9)
 

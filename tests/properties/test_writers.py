@@ -19,7 +19,6 @@ import stoop
 from stoop.base.files import SCRATCH, write_files
 from stoop.cli.main import main
 from stoop.optimize.state import save_state
-from stoop.workflow import FittedModel
 
 SOURCE = Path(stoop.__file__).parent
 ALLOWED = {
@@ -118,9 +117,7 @@ def test_what_a_verb_writes_is_whole_or_not_there(
         assert main(words.split()) == 0
 
 
-def test_what_a_result_writes_is_whole_or_not_there(
-    lacking: FittedModel, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_a_result_writes_is_whole_or_not_there(lacking: Any, tmp_path: Path, monkeypatch: Any) -> None:
     with watched(monkeypatch, tmp_path):
         lacking.result.save(tmp_path / "result.json")
         save_state(tmp_path / "state.npz", lacking.estimate.outcome.state)

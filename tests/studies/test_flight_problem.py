@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import re
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,7 +14,6 @@ from stoop.simulation.maneuver import parse_maneuver
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop.workflow.demo import MANEUVER
 from stoop_studies.problems import Posed, pose
-from stoop_studies.problems.flight import Joined
 
 FREE = ("CLalpha", "Cmalpha", "Cmelevator")
 
@@ -37,20 +37,15 @@ def posed(tmp_path_factory: pytest.TempPathFactory) -> Posed:
     return pose("flight", 1, flight=place, vehicle=file, maneuvers=["0:9", "10:18"])
 
 
-def joined(posed: Posed) -> Joined:
-    assert isinstance(posed.problem, Joined)
-    return posed.problem
-
-
 def test_everything_is_searched_in_one_box(posed: Posed) -> None:
-    problem = joined(posed)
+    problem: Any = posed.problem
     assert problem.extra == 0
     assert problem.dimension == len(posed.parameters) == problem.problem.dimension + problem.problem.extra
     assert problem.problem.extra >= 8  # four states in either window
 
 
 def test_cost_is_that_of_the_problem_apart(posed: Posed) -> None:
-    problem = joined(posed)
+    problem: Any = posed.problem
     X = np.random.default_rng(0).uniform(0.3, 0.7, (5, problem.dimension))
     X[0, problem.problem.dimension :] = 0.5  # where the measurements put initial states
     full = len(problem.prices) - 1
@@ -61,7 +56,7 @@ def test_cost_is_that_of_the_problem_apart(posed: Posed) -> None:
 
 
 def test_jacobian_is_the_difference_quotient(posed: Posed) -> None:
-    problem = joined(posed)
+    problem: Any = posed.problem
     z = np.full(problem.dimension, 0.52)
     full = len(problem.prices) - 1
     r = problem.residuals(z[None], full)[0]

@@ -22,10 +22,9 @@ def test_a_variant_exchanges_pieces() -> None:
     ):
         assert build(f"ps-gde{words}") == made
     for name, told in (
-        ("ga:scale=0.5", "there are variants of ps-gde only"),
-        ("ps-gde:speed=2", "no speed can be chosen"),
+        ("ga:scale=0.5", "there are variants of ps-gde only"), ("ps-gde:speed=2", "no speed can be chosen"),
         ("ps-gde:scale=fast", "scale is a number, not 'fast'"),
         ("ps-gde:mutation=magic", "no mutation magic; use one of ordered, unordered"),
-    ):
+    ):  # fmt: skip
         with pytest.raises(IdentificationError, match=told):
             build(name)

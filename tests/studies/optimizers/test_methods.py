@@ -48,10 +48,9 @@ def test_a_step_is_a_generation_of_the_same_size_for_all(name: str) -> None:
 @every
 def test_a_stored_state_goes_on_as_if_nothing_had_been(name: str) -> None:
     """Without residuals, through a wide and a narrow stage (collapsed populations included)."""
-    whole, half = (
-        minimize(optimize.create(name), Only(sphere, 10), seed=4, stop=Stop(n)) for n in (240, 119)
-    )
-    rest = minimize(optimize.create(name), Only(sphere, 10), seed=4, stop=Stop(240), state=half.state)
+    problem, optimizer = Only(sphere, 10), optimize.create(name)
+    whole, half = (minimize(optimizer, problem, seed=4, stop=Stop(n)) for n in (240, 119))
+    rest = minimize(optimize.create(name), problem, seed=4, stop=Stop(240), state=half.state)
     assert rest.state.X.tobytes() == whole.state.X.tobytes()
     assert rest.history.tobytes() == whole.history.tobytes()
     assert rest.state.stream == whole.state.stream

@@ -61,10 +61,6 @@ def close_matlab(data: bytes) -> bytes:
     return data[:128] + struct.pack("<II", 15, len(body)) + body
 
 
-def close_crazyflie(data: bytes) -> bytes:
-    return data[:-4] + struct.pack("<I", zlib.crc32(data[:-4]))
-
-
 @dataclass(frozen=True)
 class Form:
     """How a log is built: where its pieces begin, the bytes that identify it, and how it is unpacked and packed again."""
@@ -75,20 +71,14 @@ class Form:
     close: Callable[[bytes], bytes] = bytes
 
 
-LINES = found(rb"(?m)^")
 FORMS = {
-    "ulog": Form(ulog_marks, 7),
-    "dataflash": Form(found(rb"\xa3\x95"), 3),
-    "lines": Form(LINES, 4),
-    "gzip": Form(LINES, 3, lambda data: zlib.decompress(data, 31), lambda data: zlib.compress(data, 1, 31)),
-    "crazyflie": Form(found(rb"(?<=\0)."), 3, close=close_crazyflie),
-    "blackbox": Form(found(rb"(?<=\n)H |[IPGSE]"), 18),
-    "matlab": Form(found(rb"(?!)", 8), 128, open_matlab, close_matlab),
-    "hdf5": Form(found(rb"TREE|SNOD|HEAP|OHDR|OCHK|FRHP|BTHD|FSHD|GCOL", 512), 8),
-    "parquet": Form(parquet_marks, 4),
-    "words": Form(found(rb"(?!)", 8), 13),
-    "pages": Form(found(rb"(?!)", 512), 16),
-}  #: name -> form
+    "ulog": Form(ulog_marks, 7), "dataflash": Form(found(rb"\xa3\x95"), 3), "lines": Form(found(rb"(?m)^"), 4),
+    "gzip": Form(found(rb"(?m)^"), 3, lambda data: zlib.decompress(data, 31), lambda data: zlib.compress(data, 1, 31)),
+    "crazyflie": Form(found(rb"(?<=\0)."), 3, close=lambda data: data[:-4] + struct.pack("<I", zlib.crc32(data[:-4]))),
+    "blackbox": Form(found(rb"(?<=\n)H |[IPGSE]"), 18), "matlab": Form(found(rb"(?!)", 8), 128, open_matlab, close_matlab),
+    "hdf5": Form(found(rb"TREE|SNOD|HEAP|OHDR|OCHK|FRHP|BTHD|FSHD|GCOL", 512), 8), "parquet": Form(parquet_marks, 4),
+    "words": Form(found(rb"(?!)", 8), 13), "pages": Form(found(rb"(?!)", 512), 16),
+}  # fmt: skip  #: name -> form
 
 
 class Damager:

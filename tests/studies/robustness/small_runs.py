@@ -7,6 +7,7 @@ import csv
 import io
 import json
 import os
+import re
 import sqlite3
 import xml.etree.ElementTree as ET
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -157,44 +158,35 @@ def _no_number(word: str) -> float:
     raise BrokenPromiseError(f"JSON holds {word}")
 
 
-def _read_result(path: Path) -> None:
+def _json(path: Path) -> bool:
+    json.loads(path.read_text("utf-8"), parse_constant=_no_number)
+    return True
+
+
+def _table(path: Path) -> bool:
     text = path.read_text("utf-8")
-    json.loads(text, parse_constant=_no_number)
-    promise(to_json(from_json(text)) == text, "result.json reads as another result")
+    return text.endswith("\n") and len({*map(len, csv.reader(io.StringIO(text)))}) == 1
 
 
-def _read_page(path: Path) -> None:
-    text = path.read_text("utf-8").strip().lower()
-    promise(text.startswith("<!doctype html") and text.endswith("</html>"), f"{path.name} is cut off")
-
-
-def _read_table(path: Path) -> None:
-    text = path.read_text("utf-8")
-    promise(len({*map(len, csv.reader(io.StringIO(text)))}) == 1 and text.endswith("\n"), "cut")
-
-
-def _read_store(path: Path) -> None:
+def _store(path: Path) -> bool:
     with contextlib.closing(sqlite3.connect(path)) as store:
-        promise(store.execute("PRAGMA integrity_check").fetchall() == [("ok",)], "damaged")
-
-
-def _read_archive(path: Path) -> None:
-    with path.open("rb") as file:
-        read_arrays(file, 2**31)
+        return store.execute("PRAGMA integrity_check").fetchall() == [("ok",)]
 
 
 READERS: Final[Mapping[str, Callable[[Path], Any]]] = {
-    "result.json": _read_result, ".json": lambda path: json.loads(path.read_text("utf-8"), parse_constant=_no_number),
-    ".toml": lambda path: parse_source(path.read_text("utf-8"), path.name, StoopError), ".html": _read_page,
+    "result.json": lambda path: _json(path) and to_json(from_json(path.read_text("utf-8"))) == path.read_text("utf-8"),
+    ".html": lambda path: bool(re.fullmatch(r"(?is)\s*<!doctype html.*</html>\s*", path.read_text("utf-8"))),
+    ".toml": lambda path: parse_source(path.read_text("utf-8"), path.name, StoopError), ".json": _json, ".csv": _table,
     "vehicle.toml": load_vehicle, "v.toml": load_vehicle, ".nc": load, ".xml": ET.parse, "search.npz": load_state,
-    ".csv": _read_table, ".npz": _read_archive, STORES: _read_store,
-}  # fmt: skip  #: name or ending -> how it is read
+    ".npz": lambda path: read_arrays(io.BytesIO(path.read_bytes()), 2**31), STORES: _store,
+}  # fmt: skip  #: name or ending -> how it is read; False where it is cut or damaged
 
 
 def check_file(path: Path) -> None:
     promise(not path.name.startswith(".") and path.stat().st_size, f"{path.name} was left behind or is empty")
     try:
-        (READERS.get(path.name) or READERS.get(path.suffix, Path.read_bytes))(path)
+        read = (READERS.get(path.name) or READERS.get(path.suffix, Path.read_bytes))(path)
+        promise(read is not False, f"{path.name} is not whole")
     except (StoopError, ET.ParseError, ValueError) as error:
         raise BrokenPromiseError(f"{path.name} cannot be read: {error}") from error
 

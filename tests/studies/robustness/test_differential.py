@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 import gc
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -60,7 +59,7 @@ def test_a_difference_is_seen() -> None:
             compare_samples("a", time, {"x": x}, other, about)
 
 
-def test_cut_lines_and_names_of_text_logs(tmp_path: Path) -> None:
+def test_cut_lines_names_of_text_logs_and_a_log_without_rows(tmp_path: Path) -> None:
     rows = "IMU, 1000, 1, 2\nIMU, 2000, 1, 2\nIMU, 3000, 1, 2"
     (tmp_path / "a.log").write_text(FMT.replace("GyrX", "é") + rows, encoding="utf-8")
     found = logs.read(tmp_path / "a.log")
@@ -73,15 +72,12 @@ def test_cut_lines_and_names_of_text_logs(tmp_path: Path) -> None:
         (tmp_path / "a.csv").write_text(content)
         columns, defects = read_table(tmp_path / "a.csv")
         assert (columns["x"].tolist(), bool(defects)) == ([1.0, 2.0], listed), content
+    (tmp_path / "a.ulg").write_bytes(ulog([]) + ulog_text(1.0, "INFO", "x")[:-1] + b"\xff" * 40)
+    with pytest.raises(LogError, match=r"no topic holds data \(a.ulg, byte"):
+        logs.read(tmp_path / "a.ulg")
 
 
-@pytest.fixture
-def _without_child() -> Iterator[None]:
-    with in_this_process():
-        yield
-
-
-@pytest.mark.usefixtures("_without_child")
+@in_this_process()
 def test_arrays_of_odd_shapes_and_names(tmp_path: Path) -> None:
     """Simulink saves a vector as 3 x 1 x n. Three real dimensions, second columns of a name and no numbers are listed."""
     rows = np.arange(150.0).reshape(3, 1, 50)
@@ -102,18 +98,12 @@ def test_arrays_of_odd_shapes_and_names(tmp_path: Path) -> None:
     assert ["none" in d.message for d in found.defects] == [True]
 
 
-def test_a_log_without_rows_says_what_is_wrong_with_it(tmp_path: Path) -> None:
-    (tmp_path / "a.ulg").write_bytes(ulog([]) + ulog_text(1.0, "INFO", "x")[:-1] + b"\xff" * 40)
-    with pytest.raises(LogError, match=r"no topic holds data \(a.ulg, byte"):
-        logs.read(tmp_path / "a.ulg")
-
-
 def flight(start: float, values: np.ndarray[Any, Any], **parameters: float) -> Flight:
     columns = {"q": values, "motor_1": values, "phi": values}
     return replace(from_columns("a", start + 0.01 * np.arange(values.size), columns), parameters=parameters)
 
 
-@pytest.mark.usefixtures("_without_child")
+@in_this_process()
 @pytest.mark.filterwarnings("error")
 def test_impossible_values_are_missing_in_a_flight_and_in_what_is_written(tmp_path: Path) -> None:
     values = np.where(np.arange(50) == 7, np.inf, np.where(np.arange(50) == 9, 1e300, 0.25))

@@ -179,10 +179,8 @@ def test_a_store_that_was_tampered_with_is_refused(way: str, tmp_path: Path, mon
 
 ENDLESS: dict[str, Callable[[Path], object]] = {
     "a link to an endless device": lambda path: path.symlink_to("/dev/zero"),
-    "a pipe": os.mkfifo,
-    "holes of a gigabyte": lambda path: sparse(path, 2**30),
-    "a folder": Path.mkdir,
-}
+    "a pipe": os.mkfifo, "holes of a gigabyte": lambda path: sparse(path, 2**30), "a folder": Path.mkdir,
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("way", ENDLESS)

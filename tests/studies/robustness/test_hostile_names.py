@@ -146,16 +146,11 @@ def _markdown(text: str) -> Any:
 
 
 PARSERS: dict[str, Callable[[str], Any]] = {
-    ".html": _html,
-    ".json": _json,
-    ".toml": lambda text: _tree(tomllib.loads(text)),
+    ".html": _html, ".json": _json, ".toml": lambda text: _tree(tomllib.loads(text)),
     ".yaml": _json,  # of PyFlyt, in that part of the language
     **dict.fromkeys((".xml", ".sdf", ".urdf", ".config"), _xml),
-    ".py": _python,
-    ".csv": _table,
-    ".md": _markdown,
-    ".txt": lambda text: len(text.splitlines()),
-}  #: ending -> the code of a file, or what stands for it
+    ".py": _python, ".csv": _table, ".md": _markdown, ".txt": lambda text: len(text.splitlines()),
+}  # fmt: skip  #: ending -> the code of a file, or what stands for it
 
 
 def code(place: str, content: bytes) -> Any:
@@ -285,13 +280,10 @@ SEEN = {
     "a.m": ("% n\nx = y' + z';  % 'n'\ns = 'n''n';", "% n\nx = y' + z';  % 'n'\ns = 'n'; system('n');"),
     "a": ("# n\nparam set A 'n'", "# n\ntouch x\nparam set A 'n'"),
     "a.py": ('"""n"""\nx = "n"', '"""n"""\nimport os\nx = "n"'),
-    "a.xml": ("<a b='n'>n</a>", "<a b='n' c='n'>n</a>"),
-    "a.html": ("<p>n</p>", "<p>n<img src=x></p>"),
-    "a.toml": ('a = "n"', 'a = "n"\nb = "n"'),
-    "a.json": ('{"a": "n"}', '{"a": "n", "b": 1}'),
-    "a.parm": ("A 1\n# n", "A 1\nB 1\n# n"),
-    "a.csv": ("a,n\r\n1,2", "a,n\r\nb,1,2"),
-}
+    "a.xml": ("<a b='n'>n</a>", "<a b='n' c='n'>n</a>"), "a.html": ("<p>n</p>", "<p>n<img src=x></p>"),
+    "a.toml": ('a = "n"', 'a = "n"\nb = "n"'), "a.json": ('{"a": "n"}', '{"a": "n", "b": 1}'),
+    "a.parm": ("A 1\n# n", "A 1\nB 1\n# n"), "a.csv": ("a,n\r\n1,2", "a,n\r\nb,1,2"),
+}  # fmt: skip
 
 
 def test_a_name_that_becomes_code_is_seen() -> None:

@@ -75,9 +75,8 @@ def try_case(work: Callable[..., str], folder: Path, *given: object) -> Ended:
 
 def peak() -> int:
     """Return the largest memory so far of this process, or of one that it started, bytes."""
-    return 1024 * max(
-        resource.getrusage(w).ru_maxrss for w in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)
-    )
+    every = (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)
+    return 1024 * max(resource.getrusage(who).ru_maxrss for who in every)
 
 
 class Child:

@@ -120,9 +120,7 @@ def test_windows() -> None:
 def test_motion_capture() -> None:
     setting = Setting(runs=3)
 
-    def claims(
-        inside: bool = True, error: float = 0.0, stopped: str = "", seconds: float = 9.0
-    ) -> list[bool]:
+    def claims(inside: bool = True, error: float = 0.0, stopped: str = "", seconds: int = 20) -> list[bool]:
         record = {
             "template": "quad", "mass": 0.1, "delay": 0.2, "stopped": stopped, "seconds": seconds,
             "late": [[0.2 + error, 0.001, 0.2, False, True]],
@@ -136,7 +134,7 @@ def test_motion_capture() -> None:
     assert claims()[2:] == [True] * 3 + [True, False, True, True, True]
     assert not claims(inside=False)[1]
     assert not claims(error=0.02)[2]
-    assert not claims(seconds=61.0)[4]
+    assert not claims(seconds=61)[4]
     assert not claims(stopped="no window")[0]
 
 
