@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import brentq
 
-from naive.aircraft import Numbers, rotation, skew, standard_density
+from naive.aircraft import Aircraft, Numbers, rotation, skew
 
 GROUND = ("vn", "ve", "vd", "p", "q", "r", "phi", "theta", "psi", "ax", "ay", "az")
 
@@ -41,11 +41,10 @@ class Multirotor:
             out.append(x)
         return np.array(out)
 
-    def density(self, h: float, u: Mapping[str, float]) -> float:
-        choice = self.raw.get("environment", {}).get("density", "standard")
-        if choice == "log":
-            return u["density"]
-        return standard_density(h) if choice == "standard" else self.n("environment.density")
+    density = Aircraft.density
+
+    def polynomial(self, letter: str, x: float) -> float:
+        return float(sum(self.n(f"rotors.{letter}{i}") * x**i for i in range(3)))
 
     def rotor(
         self, name: str, x: float, xdot: float, velocity: np.ndarray, omega: np.ndarray, rho: float
@@ -62,21 +61,14 @@ class Multirotor:
         area = math.pi * n("rotors.radius") ** 2
         drawn = self.drawn(name, x, climb, float(np.linalg.norm(sideways)), area) if area else 0.0
         climb += drawn
-        thrust = share * (
-            n("rotors.T0")
-            + n("rotors.T1") * x
-            + n("rotors.T2") * x**2
-            - n("rotors.inflow") * x * climb
-            + n("rotors.translational") * float(sideways @ sideways)
-        )
+        across = n("rotors.translational") * float(sideways @ sideways)
+        thrust = share * (self.polynomial("T", x) - n("rotors.inflow") * x * climb + across)
         force = thrust * tip - share * (n("rotors.drag") * x + n("rotors.drag_inflow") * climb) * sideways
         if area and abs(drawn) > 1.0:  # the momentum that the thrust takes, in whatever density
             taken = 2.0 * rho * area * drawn * math.hypot(climb, float(np.linalg.norm(sideways)))
             np.testing.assert_allclose(thrust, taken, rtol=1e-4)
-        if "torque_ratio" in self.shared:
-            torque = n("rotors.torque_ratio") * thrust
-        else:
-            torque = share * (n("rotors.Q0") + n("rotors.Q1") * x + n("rotors.Q2") * x**2)
+        told = "torque_ratio" in self.shared
+        torque = n("rotors.torque_ratio") * thrust if told else share * self.polynomial("Q", x)
         torque *= n(f"rotor.{name}.torque_factor", 1.0)
         # Counterclockwise as seen from the tip is a rotation vector along the tip; the air's torque is against it.
         turning = tip if table["spin"] == "ccw" else -tip
@@ -86,12 +78,7 @@ class Multirotor:
     def drawn(self, name: str, x: float, climb: float, sideways: float, area: float) -> float:
         """Return the velocity that a disc draws, by bisection of thrust against momentum."""
         n = self.n
-        rest = (
-            n("rotors.T0")
-            + n("rotors.T1") * x
-            + n("rotors.T2") * x**2
-            + n("rotors.translational") * sideways**2
-        )
+        rest = self.polynomial("T", x) + n("rotors.translational") * sideways**2
 
         def excess(v: float) -> float:
             thrust = n(f"rotor.{name}.factor", 1.0) * (rest - n("rotors.inflow") * x * (climb + v))

@@ -37,7 +37,7 @@ NOISE = dict.fromkeys(EULER, 0.002) | dict.fromkeys(RATES, 0.006) | dict.fromkey
 START: Final = 100.0  #: s of the clock
 LOST = ((148.9, 149.2), (168.6, 169.0))  #: s of the clock: nothing was recorded
 GUSTS = "\n[turbulence]\nairspeed = 24.0\n" + "".join(
-    f"{axis} = {{ intensity = 0.4, length = 50.0 }}\n" for axis in "uvw"
+    f"{a} = {{intensity = 0.4, length = 50}}\n" for a in "uvw"
 )
 
 
@@ -80,9 +80,8 @@ def write(path: Path, truth: Vehicle, seed: int = 1) -> Path:
     """Write the log: sensors with noise and a bias, slow topics every fifth sample, and no row where nothing was recorded."""
     rng, still = np.random.default_rng([seed, 1]), round(GROUND * RATE)
     rest = {"az": -9.80665, "altitude": 250.0, "density": 1.17, "control_throttle": 0.0}
-    columns = {
-        n: np.concatenate([np.full(still, rest.get(n, 0.0)), x]) for n, x in flown(truth, seed).items()
-    }
+    told = flown(truth, seed)
+    columns = {n: np.concatenate([np.full(still, rest.get(n, 0.0)), x]) for n, x in told.items()}
     time = START + np.arange(len(columns["p"])) / RATE
     time[still:] += 1.0  # the logger began anew at take-off
     for name, sigma in (*NOISE.items(), ("vn", 0.05), ("ve", 0.05), ("vd", 0.05)):
@@ -91,10 +90,11 @@ def write(path: Path, truth: Vehicle, seed: int = 1) -> Path:
     parts = quaternions_of(np.column_stack([columns[n] for n in EULER])).T
 
     def array(name: str, *names: str) -> dict[str, FloatArray]:
-        return {f"{name}[{i}]": columns[n].astype("f4") for i, n in enumerate(names)}
+        return {f"{name}[{i}]": floats[n] for i, n in enumerate(names)}
 
+    floats = {name: x.astype("f4") for name, x in columns.items()}
     valid = dict.fromkeys(("xy_valid", "z_valid", "v_xy_valid", "v_z_valid"), np.ones(len(time), dtype=bool))
-    velocity = {f"v{axis}": columns[n].astype("f4") for axis, n in zip("xyz", VELOCITY, strict=True)}
+    velocity = {f"v{axis}": floats[n] for axis, n in zip("xyz", VELOCITY, strict=True)}
     fast = {
         "vehicle_attitude": {f"q[{i}]": x.astype("f4") for i, x in enumerate(parts)},
         "vehicle_angular_velocity": array("xyz", *RATES),
@@ -103,18 +103,13 @@ def write(path: Path, truth: Vehicle, seed: int = 1) -> Path:
     }
     slow = {
         "vehicle_local_position": {**velocity, **valid},
-        "airspeed": {"true_airspeed_m_s": columns["pitot"].astype("f4")},
-        "vehicle_air_data": {
-            "rho": columns["density"].astype("f4"),
-            "baro_alt_meter": columns["altitude"].astype("f4"),
-        },
+        "airspeed": {"true_airspeed_m_s": floats["pitot"]},
+        "vehicle_air_data": {"rho": floats["density"], "baro_alt_meter": floats["altitude"]},
     }
-    kept = np.all([(time < first) | (time > last) for first, last in LOST], axis=0)
-    topics = [
-        Topic(name, time[rows], {n: x[rows] for n, x in topic.items()})
-        for of, rows in ((fast, np.flatnonzero(kept)), (slow, np.flatnonzero(kept)[::5]))
-        for name, topic in of.items()
-    ]
+    kept = np.flatnonzero(np.all([(time < first) | (time > last) for first, last in LOST], axis=0))
+    asked = [(name, kept, topic) for name, topic in fast.items()]
+    asked += [(name, kept[::5], topic) for name, topic in slow.items()]
+    topics = [Topic(name, time[rows], {n: x[rows] for n, x in topic.items()}) for name, rows, topic in asked]
     dropouts = b"".join(ulog_dropout(round(1e3 * (last - first))) for first, last in LOST)
     path.write_bytes(ulog(topics, {"SYS_AUTOSTART": 2100}, {"sys_name": "PX4"}) + dropouts)
     return path

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 
 import pandas as pd
@@ -18,39 +17,21 @@ NAMES = (
 )  # fmt: skip
 
 
-@pytest.fixture(scope="module")
-def logs(shared_data: Path) -> list[Path]:
-    return [shared_data / "crazypad-propeller-damage" / f"{name}.usd" for name in NAMES]
-
-
-def flights(folder: Path) -> Path:
-    """Write the table of the flights: a day each, healthy ones first."""
+def test_the_cut_propeller_of_a_real_quadrotor_is_a_change(shared_data, tmp_path, capsys):
+    """A day each, healthy flights first."""
+    logs = [str(shared_data / "crazypad-propeller-damage" / f"{name}.usd") for name in NAMES]
     rows = [(name, name.partition("__")[2][:2], f"2026-01-{i:02}") for i, name in enumerate(NAMES, start=1)]
-    path = folder / "flights.csv"
-    pd.DataFrame(rows, columns=["flight", "vehicle", "time"]).to_csv(path, index=False)
-    return path
-
-
-def command(folder: Path, sources: Sequence[Path]) -> list[str]:
-    table = ["--flights", str(flights(folder)), "--vehicle", str(VEHICLE)]
-    return ["fleet", *map(str, sources), *table, "-o", str(folder / "store"), "--workers", "1"]
-
-
-def figures(folder: Path) -> pd.DataFrame:
-    return pd.read_parquet(folder / "store" / "figures" / "logs.parquet").set_index(["flight", "figure"])
-
-
-def test_the_cut_propeller_of_a_real_quadrotor_is_a_change(
-    tmp_path: Path, logs: list[Path], capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert main(command(tmp_path, logs)) == 3
+    pd.DataFrame(rows, columns=["flight", "vehicle", "time"]).to_csv(tmp_path / "flights.csv", index=False)
+    table = ["--flights", str(tmp_path / "flights.csv"), "--vehicle", str(VEHICLE)]
+    assert main(["fleet", *logs, *table, "-o", str(tmp_path / "store"), "--workers", "1"]) == 3
     head, *told = capsys.readouterr().out.splitlines()
     assert head == "2 vehicles, 17 flights, 7 figures; 1 false alarms a year"
     (alarm,) = [line for line in told if line.startswith("E")]
     assert alarm.startswith("E8 share.M3: drift of 0.0"), "it was cut shorter and shorter"
     first = "cut_propeller_M3_2mm_2mm_43mm__E8_log03"
     assert f"found in {first}: " in alarm, "the first flight after the first cut"
-    share = figures(tmp_path).value.unstack()[[f"share.M{i}" for i in (1, 2, 3, 4)]]
+    figures = pd.read_parquet(tmp_path / "store" / "figures" / "logs.parquet").set_index(["flight", "figure"])
+    share = figures.value.unstack()[[f"share.M{i}" for i in (1, 2, 3, 4)]]
     assert share.mean(axis=1).to_numpy() == pytest.approx(1.0, abs=1e-9)
     conditions = ("normal_flight__E8", "43mm", "41mm", "39mm")
     means = [share["share.M3"].filter(like=name).mean() for name in conditions]

@@ -20,11 +20,8 @@ from stoop.logs import Recording, read, ulog
 from stoop.logs.dataflash import parse_dataflash
 
 SAMPLES = ("sample_log_small.ulg", "sample_appended_multiple.ulg")
-HOVER = {
-    "normal_flight__E8": (44.2e3, 44.8e3),
-    "normal_flight__E9": (44.5e3, 46.8e3),
-    "add_weight_W3": (60e3, 63e3),
-}
+HEALTHY = {"normal_flight__E8": (44.2e3, 44.8e3), "normal_flight__E9": (44.5e3, 46.8e3)}
+HOVER = HEALTHY | {"add_weight_W3": (60e3, 63e3)}
 
 
 @pytest.fixture

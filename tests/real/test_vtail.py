@@ -13,14 +13,8 @@ from stoop.vehicle import load_vehicle
 from stoop.workflow import FittedModel, Posterior
 
 EXAMPLE = simulated.EXAMPLE
-CHANNELS = (
-    (0, "p"),
-    (1, "q"),
-    (2, "r"),
-    (3, "p"),
-    (3, "r"),
-    (3, "beta"),
-)  #: number of a maneuver and what it shows
+#: number of a maneuver and what it shows
+CHANNELS = ((0, "p"), (1, "q"), (2, "r"), (3, "p"), (3, "r"), (3, "beta"))
 WINDOWS = ("140:145", "146:152", "160:168.3")
 SIGNS = {
     "CLalpha": 1, "Cmalpha": -1, "Cmq": -1, "Cmelevator": -1, "CQbeta": -1, "Clbeta": -1, "Clp": -1, "Claileron": 1,
@@ -29,7 +23,7 @@ SIGNS = {
 
 
 def check_job(
-    model: FittedModel, wind_e: float, dropout: tuple[float, float], limits: tuple[float, ...]
+    model: FittedModel, wind_e: float, dropout: tuple[float, ...], limits: tuple[float, ...]
 ) -> None:
     """Check what a user sees of a good fit: figures, status, signs, segments, wind, pitot, error bars.
 

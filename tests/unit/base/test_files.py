@@ -16,16 +16,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from stoop.base.files import (
-    SCRATCH,
-    check_target,
-    note_input,
-    read_bounded,
-    recorded_inputs,
-    scratch,
-    write_files,
-    write_text_atomic,
-)
+from stoop.base import files
+from stoop.base.files import read_bounded, recorded_inputs, scratch, write_files, write_text_atomic
 from stoop.base.npz import read_arrays
 from stoop.errors import OutputError
 
@@ -103,7 +95,7 @@ def test_folders_of_others_stay(tmp_path: Path) -> None:
     for name in ("mine", ".stoop", ".stoop-cache", ".stoop-kernels"):
         (tmp_path / name).mkdir()
         (tmp_path / name / "file").write_text("mine")
-    (tmp_path / f"{SCRATCH}link").symlink_to(tmp_path / "mine")
+    (tmp_path / f"{files.SCRATCH}link").symlink_to(tmp_path / "mine")
     write_text_atomic(tmp_path / "a", "new")
     assert len(list(tmp_path.glob(".stoop*/file"))) >= 3
     assert (tmp_path / "mine" / "file").read_text() == "mine", "nothing is swept through a link"
@@ -113,9 +105,9 @@ def test_what_a_command_has_read_stays_until_it_ends(tmp_path: Path) -> None:
     (tmp_path / "a").write_text("mine")
     with recorded_inputs():
         assert read_bounded(tmp_path / "a", 4) == b"mine"
-        for obsolete, files in (([], {"b": "new", "a": "new"}), (["a"], {"b": "new"})):
+        for obsolete, new in (([], {"b": "new", "a": "new"}), (["a"], {"b": "new"})):
             with pytest.raises(OutputError, match="a: is read by this run"):
-                write_files(tmp_path, files, obsolete)
+                write_files(tmp_path, new, obsolete)
         assert contents(tmp_path) == {"a": "mine"}
     write_files(tmp_path, {"a": "new"})
     assert contents(tmp_path) == {"a": "new"}
@@ -124,7 +116,7 @@ def test_what_a_command_has_read_stays_until_it_ends(tmp_path: Path) -> None:
 def test_what_appears_while_a_command_works_is_not_replaced(tmp_path: Path) -> None:
     target = tmp_path / "out.txt"
     with recorded_inputs():
-        check_target(target, overwrite=False)
+        files.check_target(target, overwrite=False)
         target.write_text("of another process")
         with pytest.raises(OutputError, match=r"out\.txt: appeared during this run"):
             write_text_atomic(target, "ours")
@@ -134,7 +126,7 @@ def test_what_appears_while_a_command_works_is_not_replaced(tmp_path: Path) -> N
             write_text_atomic(target, text)
         assert target.read_text() == "a whole result"
     with recorded_inputs():
-        check_target(target, overwrite=True)
+        files.check_target(target, overwrite=True)
         write_text_atomic(target, "asked for")
 
 
@@ -144,7 +136,7 @@ def test_a_number_of_a_file_that_is_gone_is_no_input(tmp_path: Path) -> None:
         for i in range(20):
             read = tmp_path / f"read-{i}"
             read.write_text("x")
-            note_input(read)
+            files.note_input(read)
             read.unlink()
             write_text_atomic(tmp_path / "own", str(i))
     assert contents(tmp_path) == {"own": "19"}
@@ -154,7 +146,7 @@ def test_a_number_of_a_file_that_is_gone_is_no_input(tmp_path: Path) -> None:
 @pytest.mark.parametrize("device", ["/dev/null", "/dev/full", "/dev/stdout", "/dev/tty"])
 def test_a_device_is_never_replaced(device: str) -> None:
     with pytest.raises(OutputError, match="would be replaced"):
-        check_target(Path(device), overwrite=True)
+        files.check_target(Path(device), overwrite=True)
 
 
 def test_what_is_read_is_counted_and_not_believed(tmp_path: Path) -> None:

@@ -235,9 +235,8 @@ class TestTrust:
         user = pwd.getpwuid(os.getuid()).pw_name
         groups = ((user, [], True), (user, [user], True), (user, ["eve"], False), ("lab", [], False))
         for name, members, alone in groups:
-            monkeypatch.setattr(
-                grp, "getgrgid", Mock(return_value=grp.struct_group((name, "x", 777, members)))
-            )
+            found = Mock(return_value=grp.struct_group((name, "x", 777, members)))
+            monkeypatch.setattr(grp, "getgrgid", found)
             assert cache._replaceable_by_none(status) == alone
 
     def test_a_link_on_the_way(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -294,18 +293,15 @@ def test_a_cache_without_room_costs_time_only(forget: Path, monkeypatch: pytest.
     assert not list(forget.iterdir()), "nothing half-made is left"
     full_disk(monkeypatch, lambda _: True)
     cache._warn.cache_clear()
-    with (
-        pytest.raises(KernelError, match=r"No space left on device.*STOOP_CACHE_DIR"),
-        pytest.warns(CacheWarning),
-    ):
+    full = pytest.raises(KernelError, match=r"No space left on device.*STOOP_CACHE_DIR")
+    with full, pytest.warns(CacheWarning):
         load_kernel("pendulum", oscillator.equations)
 
 
 def test_equations_do_not_need_numba(pendulum: Kernel, expected: float) -> None:
     variables = os.environ | {"STOOP_CACHE_DIR": str(pendulum.folder.parent), "NUMBA_DISABLE_JIT": "1"}
-    done = subprocess.run(
-        [sys.executable, "-c", WITHOUT_NUMBA], env=variables, capture_output=True, text=True
-    )
+    command = [sys.executable, "-c", WITHOUT_NUMBA]
+    done = subprocess.run(command, env=variables, capture_output=True, text=True)
     assert done.stdout == f"{expected!r}\n"
     assert done.stderr.splitlines()[-1].startswith("stoop.errors.KernelError: NUMBA_DISABLE_JIT: ")
 

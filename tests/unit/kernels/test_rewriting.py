@@ -82,20 +82,14 @@ def test_the_values_stay(expressions: list[Any], seed: int) -> None:
 def test_operations_of_each_rule() -> None:
     root, p, q = sp.sqrt(x**2 + y**2), c * x + d * y, d * x - c * y
     for rule, rates, count in (
-        ("factor", [(x**2 + y**2) * (z / root + x / root)], 6),
-        ("denominator", [1 / (x + y / z)], 3),
-        ("dissolved", [a * (b * x + c * y) + d * y], 3),
-        ("moments", [z * (a * p + b * q), z * (b * p - a * q)], 8),
-        ("Horner", [a + b * x + c * x**2], 4),
-        ("shifted polynomial", [a + b * (x - c) + d * (x - c) ** 2], 4),
-        ("folded", [a * z * (b * x + c * y)], 4),
-        ("equal coefficients", [a * x - a * y + b * z], 4),
-        ("opposite", [a * (x - y) * z, -a * (x - y) * y], 4),
-        ("common number", [2 * x * y - 2 * z * x], 3),
-        ("common product", [x * y + z, x * y * z], 3),
+        ("factor", [(x**2 + y**2) * (z / root + x / root)], 6), ("denominator", [1 / (x + y / z)], 3),
+        ("dissolved", [a * (b * x + c * y) + d * y], 3), ("moments", [z * (a * p + b * q), z * (b * p - a * q)], 8),
+        ("Horner", [a + b * x + c * x**2], 4), ("shifted polynomial", [a + b * (x - c) + d * (x - c) ** 2], 4),
+        ("folded", [a * z * (b * x + c * y)], 4), ("equal coefficients", [a * x - a * y + b * z], 4),
+        ("opposite", [a * (x - y) * z, -a * (x - y) * y], 4), ("common number", [2 * x * y - 2 * z * x], 3),
+        ("common product", [x * y + z, x * y * z], 3), ("common sum", [(x + y + z) ** 2, x + y], 3),
         ("cancelled", [x + y * (a * (x - y) - a * x + a * y)], 2),
-        ("common sum", [(x + y + z) ** 2, x + y], 3),
-    ):
+    ):  # fmt: skip
         assert operations(emit(model(*rates)).source, "derive") == count, rule
 
 

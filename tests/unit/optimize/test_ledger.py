@@ -161,12 +161,8 @@ def test_gates() -> None:
     assert explains(ledger, GATE * 100.0, 0)
     assert not explains(ledger, GATE * 100.0 + 1e-9, 0)
     # an imperfect model never explains, but it may do as well as any
-    for cost, others, passed in (
-        (60.0, np.inf, False),
-        (60.0, 55.0, True),
-        (60.0, 30.0, False),
-        (np.inf, np.inf, False),
-    ):
+    cases = (60.0, np.inf, False), (60.0, 55.0, True), (60.0, 30.0, False), (np.inf, np.inf, False)
+    for cost, others, passed in cases:
         assert passes(ledger, cost, 0, np.array([others, np.inf])) is passed
 
 

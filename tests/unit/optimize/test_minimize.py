@@ -225,9 +225,8 @@ def test_a_good_start_is_cheap_even_after_a_bad_one_and_brings_its_nuisances(osc
 def test_bad_questions_get_one_line(oscillation: Callable[..., Any]) -> None:
     forgetful = Mock(init=optimize.create().init, step=Mock(return_value=None))
     forgetful.name = "forgetful"
-    state = optimize.minimize(
-        optimize.create("ps-gde"), oscillation(), seed=0, stop=Stop(generations=2)
-    ).state
+    two = Stop(generations=2)
+    state = optimize.minimize(optimize.create("ps-gde"), oscillation(), seed=0, stop=two).state
     with pytest.raises(IdentificationError, match=r"^optimizer nonsense: .*use one of ps-gde-lm"):
         optimize.create("nonsense")
     for optimizer, changes, keys, says in (

@@ -69,11 +69,8 @@ def test_winners_fill_the_archive_with_their_parents_and_can_be_prey_again() -> 
 def test_prey_is_the_best_not_refined_at_and_not_beside_an_earlier_end() -> None:
     population, order = young(), np.argsort(young().F)
     nowhere = np.empty((0, 3))
-    for ends, member in (
-        (nowhere, order[0]),
-        (nowhere, order[1]),
-        (young().X[order[2]][None, :] + 0.01, None),
-    ):
+    beside = young().X[order[2]][None, :] + 0.01
+    for ends, member in ((nowhere, order[0]), (nowhere, order[1]), (beside, None)):
         found, population = population.next_start(ends)
         assert found == member
     assert population.refined[order[:3]].all()
@@ -145,9 +142,8 @@ def test_crossover_equals_its_naive_twin() -> None:
 
 def test_selection_keeps_the_parent_on_a_tie_and_never_takes_nan() -> None:
     parents, trials = np.zeros((4, 1)), np.ones((4, 1))
-    X, F, won = of.greedy(
-        parents, np.array([1.0, 1.0, np.inf, 1.0]), trials, np.array([1.0, 0.5, 2.0, np.nan])
-    )
+    before, after = np.array([1.0, 1.0, np.inf, 1.0]), np.array([1.0, 0.5, 2.0, np.nan])
+    X, F, won = of.greedy(parents, before, trials, after)
     assert won.tolist() == [False, True, True, False]
     assert X[:, 0].tolist() == [0.0, 1.0, 1.0, 0.0]
     assert F.tolist() == [1.0, 0.5, 2.0, 1.0]

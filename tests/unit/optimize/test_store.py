@@ -95,10 +95,8 @@ class Rastrigin(Residuals):
 
 
 def test_the_state_of_release_0_1_loads_and_continues() -> None:
-    old, stop = (
-        optimize.load_state(Path(__file__).parent / "data" / "state-0.1.npz"),
-        optimize.Stop(generations=80),
-    )
+    old = optimize.load_state(Path(__file__).parent / "data" / "state-0.1.npz")
+    stop = optimize.Stop(generations=80)
     outcome = optimize.minimize(optimize.create(), Rastrigin(), seed=0, stop=stop, state=old)
     assert (old.generation, outcome.generation) == (60, 80)
     assert outcome.trajectories > old.evaluations.trajectories == 4359.0

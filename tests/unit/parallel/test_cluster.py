@@ -13,6 +13,7 @@ from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 from unit.parallel.works import failing, walks
@@ -36,9 +37,7 @@ class Cluster:
         words = ("--no-nanny", "--nthreads", "2", "--local-directory", ".")
         return self.start("worker", self.address, *words, python=python, path=path)
 
-    def start(
-        self, *words: str, python: tuple[str, ...] = (), path: str = str(TESTS)
-    ) -> subprocess.Popen[bytes]:
+    def start(self, *words: str, python: Any = (), path: str = str(TESTS)) -> subprocess.Popen[bytes]:
         command = [sys.executable, *python, "-m", "dask", *words, "--no-dashboard"]
         environment = {**os.environ, "PYTHONPATH": path}
         process = subprocess.Popen(command, cwd=self.folder, env=environment, stderr=subprocess.DEVNULL)

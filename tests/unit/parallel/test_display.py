@@ -50,9 +50,8 @@ def test_a_log_gets_a_line_now_and_then(capsys: pytest.CaptureFixture[str]) -> N
         display.see(Tally(5, 10, 2, 6.0, 5.6))
         display.see(Tally(10, 10, 2, 7.0, 0.0))
     said = ["0", "1 waiting for a worker", "5 2 from before, 0:06 left", "10 2 from before"]
-    lines = [
-        line.replace(" of 10 runs", "").replace(",", "", 1) for line in capsys.readouterr().err.splitlines()
-    ]
+    told = capsys.readouterr().err.replace(" of 10 runs", "").splitlines()
+    lines = [line.replace(",", "", 1) for line in told]
     assert lines == [f"table1\\x1b: {words}" for words in said]
     texts = {0.4: "0:00", 59.6: "1:00", 750.0: "12:30", 11100.0: "3:05:00"}
     assert {seconds: duration(seconds) for seconds in texts} == texts

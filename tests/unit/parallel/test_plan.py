@@ -15,9 +15,7 @@ from stoop.parallel.plan import from_text, tasks, to_text
 
 
 def test_stops_of_one_prefix_are_one_task_the_earliest_first() -> None:
-    runs = [
-        Run(f"{seed}/{stop}", "m:f", {"seed": seed}, stop) for stop in (None, 2000, 500) for seed in (1, 2)
-    ]
+    runs = [Run(f"{i}/{stop}", "m:f", {"seed": i}, stop) for stop in (None, 2000, 500) for i in (1, 2)]
     first, second, _ = tasks([*runs, Run("other", "m:g", {"seed": 1}, 500)])
     assert (first.text, first.stops) == ('{"seed":1}', [500, 2000, None])
     assert [run.key for run in second.runs] == ["2/500", "2/2000", "2/None"]
@@ -69,13 +67,9 @@ def test_anything_else_is_refused() -> None:
     circle.append(circle)
     array = r"it\['a'\]\[1\]: a ndarray is not JSON; make it a list or number with .tolist\(\)"
     for value, where in (
-        ({"a": [1, np.zeros(2)]}, array),
-        (np.int64(3), "it: a int64 is not JSON"),
-        ([(1, 2)], r"it\[0\]: a tuple is not JSON; make it a list"),
-        ({1: 2}, r"it: the key 1 is no text; JSON has no other keys, use str\(key\)"),
-        (object(), "it: a object is not JSON"),
-        (10**5000, r"it: cannot be written as JSON"),
-        (circle, ".*flatter"),
-    ):
+        ({"a": [1, np.zeros(2)]}, array), (np.int64(3), "it: a int64 is not JSON"), (object(), "it: a object is not JSON"),
+        ([(1, 2)], r"it\[0\]: a tuple is not JSON; make it a list"), (10**5000, "it: cannot be written as JSON"),
+        ({1: 2}, r"it: the key 1 is no text; JSON has no other keys, use str\(key\)"), (circle, ".*flatter"),
+    ):  # fmt: skip
         with pytest.raises(CampaignError, match=f"^{where}"):
             to_text(value, "it")

@@ -86,10 +86,8 @@ def test_ctrl_c_of_a_whole_group_says_one_line_and_leaves(tmp_path: Path) -> Non
     """As a terminal does it: driver and workers get the signal."""
     store = tmp_path / "s"
     command = [sys.executable, "-c", COMMAND, str(store)]
-    driver = subprocess.Popen(
-        command, env=ENVIRONMENT, stderr=subprocess.PIPE, text=True, start_new_session=True
-    )
-    with driver:
+    pipe = subprocess.PIPE
+    with subprocess.Popen(command, env=ENVIRONMENT, stderr=pipe, text=True, start_new_session=True) as driver:
         assert driver.stderr is not None
         assert driver.stderr.readline() == "naps: 0 of 200 runs\n"
         while not store.exists() or store.stat().st_size == 0:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import os
 import signal
-import sys
 import time
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
+
+import numpy as np  # so that there is a BLAS to ask
 
 from stoop.errors import IdentificationError
 from stoop.parallel import Plan, Run
@@ -35,31 +36,24 @@ def walk(arguments: Mapping[str, Any], stops: Sequence[int | None]) -> list[Any]
 
 def fail(arguments: Mapping[str, Any], stops: Sequence[int | None]) -> list[Any]:
     """Fail in the way that is asked for, or die, or come back with the wrong thing."""
-    match arguments["how"]:
-        case "stoop":
-            raise IdentificationError("elevator: does not move; choose another\nattached")
-        case "plain":
-            raise ValueError("first\nsecond")
-        case "leave":
-            sys.exit(3)
-        case "die":
-            os._exit(7)
-        case "die once":
-            if not Path(arguments["log"]).exists():
-                note(arguments, "died")
-                os._exit(7)
-        case "array":
-            import numpy as np
-
-            return [np.zeros(2)]
-        case "short":
-            return []
-    return [arguments["how"]]
+    how, advice = arguments["how"], "elevator: does not move; choose another\nattached"
+    errors = {
+        "stoop": IdentificationError(advice),
+        "plain": ValueError("first\nsecond"),
+        "leave": SystemExit(3),
+    }
+    if how in errors:
+        raise errors[how]
+    if how == "die once" and not Path(arguments["log"]).exists():
+        note(arguments, "died")
+        how = "die"
+    if how == "die":
+        os._exit(7)
+    return {"array": [np.zeros(2)], "short": []}.get(how, [how])
 
 
 def threads(arguments: Mapping[str, Any], stops: Sequence[int | None]) -> list[Any]:
     """Return how many threads kernels and linear algebra may use, and this process."""
-    import numpy  # noqa: F401, ICN001 - so that there is a BLAS to ask
     import threadpoolctl
 
     from stoop.kernels.kernel import thread_count
@@ -70,11 +64,8 @@ def threads(arguments: Mapping[str, Any], stops: Sequence[int | None]) -> list[A
 
 
 def walks(log: Path, seeds: int, stops: Sequence[int | None] = (None,)) -> Plan:
-    runs = (
-        Run(f"{seed:03d}/{stop}", f"{HERE}:walk", {"seed": seed, "log": str(log)}, stop)
-        for stop in stops
-        for seed in range(seeds)
-    )
+    keys = [{"seed": seed, "log": str(log)} for seed in range(seeds)]
+    runs = [Run(f"{key['seed']:03d}/{stop}", f"{HERE}:walk", key, stop) for stop in stops for key in keys]
     return Plan("walks", {"map": "logistic"}, tuple(runs))
 
 

@@ -32,20 +32,10 @@ QUAD = """
 name = "quad"
 body_drag = { linear = [0.1, 0.1, 0.1], quadratic = [0.02, 0.02, 0.03] }
 sensors = { q = { delay = 0.02, sigma = 0.02 } }
-[mass]
-mass = 1.5
-inertia = { xx = 0.029, yy = 0.031, zz = 0.055, xz = 0.001 }
-center_of_gravity = [0.01, -0.005, 0.0]
-[rotors]
-nominal_voltage = 16.0
-lag = 0.05
-delay = 0.013
-T0 = 0.0
-T1 = 2.5
-T2 = 6.0
-inflow = 0.25
-drag = 0.08
-torque_ratio = 0.016
+rotors = { nominal_voltage = 16.0, lag = 0.05, delay = 0.013, T0 = 0.0, T1 = 2.5, T2 = 6.0, \
+    inflow = 0.25, drag = 0.08, torque_ratio = 0.016 }
+mass = { mass = 1.5, center_of_gravity = [0.01, -0.005, 0.0], \
+    inertia = { xx = 0.029, yy = 0.031, zz = 0.055, xz = 0.001 } }
 [rotor]
 m1 = { channel = "motor_1", position = [0.177, 0.177, -0.03], spin = "ccw", factor = 0.9 }
 m2 = { channel = "motor_2", position = [-0.177, -0.177, -0.03], spin = "ccw" }

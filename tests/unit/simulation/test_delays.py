@@ -59,26 +59,18 @@ def test_a_part_of_the_samples_is_the_same_and_delays_are_continuous(samples: fl
     assert np.abs(delayed(y, samples + 1e-9) - whole).max() < 1e-7
 
 
-def test_inputs_are_late_by_their_controls_delays(late: Vehicle) -> None:
-    t = np.arange(0.0, 2.0, 0.01)
-    u = np.column_stack([np.sin(3 * t + i) for i in range(3)])
+def test_inputs_are_late_by_their_controls_delays_per_lane_where_they_differ(late: Vehicle) -> None:
+    u = np.random.default_rng(3).standard_normal((50, 3))
     held = u.copy()
-    out = late_inputs(late, u, parameter_rows(late), 0.01)
+    rows = parameter_rows(late, {"controls.elevator.delay": np.array([0.02, 0.025, 0.02])}, 3)
+    out, alone = late_inputs(late, u, rows, 0.01), late_inputs(late, u, parameter_rows(late), 0.01)
     assert np.array_equal(u, held)
     assert late.inputs == ("elevator", "aileron", "pwm_3")
-    assert np.array_equal(out[:, 0], delayed(u[:, 0], 2.0))
-    assert np.array_equal(out[:, 1], u[:, 1])
-    assert out[:, 2] == pytest.approx(delayed(u[:, 2], 3.5), abs=1e-14)
-
-
-def test_inputs_per_lane_where_a_delay_differs(late: Vehicle) -> None:
-    u = np.random.default_rng(3).standard_normal((50, 3))
-    rows = parameter_rows(late, {"controls.elevator.delay": np.array([0.02, 0.025, 0.02])}, 3)
-    out = late_inputs(late, u, rows, 0.01)
-    assert out.shape == (50, 3, 3)
-    for b, samples in enumerate((2.0, 2.5, 2.0)):
-        assert np.array_equal(out[:, 0, b], delayed(u[:, 0], samples))
-        assert np.array_equal(out[:, 1, b], u[:, 1])
+    assert (alone.shape, out.shape) == ((50, 3), (50, 3, 3))
+    for one, samples in zip((*np.moveaxis(out, 2, 0), alone), (2.0, 2.5, 2.0, 2.0), strict=True):
+        assert np.array_equal(one[:, 0], delayed(u[:, 0], samples))
+        assert np.array_equal(one[:, 1], u[:, 1])
+        assert one[:, 2] == pytest.approx(delayed(u[:, 2], 3.5), abs=1e-14)
 
 
 def test_commands_of_before_arrive_late(late: Vehicle) -> None:
@@ -115,16 +107,10 @@ def test_a_diverged_candidate_stays_as_it_is_and_warns_of_nothing(late: Vehicle)
 
 
 SERVOS = f"""{BASE}
-[controls.elevator]
-mix = {{ pwm_3 = 0.0005, pwm_4 = -0.001 }}
-rate_limit = 2.0
-[controls.rudder]
-mix = {{ pwm_3 = 0.0005, pwm_4 = 0.001 }}
-rate_limit = 3.0
-dead_zone = 0.02
-[controls.aileron]
-dead_zone = 0.04
-delay = 0.02
+[controls]
+elevator = {{ mix = {{ pwm_3 = 0.0005, pwm_4 = -0.001 }}, rate_limit = 2.0 }}
+rudder = {{ mix = {{ pwm_3 = 0.0005, pwm_4 = 0.001 }}, rate_limit = 3.0, dead_zone = 0.02 }}
+aileron = {{ dead_zone = 0.04, delay = 0.02 }}
 """
 STEP = {"control": "elevator", "shape": "doublet", "start": 1.0, "step": 1.0, "amplitude": 0.05}
 signals = arrays(np.float64, st.integers(2, 60), elements=st.floats(-1.0, 1.0))

@@ -140,9 +140,8 @@ def test_what_an_unidentified_parameter_touches_is_marked(found: Derivatives) ->
 
 def test_an_estimated_inertia_cancels_from_what_is_divided_by_it(twin_boom: Vehicle) -> None:
     """M is Iyy q': with a coefficient that holds for a fixed inertia, M_q does not move with Iyy, but M_q/Iyy does."""
-    found = derivatives(
-        twin_boom, trim(twin_boom), ParameterCovariance(("mass.inertia.yy",), np.array([[1.0]]))
-    )
+    known = ParameterCovariance(("mass.inertia.yy",), np.array([[1.0]]))
+    found = derivatives(twin_boom, trim(twin_boom), known)
     total, specific = found.table("dimensional"), found.table("specific")
     i = total.names.index("M_q")
     assert total.std_errors[i] == pytest.approx(0.0, abs=1e-6 * abs(total.values[i]))

@@ -86,9 +86,8 @@ def test_delays_of_the_file_are_flown(twin_boom: Vehicle) -> None:
 
 def test_the_altitude_is_the_integral_of_the_climb(twin_boom: Vehicle) -> None:
     flight = simulate_flight(twin_boom, maneuver(duration=10.0, altitude=350.0), noise=False)
-    h, V, alpha, beta, phi, theta = (
-        flight.column(c) for c in ("altitude", "V", "alpha", "beta", "phi", "theta")
-    )
+    names = ("altitude", "V", "alpha", "beta", "phi", "theta")
+    h, V, alpha, beta, phi, theta = (flight.column(name) for name in names)
     climb = V * (
         np.cos(alpha) * np.cos(beta) * np.sin(theta)
         - (np.sin(beta) * np.sin(phi) + np.sin(alpha) * np.cos(beta) * np.cos(phi)) * np.cos(theta)
@@ -130,15 +129,13 @@ def test_inputs_as_arrays_fly_the_maneuver_again_with_noise_by_seed(twin_boom: V
 
 def test_inputs_that_cannot_be_flown(twin_boom: Vehicle) -> None:
     three = np.arange(3.0)
-    for inputs, time, advice in (
-        ({"elevater": np.zeros(3)}, three, "did you mean elevator"),
-        ({"elevator": np.zeros(2)}, three, "as long as the time"),
-        ({"elevator": np.zeros(3)}, np.array([0.0, 1.0, 3.0]), "one rate"),
-        ({"elevator": np.zeros(3)}, None, "no time"),
-        ({"elevator": np.array([0.0, np.nan, 0.0])}, three, "not finite"),
-    ):
+    for name, values, time, advice in (
+        ("elevater", np.zeros(3), three, "did you mean elevator"), ("elevator", np.zeros(2), three, "as long as the time"),
+        ("elevator", np.zeros(3), three**2, "one rate"), ("elevator", np.zeros(3), None, "no time"),
+        ("elevator", np.array([0.0, np.nan, 0.0]), three, "not finite"),
+    ):  # fmt: skip
         with pytest.raises(ManeuverError, match=advice):
-            simulate(twin_boom, inputs, time)
+            simulate(twin_boom, {name: values}, time)
 
 
 def test_a_start_may_be_told_either_way_and_for_many_lanes() -> None:

@@ -10,7 +10,7 @@ import control
 import numpy as np
 import pytest
 from scipy.linalg import expm
-from scipy.signal import lsim
+from scipy.signal import StateSpace
 
 from stoop.errors import SimulationError
 from stoop.simulation import LinearModel, Trim, initial_states, linearize, parameter_rows, trim
@@ -47,9 +47,7 @@ def states_of(rates: np.ndarray, x: np.ndarray, vehicle: Vehicle, names: tuple[s
     return np.array([table[n] if n in table else d[n] for n in names])
 
 
-def responses(
-    vehicle: Vehicle, point: Trim, model: LinearModel, dx: np.ndarray, du: np.ndarray
-) -> np.ndarray:
+def nearby(vehicle: Vehicle, point: Trim, model: LinearModel, dx: np.ndarray, du: np.ndarray) -> np.ndarray:
     """Return the rates of the linear model's states, and readings, of the nonlinear equations nearby."""
     moved = dict(zip(model.states, dx, strict=True))
     start = {k: v + moved.get(k, 0.0) for k, v in {**dict.fromkeys(model.states, 0.0), **point.start}.items()}
@@ -65,20 +63,19 @@ def responses(
 
 
 @pytest.mark.parametrize(
-    ("name", "reduce"),
-    [("twin_boom", "longitudinal"), ("twin_boom", "lateral"), ("twin_boom", "full"), ("v_tail", "full")],
+    "case", ["twin_boom longitudinal", "twin_boom lateral", "twin_boom full", "v_tail full"]
 )
-def test_derivatives_equal_central_differences(name, reduce, request):
+def test_derivatives_equal_central_differences(case, request):
+    name, reduce = case.split()
     vehicle: Vehicle = request.getfixturevalue(name).reduced(reduce)
     point = trim(vehicle)
     model = linearize(vehicle, point)
     n, h = len(model.states), 1e-5
     exact = np.block([[model.A, model.B], [model.C, model.D]])
     assert exact.shape == (n + len(vehicle.outputs), n + len(model.inputs))
-    for label, column, step in zip(
-        (*model.states, *model.inputs), exact.T, h * np.eye(len(exact.T)), strict=True
-    ):
-        ahead, behind = (responses(vehicle, point, model, s[:n], s[n:]) for s in (step, -step))
+    steps = h * np.eye(len(exact.T))
+    for label, column, step in zip((*model.states, *model.inputs), exact.T, steps, strict=True):
+        ahead, behind = (nearby(vehicle, point, model, s[:n], s[n:]) for s in (step, -step))
         slope = (ahead - behind) / (2 * h)
         near = 2e-6 * max(1.0, np.abs(slope).max())
         np.testing.assert_allclose(column, slope, rtol=1e-6, atol=near, err_msg=label)
@@ -98,18 +95,14 @@ def test_longitudinal_derivatives_by_hand(twin_boom: Vehicle) -> None:
     CD = n["CD0"] + n["CDalpha"] * alpha
     assert qS * CL + T * math.sin(alpha) == pytest.approx(mass * g, rel=1e-9)
     expected = {
-        ("V", "V"): -2 * qS * CD / (mass * V),
+        ("V", "V"): -2 * qS * CD / (mass * V), ("V", "theta"): -g, ("theta", "q"): 1.0,
         ("V", "alpha"): -(qS * n["CDalpha"] + T * math.sin(alpha)) / mass + g,
-        ("V", "theta"): -g,
         ("alpha", "V"): -(2 * qS * CL / V) / (mass * V),  # weight balances lift and thrust
         ("alpha", "alpha"): -(qS * n["CLalpha"] + T * math.cos(alpha)) / (mass * V),
         ("alpha", "q"): 1 - qS * n["CLq"] * c / (2 * V) / (mass * V),
-        ("q", "alpha"): qS * c * n["Cmalpha"] / Iyy,
-        ("q", "q"): qS * c * n["Cmq"] * c / (2 * V) / Iyy,
-        ("theta", "q"): 1.0,
-        ("h", "theta"): V,
-        ("h", "alpha"): -V,
-    }
+        ("q", "alpha"): qS * c * n["Cmalpha"] / Iyy, ("q", "q"): qS * c * n["Cmq"] * c / (2 * V) / Iyy,
+        ("h", "theta"): V, ("h", "alpha"): -V,
+    }  # fmt: skip
     for (row, column), value in expected.items():
         assert model.A[at[row], at[column]] == pytest.approx(value, rel=1e-9, abs=1e-12), (row, column)
     elevator = model.B[:, model.inputs.index("elevator")]
@@ -151,8 +144,6 @@ def test_a_chain_of_integrators_has_modes() -> None:
 
 def test_delays_in_series_with_the_matrices_give_the_simulated_response() -> None:
     """What MATLAB's ss does with InputDelay and OutputDelay, marched by matrix exponentials, against stoop's simulation."""
-    from scipy.linalg import expm
-
     text = builtin_vehicle("twin-boom").text
     late = "\n[controls.elevator]\ndelay = 0.1\n[controls.aileron]\n[controls.rudder]\n[sensors.q]\ndelay = 0.04\n"
     vehicle = parse_vehicle(text + late, "late.toml")
@@ -199,9 +190,8 @@ def model() -> LinearModel:
 
 @pytest.fixture(scope="module")
 def late(model: LinearModel) -> LinearModel:
-    return replace(
-        model, input_delays=np.array([0.1, 0.0, 0.05]), output_delays=np.full(len(model.outputs), 0.02)
-    )
+    of_outputs = np.full(len(model.outputs), 0.02)
+    return replace(model, input_delays=np.array([0.1, 0.0, 0.05]), output_delays=of_outputs)
 
 
 def transfer(of: Any) -> np.ndarray:
@@ -216,20 +206,10 @@ def response(model: LinearModel) -> np.ndarray:
     return np.asarray(after[:, :, None] * transfer(model) * ahead[:, None, :])
 
 
-def test_scipy_simulates_the_matrices(model: LinearModel) -> None:
-    system, time = model.to_scipy(), np.linspace(0.0, 1.0, 11)
-    inputs = np.zeros((11, 3))
-    inputs[:, model.inputs.index("elevator")] = 0.01
-    _, out, _ = lsim(system, inputs, time)
-    n = len(model.A)
-    whole = np.zeros((n + 3, n + 3))
-    whole[:n, :n], whole[:n, n:] = model.A, model.B
-    state = expm(whole)[:n, n:] @ inputs[0]  # after one second
-    assert out[-1] == pytest.approx(model.C @ state + model.D @ inputs[0], rel=1e-8, abs=1e-10)
-
-
-def test_delays_are_in_series(late: LinearModel) -> None:
-    ours = response(late)
+def test_delays_are_in_series(model: LinearModel, late: LinearModel) -> None:
+    ours, plain = response(late), model.to_scipy()
+    assert isinstance(plain, StateSpace)
+    assert np.array_equal(transfer(plain), transfer(model))
     assert transfer(late.to_scipy(4)) == pytest.approx(ours, rel=1e-5, abs=1e-7 * np.abs(ours).max())
     with pytest.raises(SimulationError, match=r"delays of up to 0.1 s: give pade=N"):
         late.to_scipy()

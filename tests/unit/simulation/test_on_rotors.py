@@ -201,7 +201,7 @@ def test_gusts_push_and_the_autopilot_holds(quad: Vehicle) -> None:
 
 
 def test_what_cannot_be_flown(twin_boom: Vehicle, quad: Vehicle) -> None:
-    slow = parse_vehicle(quad.text.replace("[rotors]", "[rotors]\nvoltage_average = 30.0"), "slow.toml")
+    slow = parse_vehicle(quad.text.replace("lag = 0.05", "lag = 0.05, voltage_average = 30.0"), "slow.toml")
     refused = (ManeuverError, SimulationError)
     for vehicle, given, says in (
         (quad, {"input": [pulse("elevator", 0.1)]}, "moves 'elevator', but the controls are roll, pitch, yaw, heave, north"),

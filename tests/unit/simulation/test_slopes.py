@@ -20,26 +20,13 @@ ALONE = f"""
 name = "one rotor"
 mass = {{ mass = 1.0, inertia = {{ xx = 0.02, yy = 0.02, zz = {HEAVY} }} }}
 rotor = {{ one = {{ channel = "motor_1", position = [0.0, 0.0, 0.0], spin = "ccw" }} }}
-[rotors]
-drive = "speed"
-gain = 900.0
-idle = 0.05
-nominal_voltage = 16.0
-delay = 0.0
-T2 = 2e-5
-inertia = {SPIN}
+rotors = {{ drive = "speed", gain = 900.0, idle = 0.05, nominal_voltage = 16.0, delay = 0.0, T2 = 2e-5, inertia = {SPIN} }}
 """
 PLACES = (("a", 1, 1, 1, "ccw"), ("b", 2, -1, -1, "ccw"), ("c", 3, 1, -1, "cw"), ("d", 4, -1, 1, "cw"))
 QUAD = """
 name = "quad"
 mass = { mass = 1.4, inertia = { xx = 0.019, yy = 0.019, zz = 0.03 } }
-[rotors]
-drive = "speed"
-gain = 1000.0
-T2 = 1.3e-5
-inflow = 3e-4
-torque_ratio = 0.019
-inertia = 6e-5
+rotors = { drive = "speed", gain = 1000.0, T2 = 1.3e-5, inflow = 3e-4, torque_ratio = 0.019, inertia = 6e-5 }
 [rotor]
 """ + "".join(
     f'{n} = {{ channel = "motor_{i}", position = [{0.15 * x}, {0.15 * y}, 0.0], spin = "{spin}" }}\n'
@@ -109,8 +96,8 @@ def test_steady_flight_has_no_slopes_and_a_lag_needs_none() -> None:
     vehicle = parse_vehicle(QUAD, "quad")
     slopes = [vehicle.inputs.index(f"motor_{i}.slope") for i in (1, 2, 3, 4)]
     assert not trim(vehicle).inputs[slopes].any()
-    for inertia in ("inertia = 6e-5\nlag = 0.05", ""):
-        other = parse_vehicle(QUAD.replace("inertia = 6e-5", inertia), "other")
+    for inertia in (", inertia = 6e-5, lag = 0.05", ""):
+        other = parse_vehicle(QUAD.replace(", inertia = 6e-5", inertia), "other")
         assert not other.sloped
         assert not any(name.endswith(".slope") for name in other.inputs)
 

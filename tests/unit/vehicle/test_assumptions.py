@@ -16,9 +16,8 @@ DT = 0.02
 PLAIN = """
 name = "commanded"
 reference = { area = 0.66, chord = 0.285, span = 2.32, airspeed = 24.0 }
-[mass]
-mass = 8.5
-inertia = { xx = 1.38, yy = { value = 0.84, prior = "guess" }, zz = { value = 2.17, prior = 0.2, free = false } }
+mass.mass = 8.5
+mass.inertia = { xx = 1.38, yy = { value = 0.84, prior = "guess" }, zz = { value = 2.17, prior = 0.2, free = false } }
 """
 CONTROLS = """
 [controls]
@@ -28,13 +27,8 @@ elevator = { mix = { servo_1 = 0.3, servo_2 = 0.3 } }
 mix = { control_yaw = -0.35 }
 """
 PROPELLER = """
-[propulsion]
-kind = "propeller"
-channel = "control_throttle"
-speed_gain = 147.2
-diameter = 0.4
-CT0 = 0.14
-CT1 = { value = -0.1, prior = 0.03 }
+propulsion = { kind = "propeller", channel = "control_throttle", speed_gain = 147.2, diameter = 0.4, \
+    CT0 = 0.14, CT1 = { value = -0.1, prior = 0.03 } }
 """
 
 
@@ -139,8 +133,6 @@ def test_short_lags_differ_in_second_order_only() -> None:
 
 def test_output_and_rate_are_smooth_in_the_lag() -> None:
     for i in (0, 1):
-        short, at, long = (
-            float(lagged(sp.Float(0.3), sp.Float(1.0), sp.Float(SHORTEST_LAG + h))[i])
-            for h in (-1e-6, 0.0, 1e-6)
-        )
+        lags = [sp.Float(SHORTEST_LAG + h) for h in (-1e-6, 0.0, 1e-6)]
+        short, at, long = (float(lagged(sp.Float(0.3), sp.Float(1.0), lag)[i]) for lag in lags)
         assert (at - short) / 1e-6 == pytest.approx((long - at) / 1e-6, rel=1e-3, abs=1e-3)

@@ -69,9 +69,8 @@ def test_a_change_is_that_of_another_evaluation() -> None:
     base = resolve_vehicle("twin-boom")
     vehicle, catalogue = extended(base)
     (x, u), equations, rows = disturbed(base, 2, 35.0), array_equations(vehicle), vehicle.values.tolist()
-    rows[vehicle.rows["sensors.p.bias"]] = np.random.default_rng(3).standard_normal(
-        15
-    )  # another in every piece
+    # another in every piece
+    rows[vehicle.rows["sensors.p.bias"]] = np.random.default_rng(3).standard_normal(15)
     at, before = Evaluation(equations, rows, x, u), np.vstack(equations(rows, x, u))
     other = u.copy()
     other[1] += 0.1

@@ -204,11 +204,8 @@ def test_impossible() -> None:
     several = "".join(f"[rotor.x{i}]\n{FIRST}\n" for i in range(13))
     rotors, first = QUAD.index("[rotors]"), QUAD.index("[rotor.m1]")
     edits = [(replaced(QUAD, old, new), f"{key}: ", says) for old, new, key, says in ROTOR_CHANGES]
-    late = (
-        QUAD.replace("lag = 0.05", "delay = 0.02")
-        + REFERENCE
-        + "[aerodynamics]\n[controls.elevator]\nmix = { motor_1 = 0.1 }\n"
-    )
+    moved = "[aerodynamics]\n[controls.elevator]\nmix = { motor_1 = 0.1 }\n"
+    late = QUAD.replace("lag = 0.05", "delay = 0.02") + REFERENCE + moved
     edits += [
         (late, "rotors.delay: ", "channel motor_1 also moves elevator"),
         (QUAD.replace("0.177", "0.0"), "", "all 4 rotors are on one spot"),

@@ -20,61 +20,34 @@ DT, N = 0.001, 150
 COMMANDED = """
 name = "commanded"
 body_drag = { linear = [0.1, 0.12, 0.15], quadratic = [0.02, 0.03, 0.04], rotation = [0.004, 0.005, 0.003] }
-[mass]
-mass = 1.6
-inertia = { xx = 0.03, yy = 0.028, zz = 0.05, xz = 0.002, xy = -0.001, yz = 0.0015 }
-center_of_gravity = [0.01, -0.006, 0.02]
-[rotors]
-gain = 0.0012
-idle = 1050.0
-nominal_voltage = 15.2
-lag = 0.06
-T0 = 0.1
-T1 = 1.9
-T2 = 7.1
-inflow = 0.31
-translational = 0.012
-drag = 0.11
-Q0 = 0.004
-Q1 = 0.01
-Q2 = 0.13
+mass = { mass = 1.6, center_of_gravity = [0.01, -0.006, 0.02], \
+    inertia = { xx = 0.03, yy = 0.028, zz = 0.05, xz = 0.002, xy = -0.001, yz = 0.0015 } }
+rotors = { gain = 0.0012, idle = 1050.0, nominal_voltage = 15.2, lag = 0.06, T0 = 0.1, T1 = 1.9, T2 = 7.1, \
+    inflow = 0.31, translational = 0.012, drag = 0.11, Q0 = 0.004, Q1 = 0.01, Q2 = 0.13 }
+sensors = { accelerometer_position = [0.05, 0.01, -0.02], imu_alignment = [0.05, -0.04, 0.8], vn = { bias = 1.5 }, \
+    vd = { scale = 0.98, bias = -0.2 }, az = { scale = 1.02, bias = 0.1 } }
 [rotor]
 m1 = { channel = "pwm_1", position = [0.17, 0.18, -0.03], axis = [0.1, -0.1, -2.0], spin = "ccw", factor = 0.85 }
 m2 = { channel = "pwm_2", position = [-0.17, -0.18, -0.02], spin = "ccw", torque_factor = 1.2 }
 m3 = { channel = "pwm_3", position = [0.16, -0.17, -0.03], axis = [0.0, 0.15, -1.0], spin = "cw" }
 m4 = { channel = "pwm_4", position = [-0.18, 0.17, -0.03], spin = "cw" }
-[sensors]
-accelerometer_position = [0.05, 0.01, -0.02]
-imu_alignment = [0.05, -0.04, 0.8]
-vn = { bias = 1.5 }
-vd = { scale = 0.98, bias = -0.2 }
-az = { scale = 1.02, bias = 0.1 }
 """
 TURNING = """
 name = "turning"
 mass = { mass = 1.2, inertia = { xx = 0.02, yy = 0.021, zz = 0.035 } }
 environment = { density = 1.1, gravity = 9.81 }
-[rotors]
-drive = "speed"
-gain = 1000.0
-lag = 0.04
-T2 = 8.5e-6
-inflow = 3.0e-4
-drag = 8.0e-5
-torque_ratio = 0.016
-inertia = 6.0e-5
+rotors = { drive = "speed", gain = 1000.0, lag = 0.04, T2 = 8.5e-6, inflow = 3.0e-4, drag = 8.0e-5, \
+    torque_ratio = 0.016, inertia = 6.0e-5 }
 [rotor]
 a = { channel = "motor_1", position = [0.2, 0.0, 0.0], spin = "cw" }
 b = { channel = "motor_2", position = [-0.1, 0.17, 0.0], axis = [0.0, 0.5, -1.0], spin = "ccw" }
 c = { channel = "motor_3", position = [-0.1, -0.17, 0.0], axis = [0.0, -0.4, -1.0], spin = "ccw" }
 """
-DRAWN = (
-    COMMANDED.replace("translational = 0.012", "radius = 0.12\ndrag_inflow = 0.002\ntranslational = 0.004")
-    .replace("T1 = 1.9", "T1 = 4.9")
-    .replace("T2 = 7.1", "T2 = 12.1")
-)
-MEASURED = TURNING.replace("gain = 1000.0\nlag = 0.04\n", "").replace("motor_", "rotor_")
-UNLAGGED = TURNING.replace("lag = 0.04", "idle = 0.1\nnominal_voltage = 15.2")
+DISCS = "radius = 0.12, drag_inflow = 0.002, translational = 0.004"
+POWER = COMMANDED.replace("T1 = 1.9, T2 = 7.1", "T1 = 4.9, T2 = 12.1")
+DRAWN = POWER.replace("translational = 0.012", DISCS)
+MEASURED = TURNING.replace("gain = 1000.0, lag = 0.04, ", "").replace("motor_", "rotor_")
+UNLAGGED = TURNING.replace("lag = 0.04", "idle = 0.1, nominal_voltage = 15.2")
 
 
 @dataclass(frozen=True)
@@ -138,14 +111,12 @@ def test_single_points(name: str) -> None:
         "u": 12.0, "v": 12.0, "w": 8.0, "p": 4.0, "q": 4.0, "r": 3.0, "phi": 3.0, "theta": 1.4, "psi": 3.0, "h": 900.0,
     }  # fmt: skip
     start = {k: s * spec.spread * rng.uniform(-1, 1, count) for k, s in spread.items()}
-    u = np.array(
-        [m + 1.2 * s * rng.uniform(-1, 1, count) for m, s in (means(spec, c) for c in vehicle.inputs)]
-    )
+    told = [means(spec, c) for c in vehicle.inputs]
+    u = np.array([m + 1.2 * s * rng.uniform(-1, 1, count) for m, s in told])
     lag = {"pwm": 0.2, "motor": 150.0}.get(vehicle.inputs[0].partition("_")[0], 0.0)
     assert any(channel.endswith(".slope") for channel in vehicle.inputs) == (spec.slope > 0.0)
-    check_points(
-        vehicle, Multirotor(spec.text, {}), start, u, spec.rtol, lambda s: lag * rng.uniform(-1, 1, s)
-    )
+    twin = Multirotor(spec.text, {})
+    check_points(vehicle, twin, start, u, spec.rtol, lambda s: lag * rng.uniform(-1, 1, s))
 
 
 def test_a_quadplane_is_its_aeroplane_and_its_rotors() -> None:
@@ -153,13 +124,8 @@ def test_a_quadplane_is_its_aeroplane_and_its_rotors() -> None:
     vehicle = builtin_vehicle("quadplane")
     text = (files("stoop") / "data" / "quadplane.toml").read_text()
     rng, count = np.random.default_rng(4), 10
-    spread = dict.fromkeys(("p", "q", "r", "phi"), 0.5) | {
-        "u": 4.0,
-        "v": 1.5,
-        "w": 1.5,
-        "theta": 0.3,
-        "psi": 3.0,
-    }
+    spread = dict.fromkeys(("p", "q", "r", "phi"), 0.5)
+    spread |= {"u": 4.0, "v": 1.5, "w": 1.5, "theta": 0.3, "psi": 3.0}
     start = {k: s * rng.uniform(-1, 1, count) for k, s in spread.items()} | {"h": np.full(count, 250.0)}
     start["u"] += 18.0
     u = rng.uniform(0.0, 0.6, (len(vehicle.inputs), count))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -22,15 +23,7 @@ name = "one rotor"
 mass = { mass = 0.5, inertia = { xx = 0.01, yy = 0.01, zz = 0.015 } }
 environment = { density = 1.225 }
 rotor = { only = { channel = "motor_1", position = [0.0, 0.0, 0.0], spin = "ccw" } }
-[rotors]
-T0 = 0.3
-T1 = 1.7
-T2 = 8.0
-Q1 = 0.02
-Q2 = 0.1
-inflow = 0.4
-translational = 0.02
-drag = 0.15
+rotors = { T0 = 0.3, T1 = 1.7, T2 = 8.0, Q1 = 0.02, Q2 = 0.1, inflow = 0.4, translational = 0.02, drag = 0.15 }
 """
 
 
@@ -41,9 +34,7 @@ def motors(vehicle: Vehicle, command: float, **others: float) -> np.ndarray:
     return u
 
 
-def rates(
-    vehicle: Vehicle, evaluate: Evaluate, u: np.ndarray, start: dict[str, float], **numbers: float
-) -> tuple[dict[str, float], dict[str, float]]:
+def rates(vehicle: Vehicle, evaluate: Evaluate, u: np.ndarray, start: Any, **numbers: float) -> Any:
     rows = parameter_rows(vehicle, numbers)
     d, y = evaluate(rows, initial_states(vehicle, start | {"h": start.get("h", 0.0)}, rows, u), u[:, None])
     return dict(zip(vehicle.states, d[:, 0], strict=True)), dict(zip(vehicle.outputs, y[:, 0], strict=True))
@@ -67,9 +58,8 @@ def test_templates_hover(template: tuple[Vehicle, Evaluate]) -> None:
     x = hover_command(vehicle, 300.0)
     assert 0.4 < x < 0.75, "with room above for maneuvers"
     d, y = rates(vehicle, evaluate, motors(vehicle, x), {"u": 0.0, "psi": 1.0, "h": 300.0})
-    assert (
-        max(abs(d[s]) for s in vehicle.states if s != "e0") < 2e-5
-    )  # a propeller of the quadplane sees the smoothed speed
+    moving = [d[s] for s in vehicle.states if s != "e0"]
+    assert np.abs(moving).max() < 2e-5  # a propeller of the quadplane sees the smoothed speed
     assert y["az"] == pytest.approx(-GRAVITY, rel=1e-9)
     assert y["psi"] == pytest.approx(1.0)
 
@@ -90,9 +80,16 @@ def test_more_of_one_motor_and_damping_by_the_inflow(template: tuple[Vehicle, Ev
         assert d[rate] < -1e-3
 
 
+def test_x_numbering_is_that_of_px4() -> None:
+    v = builtin_vehicle("quad-x")
+    corners = [tuple(np.sign([v.value(f"rotor.m{i}.position.{a}") for a in "xy"])) for i in (1, 2, 3, 4)]
+    assert corners == [(1, 1), (-1, -1), (1, -1), (-1, 1)]
+    assert [v.file.rotor[f"m{i}"].spin for i in (1, 2, 3, 4)] == ["ccw", "ccw", "cw", "cw"]
+
+
 def test_discs_draw_what_their_thrust_takes() -> None:
     """Momentum theory, held by bisection of T = 2 rho A v sqrt(vh^2 + (va + v)^2) from descents to quick climbs."""
-    text = SINGLE.replace("translational = 0.02", "radius = 0.11").replace("T0 = 0.3\n", "")
+    text = SINGLE.replace("translational = 0.02", "radius = 0.11").replace("T0 = 0.3, ", "")
     vehicle = parse_vehicle(text.replace("T1 = 1.7", "T1 = 0.0").replace("T2 = 8.0", "T2 = 22.0"), "drawing")
     evaluate, area = interpreted(vehicle), math.pi * 0.11**2
     off, speeds = [], itertools.product((-3.0, 0.0, 4.0, 12.0), (0.0, 3.0, 10.0, 20.0))
@@ -129,9 +126,8 @@ def test_aeroplane_fades_where_air_is_not_ahead() -> None:
     vehicle = builtin_vehicle("quadplane")
     evaluate = vehicle.kernel().evaluate
     u = motors(vehicle, 0.0)
-    falling, backward, ahead = (
-        rates(vehicle, evaluate, u, start)[1] for start in ({"w": 5.0}, {"u": -8.0}, {"u": 18.0})
-    )
+    flights = {"w": 5.0}, {"u": -8.0}, {"u": 18.0}
+    falling, backward, ahead = (rates(vehicle, evaluate, u, start)[1] for start in flights)
     assert max(abs(falling["ax"]), abs(backward["az"])) < 0.2
     assert ahead["az"] < -4.0, "lift"
 
@@ -154,8 +150,8 @@ def test_ground_effect_of_rotors_and_wings() -> None:
 
 
 def test_gyroscope_and_reaction() -> None:
-    text = SINGLE.replace("[rotors]", '[rotors]\ndrive = "speed"\ngain = 500.0\nlag = 0.1\ninertia = 1e-4')
-    text = text.replace("T0 = 0.3\nT1 = 1.7\nT2 = 8.0\nQ1 = 0.02\nQ2 = 0.1", "T2 = 4e-5")
+    told = 'drive = "speed", gain = 500.0, lag = 0.1, inertia = 1e-4, T2 = 4e-5'
+    text = SINGLE.replace("T0 = 0.3, T1 = 1.7, T2 = 8.0, Q1 = 0.02, Q2 = 0.1", told)
     vehicle = parse_vehicle(text, "gyro")
     evaluate = interpreted(vehicle)
     u = motors(vehicle, 0.6)

@@ -16,9 +16,7 @@ w = { intensity = "=turbulence.v.intensity", length = "=turbulence.v.length" }
 """
 
 
-def test_states_and_noise_are_added_at_the_end_and_an_intensity_can_be_estimated_and_tied(
-    twin_boom: str,
-) -> None:
+def test_states_and_noise_are_added_at_the_end_and_an_intensity_can_be_tied(twin_boom: str) -> None:
     calm, gusty = parse_vehicle(twin_boom, "calm"), parse_vehicle(twin_boom + TABLE, "gusty")
     added = ("gust.u", "gust.v.fast", "gust.v.slow", "gust.w.fast", "gust.w.slow")
     assert gusty.states == (*calm.states, *added)
@@ -61,9 +59,8 @@ def test_a_gust_does_not_turn_with_what_hovers() -> None:
     through_air = Rotation.from_euler("ZYX", [1.9, -0.2, 0.3]).inv().apply(-blown)
     rows, u = parameter_rows(gusty), np.array([0.6, 0.55, 0.6, 0.62, 0.0, 0.0, 0.0])
     still = initial_states(gusty, {"h": 50.0, **turned}, rows, u)
-    moving = initial_states(
-        gusty, {"h": 50.0, **turned, **dict(zip("uvw", through_air, strict=True))}, rows, u
-    )
+    start = {"h": 50.0, **turned, **dict(zip("uvw", through_air, strict=True))}
+    moving = initial_states(gusty, start, rows, u)
     at = {name: i for i, name in enumerate(gusty.states)}
     for axis, value in zip("uvw", blown, strict=True):
         still[[i for name, i in at.items() if name.startswith(f"gust.{axis}")]] = value

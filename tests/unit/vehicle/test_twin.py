@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import pytest
@@ -32,26 +33,10 @@ COEFFICIENTS = TWIN_BOOM[TWIN_BOOM.index("[aerodynamics.CD]") :]
 RICH = (
     """
 mass = { mass = 8.5, inertia = { xx = 1.38, yy = 0.84, zz = 2.0, xz = 0.11 }, center_of_gravity = [0.31, 0.0, -0.02] }
-[reference]
-area = 0.66
-chord = 0.285
-span = 2.32
-airspeed = 24.0
-alpha = 0.05
-moment_point = [0.26, 0.0, 0.01]
-rate_normalization = "actual"
-[propulsion]
-kind = "propeller"
-channel = "throttle"
-idle = 0.05
-speed_gain = 150.0
-diameter = 0.4
-CT0 = 0.14
-CT1 = -0.10
-CT2 = -0.02
-inertia = 0.02
-position = [0.75, 0.0, -0.04]
-pitch = 0.06
+reference = { area = 0.66, chord = 0.285, span = 2.32, airspeed = 24.0, alpha = 0.05, \
+    moment_point = [0.26, 0.0, 0.01], rate_normalization = "actual" }
+propulsion = { kind = "propeller", channel = "throttle", idle = 0.05, speed_gain = 150.0, diameter = 0.4, \
+    CT0 = 0.14, CT1 = -0.10, CT2 = -0.02, inertia = 0.02, position = [0.75, 0.0, -0.04], pitch = 0.06 }
 """
     + V_TAIL_MIXERS
     + """lag = "=controls.elevator.lag"
@@ -73,21 +58,12 @@ az = { scale = 0.99, bias = 0.2 }
 )
 RICH_TERMS = (
     """
-[aerodynamics.CL]
-CL0 = 0.4
-CLalpha = 4.9
-CLq = 5.0
-CLV = false
-CLelevator = 0.3
-CLbend = { term = "-alpha^2*(1 - 2*alpha)", value = 3.0 }
 [aerodynamics]
+CL = { CL0 = 0.4, CLalpha = 4.9, CLq = 5.0, CLV = false, CLelevator = 0.3, \
+    CLbend = { term = "-alpha^2*(1 - 2*alpha)", value = 3.0 } }
 CD = { CD0 = 0.05, CDalpha = 0.2, CDalpha2 = 0.8, CDbrake = { term = "abs(elevator)", value = 0.1 } }
-[aerodynamics.Cm]
-Cm0 = 0.02
-Cmalpha = -0.9
-Cmq = -12.0
-Cmelevator = -1.0
-Cmcross = { term = "alpha*elevator/(1 + V^2)", value = 0.7 }
+Cm = { Cm0 = 0.02, Cmalpha = -0.9, Cmq = -12.0, Cmelevator = -1.0, \
+    Cmcross = { term = "alpha*elevator/(1 + V^2)", value = 0.7 } }
 """
     + V_TAIL_LATERAL
     + """Cnstiff = { term = "abs(beta)*beta", value = 0.5 }
@@ -159,9 +135,7 @@ def changed(vehicle: Vehicle, count: int) -> list[dict[str, float]]:
     ]  # fmt: skip
 
 
-def flown(
-    twin: Aircraft | Multirotor, names: tuple[str, ...], start: Mapping[str, float], u: np.ndarray, dt: float
-) -> np.ndarray:
+def flown(twin: Any, names: Any, start: Mapping[str, float], u: np.ndarray, dt: float) -> np.ndarray:
     def name(row: np.ndarray) -> dict[str, float]:
         return dict(zip(names, row.tolist(), strict=True))
 
@@ -224,9 +198,8 @@ def test_single_points(name: str) -> None:
         "V": 3.0, "alpha": 0.3, "beta": 0.3, "p": 1.0, "q": 1.0, "r": 1.0, "phi": 1.5, "theta": 1.2, "psi": 3.0, "h": 900.0,
     }  # fmt: skip
     zero = {"full": (), "longitudinal": ("beta", "p", "r", "phi", "psi"), "lateral": ("q",)}[vehicle.reduce]
-    start = {
-        k: spec.start.get(k, 0.0) + s * rng.uniform(-1, 1, count) * (k not in zero) for k, s in spread.items()
-    }
+    off = {k: s * rng.uniform(-1, 1, count) * (k not in zero) for k, s in spread.items()}
+    start = {k: spec.start.get(k, 0.0) + x for k, x in off.items()}
     u = np.array([m + s * rng.uniform(-1, 1, count) for m, s in (spec.inputs[c] for c in vehicle.inputs)])
     twin = Aircraft(spec.text, {}, spec.extra)
     check_points(vehicle, twin, start, u, 1e-10, lambda shape: rng.uniform(-0.1, 0.1, shape))
@@ -235,12 +208,12 @@ def test_single_points(name: str) -> None:
 #: s; a step's error in the attitude, of which the two integrate other coordinates, is below `RTOL`
 HELD_DT = 0.002
 HELD_N = 200
-HELD = {
-    "longitudinal": ("v", "p", "r", "sin_phi", "cos_phi"),
-    "lateral": ("u", "w", "q", "sin_theta", "cos_theta"),
-}
 ANGLE = {"longitudinal": "phi", "lateral": "theta"}
-PLACES = {name: i for i, name in enumerate(("u", "v", "w", "p", "q", "r"))}
+HELD = {
+    m: (*held, f"sin_{ANGLE[m]}", f"cos_{ANGLE[m]}")
+    for m, held in {"longitudinal": "vpr", "lateral": "uwq"}.items()
+}
+PLACES = {name: i for i, name in enumerate("uvwpqr")}
 HELD_MODELS = {"plain lateral": ("lateral", SURFACES), "rich longitudinal": ("longitudinal", PWM)}
 
 
@@ -286,9 +259,8 @@ class Decoupled:
     def rates(self, x: np.ndarray, row: np.ndarray) -> np.ndarray:
         u = dict(zip(self.names, row.tolist(), strict=True))
         whole, angles = self.whole(x, u)
-        self.twin.reduce = "full"  # nothing is held there
-        if self.reduce == "longitudinal":
-            self.twin.reduce = "longitudinal"  # without CQ, Cl, Cn
+        # nothing is held there; longitudinal is without CQ, Cl, Cn
+        self.twin.reduce = "longitudinal" if self.reduce == "longitudinal" else "full"
         found = self.twin.rates(whole, u)
         self.twin.reduce = self.kept
         p, q, r = whole[3:6]

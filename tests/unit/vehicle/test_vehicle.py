@@ -6,7 +6,6 @@ import json
 import subprocess
 import sys
 from importlib.resources import files
-from pathlib import Path
 
 import pytest
 
@@ -30,17 +29,11 @@ def test_eq_1_has_its_32_parameters_and_they_are_free(vehicle: Vehicle) -> None:
 
 
 SAME = [
-    ("CL0 = 0.385", "CL0 = 0.5"),
-    ("CL0 = 0.385", "CL0 = { value = 0.385, free = false, bounds = [0.0, 1.0], prior = 0.1 }"),
+    ("CL0 = 0.385", "CL0 = { value = 0.5, free = false, bounds = [0.0, 1.0], prior = 0.1 }"),
     ("mass = 189.40", "mass = { value = 150.0, free = true }"),
-    ('name = "Twin-boom', 'name = "Other'),
-    ("# Printed there", "# No longer printed there"),
-]
-EXTRA_SAME = [
-    "[sensors.q]\nsigma = 0.3",
-    "[sensors]\nestimate_biases = false",
-    '[loadings.heavy]\n"mass.mass" = 200.0',
-]
+    ('name = "Twin-boom', 'name = "Other'), ("# Printed there", "# No longer printed there"),
+]  # fmt: skip
+EXTRA_SAME = ["[sensors.q]\nsigma = 0.3", "[sensors]\nestimate_biases = false", "[loadings.heavy]\nCL0 = 0.4"]
 EXTRA_OTHER = [
     "[sensors.q]\nscale = 1.0", "[sensors.q]\ndelay = 0.02", '[sensors.q]\nbias = "=sensors.p.bias"',
     "[model]\nreduce = 'lateral'", "[sensors]\nvane_position = [0.0, 0.0, 0.0]",
@@ -48,19 +41,15 @@ EXTRA_OTHER = [
 ]  # fmt: skip
 OTHER = [
     ('kind = "constant"\nthrust = { value = 220.87, free = false }', 'kind = "channel"'),
-    ("density = 1.20165", 'density = "standard"'),
-    ("CL0 = 0.385", "CL0 = false"),
-    ("CL0 = 0.385", 'CL0 = 0.385\nCLx = { term = "alpha^2" }'),
+    ("density = 1.20165", 'density = "standard"'), ("xz = 5.0", "xz = 5.0, xy = 0.0"),
+    ("CL0 = 0.385", "CL0 = false"), ("CL0 = 0.385", 'CL0 = 0.385\nCLx = { term = "alpha^2" }'),
     ("CL0 = 0.385\nCLalpha = 4.78", "CLalpha = 4.78\nCL0 = 0.385\nCLnew = { term = '1' }"),
     ('rate_normalization = "reference"', 'rate_normalization = "actual"'),
-    ("xz = 5.0", "xz = 5.0, xy = 0.0"),
-]
+]  # fmt: skip
 ROTORS = [
-    ("T2 = 6.0", "T2 = { value = 9.0, free = false }"),
-    ('spin = "ccw"', 'spin = "cw"'),
-    ('spin = "cw"', 'spin = "cw"\naxis = [0.0, 0.0, -1.0]'),
-    ("T1 = 2.5\n", ""),
-]
+    ("T2 = 6.0", "T2 = { value = 9.0, free = false }"), ("T1 = 2.5\n", ""),
+    ('spin = "ccw"', 'spin = "cw"'), ('spin = "cw"', 'spin = "cw"\naxis = [0.0, 0.0, -1.0]'),
+]  # fmt: skip
 
 
 def test_reduced_models_estimate_their_own_coefficients(vehicle: Vehicle) -> None:
@@ -88,17 +77,14 @@ def test_equations_decide_the_structure_and_numbers_do_not(twin_boom: str, vehic
     assert not {"rotors", "rotor", "body_drag", "turbulence"} & set(json.loads(vehicle.structure)[0])
     rotors = builtin_text("quad-x")
     turned = {old: parse_vehicle(rotors.replace(old, new, 1), "x").structure for old, new in ROTORS}
-    assert {old for old, found in turned.items() if found == builtin_vehicle("quad-x").structure} == {
-        "T2 = 6.0"
-    }
+    quad = builtin_vehicle("quad-x").structure
+    assert {old for old, found in turned.items() if found == quad} == {"T2 = 6.0"}
 
 
 def test_changed_numbers_and_ties(twin_boom: str, vehicle: Vehicle) -> None:
     changes = {"CLalpha": {"value": 5.0}, "mass.mass": {"free": True}, "mass.inertia.xz": {"value": 7.0}}
     changed = vehicle.with_numbers(changes)
-    assert {p.name for p, q in zip(vehicle.parameters, changed.parameters, strict=True) if p != q} == set(
-        changes
-    )
+    assert {p.name for p in set(changed.parameters) - set(vehicle.parameters)} == set(changes)
     assert changed.kernel() is vehicle.kernel(), "a number compiles nothing"
     assert vehicle.value("CLalpha") == 4.78
     tied = CONTROLS.replace("aileron]", 'aileron]\nlag = "=controls.rudder.lag"')
@@ -106,9 +92,10 @@ def test_changed_numbers_and_ties(twin_boom: str, vehicle: Vehicle) -> None:
     assert v.rows["sensors.q.bias"] == v.rows["sensors.p.bias"]
     assert v.value("controls.aileron.lag") == 0.05
     assert v.with_numbers({"controls.rudder.lag": {"value": 0.2}}).value("controls.aileron.lag") == 0.2
+    tie = r"sensors\.q\.bias: tied to 'sensors\.p\.bias'; change that one"
     for name, says in (
         ("CLalfa", "no number is called 'CLalfa'; did you mean CLalpha"),
-        ("sensors.q.bias", r"sensors\.q\.bias: tied to 'sensors\.p\.bias'; change that one"),
+        ("sensors.q.bias", tie),
     ):
         with pytest.raises(VehicleError, match=says):
             v.with_numbers({name: {"value": 5.0}})
@@ -149,9 +136,7 @@ def test_a_warm_start_needs_no_sympy(vehicle: Vehicle) -> None:
     assert (run.stderr, run.stdout.split()) == ("", ["False", "True"])
 
 
-def test_names_of_files_and_of_built_in_vehicles(
-    twin_boom: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_names_of_files_and_of_built_in_vehicles(twin_boom, tmp_path, monkeypatch):
     assert all(resolve_vehicle(name).where == name for name in BUILT_IN)
     (tmp_path / "result").mkdir()
     path = tmp_path / "twin-boom"

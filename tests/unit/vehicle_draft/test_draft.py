@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from unit.flown import maneuver
 
 from stoop.base.arrays import FloatArray
 from stoop.errors import VehicleError
@@ -17,7 +18,6 @@ from stoop.flight import Flight, load
 from stoop.flight.flight import from_columns
 from stoop.simulation import trim
 from stoop.simulation.fly import simulate_flight
-from stoop.simulation.maneuver import Maneuver
 from stoop.vehicle.builtin import builtin_vehicle
 from stoop.vehicle_draft.autopilot import Scale
 from stoop.vehicle_draft.draft import Drafted, draft
@@ -31,23 +31,17 @@ FULL = 0.5  #: rad, throw of the servos of the simulated log
 
 @pytest.fixture(scope="module")
 def flown() -> Flight:
-    inputs = [
-        {"control": "elevator", "shape": "3-2-1-1", "start": 1.0, "step": 0.3, "amplitude": 0.05},
-        {"control": "aileron", "shape": "doublet", "start": 6.0, "step": 0.5, "amplitude": 0.05},
-        {"control": "rudder", "shape": "doublet", "start": 11.0, "step": 0.8, "amplitude": 0.1},
-    ]
-    keys = {"duration": 18.0, "rate": 50.0, "airspeed": 35.0, "input": inputs}
-    return simulate_flight(builtin_vehicle("twin-boom"), Maneuver.model_validate(keys), seed=1, name="flown")
+    up, roll = ("elevator", "3-2-1-1", 1.0, 0.3, 0.05), ("aileron", "doublet", 6.0, 0.5, 0.05)
+    asked = maneuver(18.0, up, roll, ("rudder", "doublet", 11.0, 0.8, 0.1), airspeed=35.0)
+    return simulate_flight(builtin_vehicle("twin-boom"), asked, seed=1, name="flown")
 
 
-def without_surfaces(
-    flight: Flight, added: Mapping[str, FloatArray], parameters: Mapping[str, float]
-) -> Flight:
+def without_surfaces(flight: Flight, added: Mapping[str, FloatArray], known: Mapping[str, float]) -> Flight:
     kept = {str(n): flight.column(str(n)) for n in flight.data.data_vars}
     for name in ("elevator", "aileron", "rudder"):
         kept.pop(name)
     outputs = from_columns("log", flight.time, {**kept, **added})
-    return replace(outputs, parameters=parameters)
+    return replace(outputs, parameters=known)
 
 
 def drafted(flight: Flight, template: str | None = None) -> Drafted:
@@ -140,12 +134,8 @@ def test_guessed_mixers(flown: Flight) -> None:
     flight = without_surfaces(flown, {"servo_1": roll, "servo_2": up, "servo_3": right}, {})
     found = drafted(flight, "conventional")
     controls = found.vehicle.file.controls
-    for name, servo, sign in (
-        ("elevator", "servo_2", -1),
-        ("aileron", "servo_1", 1),
-        ("rudder", "servo_3", -1),
-    ):
-        assert sign * controls[name].mix[servo].value > 0.0
+    for name, servo, sign in (("elevator", 2, -1), ("aileron", 1, 1), ("rudder", 3, -1)):
+        assert sign * controls[name].mix[f"servo_{servo}"].value > 0.0
     assert "draft-mixers-guessed" in {n.code for n in found.notices}
     assert "GUESS" in found.text
 
@@ -162,10 +152,8 @@ def test_recorded_deflections(flown: Flight) -> None:
     assert turned.vehicle.value("Claileron") == pytest.approx(-found.vehicle.value("Claileron"))
     kept = {str(n): flown.column(str(n)) for n in flown.data.data_vars if n != "elevator"}
     vehicle = drafted(from_columns("still", flown.time, kept)).vehicle
-    assert "elevator" not in {
-        *vehicle.controls,
-        *(t for group in vehicle.terms.values() for t in group.values()),
-    }
+    terms = [t for group in vehicle.terms.values() for t in group.values()]
+    assert "elevator" not in {*vehicle.controls, *terms}
     assert vehicle.terms["CD"]["CDbeta2"] == "beta^2"
 
 
@@ -201,13 +189,12 @@ def test_the_propeller_of_a_piston_engine_has_angular_momentum() -> None:
 
 
 def test_what_is_missing_is_said_with_its_usual_size() -> None:
+    usual = "--mass .*usual: .* kg for this span.*--chord .*usual: .* m for this span"
+    blimp = Request("blimp", 1.0, 1.0, 0.2), "choose one of"
     for request, says in (
-        (
-            Request("conventional", span=2.0),
-            "--mass .*usual: .* kg for this span.*--chord .*usual: .* m for this span",
-        ),
+        (Request("conventional", span=2.0), usual),
         (Request(mass=2.0), "--template"),
-        (Request("blimp", 1.0, 1.0, 0.2), "choose one of"),
+        blimp,
     ):
         with pytest.raises(VehicleError, match=says):
             draft(request)
@@ -243,9 +230,8 @@ QUADROTORS = {
 
 def test_published_quadrotors_are_within_what_a_draft_leaves_open() -> None:
     names = ("T2", "inflow", "drag", "torque_ratio", "lag")
-    for (name, (mass, arm, speed, level, known)), kind in itertools.product(
-        QUADROTORS.items(), ("rotor", "motor")
-    ):
+    for (name, published), kind in itertools.product(QUADROTORS.items(), ("rotor", "motor")):
+        mass, arm, speed, level, known = published
         at, full = (speed, 1.0) if kind == "rotor" else (level, speed / level)
         side = arm * 0.5**0.5
         places = [(x * side, y * side, 0.0) for x, y in ((1, 1), (-1, -1), (1, -1), (-1, 1))]

@@ -51,11 +51,8 @@ def check_places(found: Vehicle, truth: Vehicle, names: Mapping[str, str], **nea
     """Check that rotors stand and turn as those of the truth, whose channels have the names that `names` holds."""
 
     def places(vehicle: Vehicle) -> dict[str, tuple[float, ...]]:
-        rotors = vehicle.file.rotor
-        return {
-            r.channel: tuple(vehicle.value(f"rotor.{n}.position.{a}") for a in "xy")
-            for n, r in rotors.items()
-        }
+        places = {n: tuple(vehicle.value(f"rotor.{n}.position.{a}") for a in "xy") for n in vehicle.rotors}
+        return {r.channel: places[n] for n, r in vehicle.file.rotor.items()}
 
     known = {names.get(channel, channel): place for channel, place in places(truth).items()}
     assert places(found) == {channel: pytest.approx(place, **near) for channel, place in known.items()}
