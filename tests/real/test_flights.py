@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from real import simulated
 
-from stoop.base.arrays import FloatArray
 from stoop.checks.kinematics import check_rates
 from stoop.checks.mapping import check_mapping
 from stoop.errors import FlightError
@@ -28,24 +27,24 @@ from stoop.workflow.reconstruction import check_compatibility, write_compatibili
 BUDGET = Options(budget=400.0)
 CONTROLS = ("control_roll", "control_pitch", "control_yaw", "control_throttle")
 ANGLES = ("alpha", "beta", "phi", "theta", "psi")
-A430_MAPPING = (
-    '[time]\ncolumn = "Systime"\nunit = "s"\n[variables]\nV = {column = "vt", unit = "m/s"}\n'
-    'elevator = {column = "de", unit = "deg"}\naileron = {column = "da", unit = "deg"}\n'
-) + "".join(
-    f'{name} = {{column = "{name}", unit = "{unit}"}}\n'
-    for names, unit in ((ANGLES, "deg"), ("pqr", "deg/s"))
-    for name in names
+A430_MAPPING = """
+time = { column = "Systime", unit = "s" }
+[variables]
+V = { column = "vt", unit = "m/s" }
+elevator = { column = "de", unit = "deg" }
+aileron = { column = "da", unit = "deg" }
+""" + "".join(
+    f'{n} = {{ column = "{n}", unit = "{"deg/s" if n in "pqr" else "deg"}" }}\n' for n in (*ANGLES, *"pqr")
 )
 FILES = {
     "euler": {"phi": ("phi_rad", "rad"), "theta": ("theta_rad", "rad"), "psi": ("psi_rad", "rad")},
     "bodyrate": {n: (f"{n}_rps", "rad/s") for n in "pqr"},
     "actuators": {**{n: (n, "1") for n in ("aileron", "elevator", "rudder")}, "thrust": ("thrust_N", "N")},
 }  # fmt: skip
-STANFORD_MAPPING = '[time]\ncolumn = "t_s"\nunit = "s"\n[variables]\n' + "".join(
-    f'{name} = {{column = "{column}", unit = "{unit}", file = "plane_{file}.csv"}}\n'
-    for file, columns in FILES.items()
-    for name, (column, unit) in columns.items()
-)
+STANFORD_MAPPING = 'time = {column = "t_s", unit = "s"}\n[variables]\n'
+for file, columns in FILES.items():
+    for name, (column, unit) in columns.items():
+        STANFORD_MAPPING += f'{name} = {{column = "{column}", unit = "{unit}", file = "plane_{file}.csv"}}\n'
 SKYWALKER = """
 format = "stoop-vehicle/1"
 name = "Skywalker"
@@ -261,18 +260,13 @@ def test_pitot_and_wind_of_the_v_tail(vtail_flight: Flight) -> None:
 
 def test_forces_of_the_v_tail_are_straight_lines(vtail_flight: Flight) -> None:
     """In sideslip in the roll doublet, in angle of attack in the pitch doublet; beta holds only the integral of a_y."""
-
-    def coefficient(start: float, stop: float, force: str, angle: str) -> tuple[FloatArray, FloatArray]:
-        columns = np.column_stack([vtail_flight.column(name) for name in (force, angle, "V")])
-        keep = (vtail_flight.time >= start) & (vtail_flight.time <= stop) & np.isfinite(columns).all(axis=1)
-        a, x, speed = columns[keep].T
-        return x, 2.0 * 8.5 * a / (1.17 * speed**2 * 0.66)
-
-    beta, side = coefficient(140.0, 145.0, "ay", "beta")
-    assert np.corrcoef(side, beta)[0, 1] < -0.98
-    assert -0.7 < np.polyfit(beta, side, 1)[0] < -0.45
-    alpha, normal = coefficient(146.0, 152.0, "az", "alpha")
-    assert np.corrcoef(-normal, alpha)[0, 1] > 0.97
+    columns = np.column_stack([vtail_flight.column(name) for name in ("ay", "beta", "az", "alpha", "V")])
+    time, whole = vtail_flight.time, np.isfinite(columns).all(axis=1)
+    side, beta, _, _, V = columns[whole & (time >= 140.0) & (time <= 145.0)].T
+    assert np.corrcoef(side / V**2, beta)[0, 1] < -0.98
+    assert -0.7 < np.polyfit(beta, 2.0 * 8.5 * side / (1.17 * V**2 * 0.66), 1)[0] < -0.45
+    _, _, normal, alpha, V = columns[whole & (time >= 146.0) & (time <= 152.0)].T
+    assert np.corrcoef(-normal / V**2, alpha)[0, 1] > 0.97
 
 
 def test_compatibility_of_the_v_tail(vtail_flight: Flight, tmp_path: Path) -> None:

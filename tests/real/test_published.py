@@ -13,7 +13,6 @@ from stoop.control_laws.replay import replay_px4
 from stoop.errors import FlightError, StoopError
 from stoop.flight import Flight, load
 from stoop.logs.read import read
-from stoop.logs.recording import Recording
 from stoop.performance.polar import Propulsion
 from stoop.workflow.reconstruction import drag_polar
 from stoop_studies.findings import Setting
@@ -88,13 +87,9 @@ def test_published_numbers(shared_data: Path) -> None:
         assert told == pytest.approx(found)
 
 
-@pytest.fixture(scope="module")
-def recording(shared_data: Path) -> Recording:
-    return read(shared_data / "px4-ulog-reader-samples" / "sample_log_small.ulg")
-
-
-def test_px4_commands_what_its_law_does(recording: Recording, shared_data: Path) -> None:
+def test_px4_commands_what_its_law_does(shared_data: Path) -> None:
     """A VTOL in hover mode: within half a percent of the rms, by the right law with the right gains only."""
+    recording = read(shared_data / "px4-ulog-reader-samples" / "sample_log_small.ulg")
     for axis in ("roll", "pitch", "yaw"):
         found = replay_px4(recording, px4.multicopter(recording.parameters, axis))
         assert found.error < 0.005

@@ -37,20 +37,8 @@ def check_job(
         assert found.channels[channel].theil < found.channels[channel].baseline_theil, (number, channel)
     assert result.status == "converged"
     assert not [name for name, p in result.parameters.items() if p.at_bound]
-    check_signs(model)
-    first, second = result.maneuvers[0].segments  # each with its own initial state
-    assert first[1] <= dropout[0] < dropout[1] <= second[0]
-    wind = result.wind[0]
-    assert wind.values["wind_e"].estimate == pytest.approx(wind_e, abs=0.8)
-    assert any("pitot fault" in str(note) for note in wind.notes)
-    corrected, white = (result.uncertainty[k].parameters for k in ("corrected", "cramer_rao"))
-    assert np.median([corrected[n].std_error / white[n].std_error for n in corrected]) > 1.5
-    assert any("Cramer-Rao" in str(s) for s in result.basis)
-
-
-def check_signs(model: FittedModel) -> None:
-    """By the covariance of the model as it is, without what it lacks; moments over inertia, which are what a flight shows."""
-    parameters, covariance = model.result.parameters, model.result.covariance
+    # by the covariance of the model as it is, without what it lacks; moments over inertia, which are what a flight shows
+    parameters, covariance = result.parameters, result.covariance
     for name, sign in SIGNS.items():
         over = {"Cl": "mass.inertia.xx", "Cm": "mass.inertia.yy", "Cn": "mass.inertia.zz"}.get(name[:2])
         relative = np.zeros(len(covariance.names))
@@ -59,6 +47,14 @@ def check_signs(model: FittedModel) -> None:
             relative[covariance.names.index(over)] = -1.0 / parameters[over].estimate
         assert sign * parameters[name].estimate > 0.0, name
         assert (relative @ covariance.matrix @ relative) ** 0.5 < 0.7, name
+    first, second = result.maneuvers[0].segments  # each with its own initial state
+    assert first[1] <= dropout[0] < dropout[1] <= second[0]
+    wind = result.wind[0]
+    assert wind.values["wind_e"].estimate == pytest.approx(wind_e, abs=0.8)
+    assert any("pitot fault" in str(note) for note in wind.notes)
+    corrected, white = (result.uncertainty[k].parameters for k in ("corrected", "cramer_rao"))
+    assert np.median([corrected[n].std_error / white[n].std_error for n in corrected]) > 1.5
+    assert any("Cramer-Rao" in str(s) for s in result.basis)
 
 
 def test_the_main_job_on_a_simulated_log(simulated_flight: Flight) -> None:

@@ -55,8 +55,7 @@ def test_trajectories_and_rates_equal_plain_python(pendulum: Kernel) -> None:
 
 
 def test_cost_is_the_weighted_sum_of_squares(pendulum: Kernel) -> None:
-    p, x = candidates(11)
-    z, w = record()
+    (p, x), (z, w) = candidates(11), record()
     z[:, 0] += 2 * np.pi * np.random.default_rng(5).integers(-1, 2, N) * (np.arange(N) % 3 == 0)
     z[7, 1], w[7, 1] = np.nan, 0.0
     z[9] = np.nan
@@ -67,8 +66,7 @@ def test_cost_is_the_weighted_sum_of_squares(pendulum: Kernel) -> None:
 
 
 def test_products_are_the_sum_of_residuals_times_weights(pendulum: Kernel) -> None:
-    p, x = candidates(11)
-    z, w = record()
+    (p, x), (z, w) = candidates(11), record()
     w *= np.where(np.arange(N) % 2, -1.0, 1.0)[:, None]
     z[7, 1], w[7, 1] = np.nan, 0.0
     x[0, 3] = np.nan
@@ -81,8 +79,7 @@ def test_products_are_the_sum_of_residuals_times_weights(pendulum: Kernel) -> No
 
 
 def test_what_a_weight_hides_does_not_matter_and_what_it_shows_must_be_a_number(pendulum: Kernel) -> None:
-    p, x = candidates(8)
-    z, w = record()
+    (p, x), (z, w) = candidates(8), record()
     w[::4] = 0.0
     costs = []
     for hidden in (0.0, np.nan, np.inf, 1e308):
@@ -134,8 +131,7 @@ def test_threads_place_company_and_width_do_not_change_a_bit(pendulum: Kernel) -
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork on this system")
 @pytest.mark.filterwarnings("ignore:.*multi-threaded.*fork:DeprecationWarning")
 def test_the_child_of_a_fork_has_threads_of_its_own(pendulum: Kernel) -> None:
-    p, x = candidates(67)
-    z, w = record()
+    (p, x), (z, w) = candidates(67), record()
     expected = pendulum.cost(p, x, inputs(), z, w, DT, threads=2)
 
     def again() -> None:
@@ -182,8 +178,7 @@ def test_every_lane_hears_its_own_inputs(pendulum: Kernel) -> None:
 
 
 def test_read_only_strided_and_integer_arrays(pendulum: Kernel) -> None:
-    p, x = candidates(9)
-    z, w = record()
+    (p, x), (z, w) = candidates(9), record()
     z[0], w[0] = np.nan, 0.0
     arrays = (p, x, inputs(), z, w)
     J = pendulum.cost(*arrays, DT)

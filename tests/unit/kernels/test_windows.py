@@ -13,8 +13,7 @@ from stoop.vehicle.builtin import resolve_vehicle
 DT = 0.02
 
 
-@pytest.fixture(scope="module")
-def flown():
+def test_a_lane_reads_its_own_rows_and_rows_beyond_the_record_are_refused() -> None:
     """Lanes with parameters, starts, rows and lengths of their own, in two records of 60 rows."""
     vehicle = resolve_vehicle("twin-boom").reduced("longitudinal")
     point, rng = trim(vehicle), np.random.default_rng(4)
@@ -26,11 +25,7 @@ def flown():
     first = np.array([0, 3, 10, 25, 50, 58, 60, 61, 80, 100, 118])
     end = np.where(first < 60, 60, 120)
     steps = np.array([20, 0, 7, 20, 20, 1, 20, 3, 20, 19, 1])
-    return vehicle.kernel(), rows, x, record, first, end, steps
-
-
-def test_a_lane_reads_its_own_rows(flown):
-    kernel, rows, x, record, first, end, steps = flown
+    kernel = vehicle.kernel()
     readings, last = windows(kernel, rows, x, record, first, end, steps, DT)
     assert readings.shape == (11, 21, kernel.sizes[3])
     for b, (a, e, many) in enumerate(zip(first, end, steps, strict=True)):
@@ -42,13 +37,8 @@ def test_a_lane_reads_its_own_rows(flown):
             now, after = (record[[min(a + k + i, e - 1)]].T for i in (0, 1))
             own, _ = filtering.step(kernel, one, own, now, after, DT)
         assert np.allclose(last[:, b], own[:, 0], rtol=1e-12, atol=1e-12)
-
-
-def test_rows_beyond_the_record_are_refused(flown):
-    kernel, rows, x, record, first, end, steps = flown
-    with pytest.raises(ValueError, match="rows that the record does not have"):
-        windows(kernel, rows, x, record, first, end + 1, steps, DT)
-    with pytest.raises(ValueError, match="rows that the record does not have"):
-        windows(kernel, rows, x, record, first - 1, end, steps, DT)
+    for before, after in ((0, 1), (1, 0)):
+        with pytest.raises(ValueError, match="rows that the record does not have"):
+            windows(kernel, rows, x, record, first - before, end + after, steps, DT)
     with pytest.raises(ValueError, match="steps: shape"):
         windows(kernel, rows, x, record, first, end, steps[1:], DT)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import pytest
+from scipy.optimize import least_squares
 
 from stoop import optimize
 
@@ -94,8 +95,6 @@ def oscillation() -> Callable[..., Oscillation]:
 @pytest.fixture
 def least(oscillation: Callable[..., Oscillation]) -> Callable[[Oscillation], float]:
     def find(problem: Oscillation) -> float:
-        from scipy.optimize import least_squares
-
         z = np.append((TRUTH - LOW) / (HIGH - LOW), np.zeros(problem.extra))
         full = len(problem.shares) - 1
         fit = least_squares(lambda v: problem.residuals(v[None, :], full)[0], z, xtol=1e-14, ftol=1e-14)
@@ -107,8 +106,4 @@ def least(oscillation: Callable[..., Oscillation]) -> Callable[[Oscillation], fl
 @pytest.fixture
 def near() -> Callable[[float], np.ndarray]:
     """Return a maker of points beside the truth: every parameter multiplied by a factor."""
-
-    def point(factor: float) -> np.ndarray:
-        return np.append((TRUTH * factor - LOW) / (HIGH - LOW), 0.0)
-
-    return point
+    return lambda factor: np.append((TRUTH * factor - LOW) / (HIGH - LOW), 0.0)

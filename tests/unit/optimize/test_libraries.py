@@ -32,14 +32,12 @@ def check_budget_and_process(name: str, problem: Any, folder: Path, patch: pytes
     np.random.seed(7)  # noqa: NPY002
     filters = list(warnings.filters)
     outcome = search(name, problem, 333.0)
-    assert outcome.status == "budget"
-    assert outcome.trajectories == pytest.approx(problem.spent)
+    assert (outcome.status, outcome.trajectories) == ("budget", pytest.approx(problem.spent))
     # a Jacobian that no longer fits the budget is not begun
     assert 333.0 - problem.dimension - problem.extra <= problem.spent <= 333.0 + 1e-9
     assert problem.largest <= 0.0
     assert np.random.random(3).tolist() == np.random.RandomState(7).random(3).tolist()  # noqa: NPY002
-    assert list(warnings.filters) == filters
-    assert list(folder.iterdir()) == []
+    assert (list(warnings.filters), list(folder.iterdir())) == (filters, [])
 
 
 def check_target_and_interrupt(name: str) -> None:
@@ -66,8 +64,7 @@ def check_repetition(name: str, make: Callable[[], Any], folder: Path, patch: py
     optimize.save_state(folder / "state.npz", first.state)
     state, stop = optimize.load_state(folder / "state.npz"), optimize.Stop(generations=2, budget=40_000.0)
     again = optimize.minimize(optimize.create(name), make(), seed=99, stop=stop, state=state)
-    assert again.z.tobytes() == whole.z.tobytes()
-    assert again.history.tobytes() == whole.history.tobytes()
+    assert (again.z.tobytes(), again.history.tobytes()) == (whole.z.tobytes(), whole.history.tobytes())
     assert again.trajectories == whole.trajectories > first.trajectories
 
 

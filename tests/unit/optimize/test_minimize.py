@@ -62,8 +62,7 @@ def test_a_run_is_counted_repeatable_and_resumable(name: str, tmp_path: Path) ->
     problem, whole = run(Stop(40, target_cost=-1.0), callback=lambda p: states.append(p.state))
     assert problem.largest <= 1e-15, "nothing is evaluated outside the box"
     assert ((whole.z[:4] >= 0.0) & (whole.z[:4] <= 1.0)).all()
-    assert whole.trajectories == pytest.approx(problem.spent)
-    assert whole.history[-1, 1] == whole.cost
+    assert (whole.trajectories, whole.history[-1, 1]) == (pytest.approx(problem.spent), whole.cost)
     assert (np.diff(whole.history, axis=0) * [1.0, -1.0] > 0.0).all()
     assert not _same(run(Stop(3), seed=6)[1].state.evaluations, states[2].evaluations)
     assert name != optimize.names()[0] or whole.state.population is not None
@@ -188,8 +187,7 @@ def test_the_default_finds_and_confirms_the_least_cost(oscillation, least):
     for seed in range(12):
         problem = oscillation(seed=seed)
         outcome = optimize.minimize(optimize.create(), problem, seed=seed, stop=Stop(budget=5000))
-        assert outcome.status == "converged"
-        assert outcome.advice == ""
+        assert (outcome.status, outcome.advice) == ("converged", "")
         assert outcome.cost == pytest.approx(least(problem), rel=1e-5)
 
 
@@ -213,8 +211,7 @@ def test_a_good_start_is_cheap_even_after_a_bad_one_and_brings_its_nuisances(osc
     best = least(problem)
     for starts, cheap in (([near(0.98)[:4]], 20.0), ([bad, near(0.98)[:4]], 25.0), ([bad], np.inf)):
         outcome = run(*starts, budget=5000)
-        assert outcome.status == "converged"
-        assert outcome.cost == pytest.approx(best, rel=1e-5)
+        assert (outcome.status, outcome.cost) == ("converged", pytest.approx(best, rel=1e-5))
         assert outcome.history[outcome.history[:, 1] <= best * 1.001, 0][0] < cheap
     # from the very optimum the first refinement has nothing to do; without its nuisances it has
     spent = [run(start, generations=1).trajectories for start in (outcome.z, outcome.z[:4])]

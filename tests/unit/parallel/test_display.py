@@ -24,8 +24,7 @@ def parsed(*words: str) -> argparse.Namespace:
 
 
 def test_where_the_runs_are_done() -> None:
-    assert pool(parsed("--workers", "3")) == LocalProcesses(3)
-    assert pool(parsed()) == LocalProcesses()
+    assert (pool(parsed("--workers", "3")), pool(parsed())) == (LocalProcesses(3), LocalProcesses())
     for address in ("tcp://a:1", "tcp://[::1]:8786", "tls://10.0.0.1:1", "tcp://node-3.cluster:65535"):
         assert pool(parsed("--scheduler", address)) == Dask(address)
     for words in (("--workers", "0"), ("--workers", "2", "--scheduler", "tcp://a:1")):
@@ -72,5 +71,4 @@ def test_ctrl_c(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.
         monkeypatch.setattr(Display, "see", press)
         with pytest.raises(SystemExit) as leaving:
             run_campaign(parsed("--workers", "1"), walks(tmp_path / "log", 3), store)
-        assert leaving.value.code == 130
-        assert capsys.readouterr().err == f"stoop: {words}\n"
+        assert (leaving.value.code, capsys.readouterr().err) == (130, f"stoop: {words}\n")

@@ -59,12 +59,10 @@ def test_a_study_counts_what_it_imports_and_no_pages() -> None:
     """Rooms of stoop that every environment has are not counted again."""
     assert {"optimize", "base", "vehicle"} <= set(worker.ROOMS)
     rooms = {name.removesuffix(".py") for name in worker.ROOMS}
-    for work, counted in (
-        ("search", "stoop_studies.problems.paper.py"),
-        ("compare.race", "stoop_studies.problems.paper.py"),
-        ("verify.design", "stoop.input_design.optimization.py"),
-        ("verify.delays", "stoop.reconstruction.compatibility.py"),
-    ):
+    counts = dict.fromkeys(("search", "compare.race"), "stoop_studies.problems.paper.py")
+    counts["verify.design"] = "stoop.input_design.optimization.py"
+    counts["verify.delays"] = "stoop.reconstruction.compatibility.py"
+    for work, counted in counts.items():
         files = set(source_files(f"stoop_studies.{work}"))
         assert {f"stoop_studies.{work}.py", counted} <= files
         assert not {name for name in files if name.startswith("stoop.") and name.split(".")[1] in rooms}

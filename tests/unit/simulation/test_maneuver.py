@@ -154,5 +154,4 @@ def test_units_follow_the_control() -> None:
     for control, amplitude in (("roll", 40.0), ("north", -12.0), ("motor_1", 0.2), ("pwm_3", 150.0)):
         y = parse_maneuver(of(control, amplitude), WHERE).deflections()[control]
         assert np.abs(y).max() == abs(amplitude)
-    assert maneuver.unit_of("heave") == "m/s2"
-    assert maneuver.unit_of("elevator") == "rad"
+    assert (maneuver.unit_of("heave"), maneuver.unit_of("elevator")) == ("m/s2", "rad")

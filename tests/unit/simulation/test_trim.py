@@ -130,8 +130,7 @@ def test_modes_of_a_hover(even: Vehicle) -> None:
     modes = {mode.name: mode.eigenvalue for mode in model.modes}
     assert modes["heave"] == pytest.approx(-0.1 / 1.5, abs=1e-6)
     assert modes["lag"] == pytest.approx(-20.0, abs=1e-6)
-    assert model.states[:3] == ("u", "v", "w")
-    assert model.inputs == ("motor_1", "motor_2", "motor_3", "motor_4")
+    assert (model.states[:3], model.inputs) == (("u", "v", "w"), ("motor_1", "motor_2", "motor_3", "motor_4"))
     at = {name: i for i, name in enumerate(model.states)}
     assert model.A[at["u"], at["theta"]] == pytest.approx(-G)
     assert model.A[at["v"], at["phi"]] == pytest.approx(G)
@@ -168,12 +167,13 @@ def test_a_wing_flies_the_path_that_was_asked_for_with_sideslip_where_it_is_asym
     assert point.start["beta"] == pytest.approx(-0.001 / 0.04, rel=0.05)  # Cn0 + Cnbeta beta = 0
     assert linearize(vehicle, point).modes
     climb = trim(parse_vehicle(SYMMETRIC, "wing.toml"), climb_angle=0.05)
-    assert climb.start.get("beta", 0.0) == 0.0
-    assert climb.climb_angle == pytest.approx(0.05, abs=1e-7)
+    assert (climb.start.get("beta", 0.0), climb.climb_angle) == (0.0, pytest.approx(0.05, abs=1e-7))
 
 
 @pytest.mark.parametrize("airspeed", [11.0, 13.0, 20.0])
-def test_without_propulsion_it_sinks_by_drag_over_lift(glider: Vehicle, airspeed: float) -> None:
+def test_without_propulsion_it_sinks_by_drag_over_lift_and_does_not_climb(
+    glider: Vehicle, airspeed: float
+) -> None:
     point = trim(glider, airspeed)
     alpha = point.start["alpha"]
     lift, drag = 0.2 + 4.5 * alpha, 0.025 + 0.8 * alpha**2
@@ -182,9 +182,6 @@ def test_without_propulsion_it_sinks_by_drag_over_lift(glider: Vehicle, airspeed
     assert pressure * math.hypot(lift, drag) == pytest.approx(2.0 * 9.80665, rel=1e-4)
     assert point.start["theta"] - alpha == pytest.approx(point.climb_angle, abs=1e-9)
     assert linearize(glider, point).modes
-
-
-def test_without_propulsion_it_does_not_climb(glider: Vehicle) -> None:
     with pytest.raises(SimulationError, match="leave the climb angle out"):
         trim(glider, climb_angle=0.02)
 
@@ -192,16 +189,13 @@ def test_without_propulsion_it_does_not_climb(glider: Vehicle) -> None:
 EXAMPLE = Path(__file__).parents[3] / "examples" / "vtail.toml"
 
 
-def test_finds_full_power_from_a_propeller_at_rest() -> None:
+def test_thrust_balances_drag_and_full_power_is_found_from_a_propeller_at_rest() -> None:
     """At rest the thrust does not change with the throttle, so a search that gets there stays there."""
-    draggy = load_vehicle(EXAMPLE).with_numbers({"CD0": {"value": 0.12}, "propulsion.CT1": {"value": -0.15}})
+    vehicle = load_vehicle(EXAMPLE)
+    draggy = vehicle.with_numbers({"CD0": {"value": 0.12}, "propulsion.CT1": {"value": -0.15}})
     point = trim(draggy, 23.0, density=1.19)
     assert point.residual < 1e-7
     assert 0.5 < point.thrust["control_throttle"] < 1.5
-
-
-def test_thrust_balances_drag() -> None:
-    vehicle = load_vehicle(EXAMPLE)
     for airspeed in (15.0, 20.0, 25.0):
         point = trim(vehicle, airspeed, density=1.19)
         up = point.start["alpha"] + 0.10

@@ -87,8 +87,7 @@ def test_thrust_is_uncertain_unless_the_file_says_how_well_it_is_known() -> None
     assert codes == {"thrust-assumed"}
     assert free(vehicle) == {"propulsion.CT0", "propulsion.CT1", "mass.inertia.yy"}
     priors = {p.name: p.prior for p in vehicle.parameters}
-    assert priors["propulsion.CT0"] == pytest.approx(USUAL.thrust * 0.14)
-    assert priors["propulsion.CT1"] == 0.03
+    assert (priors["propulsion.CT0"], priors["propulsion.CT1"]) == (pytest.approx(USUAL.thrust * 0.14), 0.03)
     known = PROPELLER.replace("CT0 = 0.14", "CT0 = { value = 0.14, free = false }")
     assert "propulsion.CT0" not in free(completed(PLAIN + known)[0])
     loading = '[loadings.heavy]\n"propulsion.CT0" = 0.15\n'

@@ -89,8 +89,7 @@ def test_a_change_is_that_of_another_evaluation() -> None:
 def test_values_changed_since_reading_and_reductions_stay() -> None:
     base = resolve_vehicle("twin-boom").with_numbers({"Clp": {"value": -0.4, "free": False}})
     longer = with_entries(base, {("controls", "aileron", "lag"): 0.05})
-    assert longer.value("Clp") == -0.4
-    assert longer.value("controls.aileron.lag") == 0.05
+    assert (longer.value("Clp"), longer.value("controls.aileron.lag")) == (-0.4, 0.05)
     assert "Clp" not in {p.name for p in longer.parameters if p.free}
     assert longer.controls == base.controls
     base = base.reduced("longitudinal")

@@ -208,14 +208,12 @@ def test_impossible() -> None:
     late = QUAD.replace("lag = 0.05", "delay = 0.02") + REFERENCE + moved
     edits += [
         (late, "rotors.delay: ", "channel motor_1 also moves elevator"),
-        (QUAD.replace("0.177", "0.0"), "", "all 4 rotors are on one spot"),
+        (QUAD.replace("0.177", "0.0"), "", "all 4 rotors are on one spot"), (QUAD + several, "rotor: ", ""),
         (QUAD.replace('"cw"', '"ccw"'), "", "all 4 rotors turn ccw, so nothing holds the yaw"),
-        (QUAD[:rotors] + QUAD[first:], "rotors: ", "missing; add it with T2"),
+        (QUAD[:rotors] + QUAD[first:], "rotors: ", "missing; add it with T2"), (QUAD[:rotors], "reference: ", "missing; add it"),
         (QUAD[:first] + REFERENCE, "rotor: ", "missing; add a table for each"),
-        (QUAD[:rotors], "reference: ", "missing; add it"),
-        (QUAD + several, "rotor: ", ""),
         (QUAD + '[loadings.brick]\n"mass.mass" = 40.0\n', "loadings.brick: ", "rotors.T2: at full command"),
-    ]
+    ]  # fmt: skip
     for text, key, says in edits:
         said = complaint(text)
         assert said.startswith(f"{WHERE}: {key}"), said

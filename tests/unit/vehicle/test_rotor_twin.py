@@ -13,7 +13,7 @@ from naive.multirotor import Multirotor
 from unit.vehicle.test_twin import check_points, flown
 
 from stoop.simulation import initial_states, parameter_rows
-from stoop.vehicle import Vehicle, parse_vehicle
+from stoop.vehicle import parse_vehicle
 from stoop.vehicle.builtin import builtin_vehicle
 
 DT, N = 0.001, 150
@@ -66,10 +66,8 @@ CASES = {
     "measured": Case(MEASURED, {"rotor": (600.0, 250.0)}, slope=4000.0),
     "unlagged": Case(UNLAGGED, {"motor": (0.6, 0.5), "voltage": (15.0, 0.8)}, slope=4.0),
 }
-START = {
-    "u": 4.0, "v": -2.0, "w": 1.5, "p": 0.5, "q": -0.4,
-    "r": 0.9, "phi": 0.4, "theta": -0.3, "psi": 2.5, "h": 300.0,
-}  # fmt: skip
+NAMES = (*"uvwpqr", "phi", "theta", "psi", "h")
+START = dict(zip(NAMES, (4.0, -2.0, 1.5, 0.5, -0.4, 0.9, 0.4, -0.3, 2.5, 300.0), strict=True))
 
 
 def means(spec: Case, channel: str) -> tuple[float, float]:
@@ -78,20 +76,13 @@ def means(spec: Case, channel: str) -> tuple[float, float]:
     return next(v for head, v in spec.inputs.items() if channel.startswith(head))
 
 
-def recorded(spec: Case, vehicle: Vehicle) -> np.ndarray:
-    """Return inputs (N, n_u) with corners, some of which stop a motor."""
-    t = np.arange(N) * DT
-    columns = []
-    for i, name in enumerate(vehicle.inputs):
-        mean, swing = means(spec, name)
-        columns.append(mean + swing * (0.6 * np.sin((3.0 + i) * t + i) + 0.6 * np.sign(np.sin(9.0 * t + i))))
-    return np.array(columns).T
-
-
 def test_trajectories() -> None:
     spec = CASES["commanded"]
     vehicle = parse_vehicle(spec.text, "commanded")
-    u, rng = recorded(spec, vehicle), np.random.default_rng(5)
+    t, rng = np.arange(N) * DT, np.random.default_rng(5)
+    mean, swing = np.array([means(spec, c) for c in vehicle.inputs]).T
+    waves = [0.6 * np.sin((3.0 + i) * t + i) + 0.6 * np.sign(np.sin(9.0 * t + i)) for i in range(len(mean))]
+    u = mean + swing * np.array(waves).T  # with corners, some of which stop a motor
     changes = {p.name: p.value * rng.uniform(0.96, 1.04) for p in vehicle.parameters}
     rows = parameter_rows(vehicle, changes)
     y = vehicle.kernel().trajectories(rows, initial_states(vehicle, START, rows, u[0]), u, DT)[0]
@@ -107,9 +98,7 @@ def test_single_points(name: str) -> None:
     spec = CASES[name]
     vehicle = parse_vehicle(spec.text, name)
     rng, count = np.random.default_rng(2), 20
-    spread = {
-        "u": 12.0, "v": 12.0, "w": 8.0, "p": 4.0, "q": 4.0, "r": 3.0, "phi": 3.0, "theta": 1.4, "psi": 3.0, "h": 900.0,
-    }  # fmt: skip
+    spread = dict(zip(NAMES, (12.0, 12.0, 8.0, 4.0, 4.0, 3.0, 3.0, 1.4, 3.0, 900.0), strict=True))
     start = {k: s * spec.spread * rng.uniform(-1, 1, count) for k, s in spread.items()}
     told = [means(spec, c) for c in vehicle.inputs]
     u = np.array([m + 1.2 * s * rng.uniform(-1, 1, count) for m, s in told])

@@ -60,8 +60,7 @@ def test_templates_hover(template: tuple[Vehicle, Evaluate]) -> None:
     d, y = rates(vehicle, evaluate, motors(vehicle, x), {"u": 0.0, "psi": 1.0, "h": 300.0})
     moving = [d[s] for s in vehicle.states if s != "e0"]
     assert np.abs(moving).max() < 2e-5  # a propeller of the quadplane sees the smoothed speed
-    assert y["az"] == pytest.approx(-GRAVITY, rel=1e-9)
-    assert y["psi"] == pytest.approx(1.0)
+    assert (y["az"], y["psi"]) == (pytest.approx(-GRAVITY, rel=1e-9), pytest.approx(1.0))
 
 
 def test_more_of_one_motor_and_damping_by_the_inflow(template: tuple[Vehicle, Evaluate]) -> None:

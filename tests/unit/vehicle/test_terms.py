@@ -16,10 +16,7 @@ from stoop.errors import TermError
 from stoop.vehicle import terms
 
 NAMES = (*terms.STATE_VARIABLES, "elevator", "aileron", "rudder")
-
 WHERE = "a.toml: aerodynamics.CL.x"
-
-
 leaf = st.sampled_from(NAMES) | st.integers(0, 99).map(str) | st.floats(0.01, 99).map(repr)
 
 

@@ -1,8 +1,4 @@
-"""The compiled model against its plain twin: every feature of the vehicle file, in all three reductions.
-
-The twin turns a rotation matrix where the model turns a quaternion, so the steps are kept so short that what
-the integrator leaves is far below the tolerance.
-"""
+"""The compiled model against its plain twin: every feature of the vehicle file, in all three reductions."""
 
 from __future__ import annotations
 
@@ -15,7 +11,6 @@ import numpy as np
 import pytest
 from naive import march
 from naive.aircraft import Aircraft, rotation
-from naive.multirotor import Multirotor
 from naive.texts import V_TAIL_LATERAL, V_TAIL_MIXERS
 
 from stoop.simulation import initial_states, parameter_rows
@@ -23,9 +18,8 @@ from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.vehicle.builtin import builtin_text
 from stoop.vehicle.vehicle import motion_input
 
-DT, N = 0.003, 101
+DT, N = 0.003, 101  #: short steps: the twin turns a rotation matrix where the model turns a quaternion
 RTOL = 1e-9
-
 TWIN_BOOM = builtin_text("twin-boom")
 for name, value in (("CDalpha2", 1.2), ("CDV", 0.02), ("CLV", 0.05), ("CmV", 0.03)):
     TWIN_BOOM = TWIN_BOOM.replace(f"{name} = 0.0", f"{name} = {value}")
@@ -114,16 +108,6 @@ CASES = {
 }  # fmt: skip
 
 
-def recorded(case: Case, vehicle: Vehicle) -> np.ndarray:
-    """Return smooth inputs (N, n_u) with corners, different on each channel."""
-    t = np.arange(N) * DT
-    columns = []
-    for i, name in enumerate(vehicle.inputs):
-        mean, swing = case.inputs[name]
-        columns.append(mean + swing * (0.7 * np.sin((2.0 + i) * t + i) + 0.3 * np.sign(np.sin(5.0 * t + i))))
-    return np.array(columns).T
-
-
 def changed(vehicle: Vehicle, count: int) -> list[dict[str, float]]:
     rng = np.random.default_rng(7)
     skipped = ("controls.elevator.center", "controls.rudder.center")
@@ -139,16 +123,11 @@ def flown(twin: Any, names: Any, start: Mapping[str, float], u: np.ndarray, dt: 
     def name(row: np.ndarray) -> dict[str, float]:
         return dict(zip(names, row.tolist(), strict=True))
 
-    return march.march(
-        lambda x, v: twin.rates(x, name(v)), lambda x, v: twin.readings(x, name(v)),
-        twin.start(start, name(u[0])), u, dt,
-    )  # fmt: skip
+    rates, readings = (lambda x, v, f=f: f(x, name(v)) for f in (twin.rates, twin.readings))
+    return march.march(rates, readings, twin.start(start, name(u[0])), u, dt)
 
 
-def check_points(
-    vehicle: Vehicle, twin: Aircraft | Multirotor, start: dict[str, np.ndarray], u: np.ndarray,
-    rtol: float, off: Callable[[tuple[int, int]], np.ndarray],
-) -> None:  # fmt: skip
+def check_points(vehicle: Vehicle, twin: Any, start: Any, u: np.ndarray, rtol: float, off: Any) -> None:
     """Compare rates and readings at states where lags are off their commands, (n, count), without an integrator."""
     rows = parameter_rows(vehicle, None, u.shape[1])
     x = initial_states(vehicle, start, rows, u)
@@ -172,7 +151,10 @@ def check_points(
 def test_trajectories_and_cost(name: str) -> None:
     spec = CASES[name]
     vehicle = parse_vehicle(spec.text, name)
-    u, candidates = recorded(spec, vehicle), changed(vehicle, 2)
+    t, candidates = np.arange(N) * DT, changed(vehicle, 2)
+    means, swings = np.array([spec.inputs[name] for name in vehicle.inputs]).T
+    waves = [0.7 * np.sin((2.0 + i) * t + i) + 0.3 * np.sign(np.sin(5.0 * t + i)) for i in range(len(means))]
+    u = means + swings * np.array(waves).T  # smooth, with corners, different on each channel
     rows = parameter_rows(vehicle, {n: np.array([c[n] for c in candidates]) for n in candidates[0]}, 2)
     start = initial_states(vehicle, spec.start, rows, u[0])
     y = vehicle.kernel().trajectories(rows, start, u, DT)
@@ -194,9 +176,8 @@ def test_trajectories_and_cost(name: str) -> None:
 def test_single_points(name: str) -> None:
     spec, rng, count = CASES[name], np.random.default_rng(11), 12
     vehicle = parse_vehicle(spec.text, name)
-    spread = {
-        "V": 3.0, "alpha": 0.3, "beta": 0.3, "p": 1.0, "q": 1.0, "r": 1.0, "phi": 1.5, "theta": 1.2, "psi": 3.0, "h": 900.0,
-    }  # fmt: skip
+    spread = {"V": 3.0, "alpha": 0.3, "beta": 0.3, "phi": 1.5, "theta": 1.2, "psi": 3.0, "h": 900.0}
+    spread |= dict.fromkeys("pqr", 1.0)
     zero = {"full": (), "longitudinal": ("beta", "p", "r", "phi", "psi"), "lateral": ("q",)}[vehicle.reduce]
     off = {k: s * rng.uniform(-1, 1, count) * (k not in zero) for k, s in spread.items()}
     start = {k: spec.start.get(k, 0.0) + x for k, x in off.items()}
@@ -205,9 +186,7 @@ def test_single_points(name: str) -> None:
     check_points(vehicle, twin, start, u, 1e-10, lambda shape: rng.uniform(-0.1, 0.1, shape))
 
 
-#: s; a step's error in the attitude, of which the two integrate other coordinates, is below `RTOL`
-HELD_DT = 0.002
-HELD_N = 200
+HELD_DT, HELD_N = 0.002, 200  #: s; a step's error in the attitude, of other coordinates, is below `RTOL`
 ANGLE = {"longitudinal": "phi", "lateral": "theta"}
 HELD = {
     m: (*held, f"sin_{ANGLE[m]}", f"cos_{ANGLE[m]}")
@@ -215,21 +194,6 @@ HELD = {
 }
 PLACES = {name: i for i, name in enumerate("uvwpqr")}
 HELD_MODELS = {"plain lateral": ("lateral", SURFACES), "rich longitudinal": ("longitudinal", PWM)}
-
-
-def record(reduce: str, names: tuple[str, ...], inputs: dict[str, tuple[float, float]]) -> np.ndarray:
-    """Return inputs (HELD_N, n_u): surfaces, and a motion of the held states that no airplane flies."""
-    t = np.arange(HELD_N) * HELD_DT
-    motion = {
-        "u": 33.0 + 3.0 * np.sin(3.0 * t), "v": 2.0 * np.sin(5.0 * t), "w": 3.0 + 1.5 * np.cos(4.0 * t),
-        "p": 0.5 * np.sin(6.0 * t + 1.0), "q": 0.3 * np.cos(7.0 * t), "r": 0.2 * np.sin(4.0 * t + 2.0),
-    }  # fmt: skip
-    angle = 0.3 + 0.4 * np.sin(2.5 * t)
-    motion |= {f"sin_{ANGLE[reduce]}": np.sin(angle), f"cos_{ANGLE[reduce]}": np.cos(angle)}
-    columns = {motion_input(n): motion[n] for n in HELD[reduce]}
-    for i, (name, (mean, swing)) in enumerate(inputs.items()):
-        columns[name] = mean + swing * np.sin((2.0 + i) * t + i)
-    return np.column_stack([columns[n] for n in names])
 
 
 class Decoupled:
@@ -283,7 +247,17 @@ def test_held_states_follow_the_record(name: str) -> None:
     plain = parse_vehicle(case.text, name)
     vehicle = plain.coupled_to(plain.held_channels)
     assert set(vehicle.motion) == {motion_input(n) for n in HELD[reduce]}
-    u = record(reduce, vehicle.inputs, inputs)
+    # surfaces, and a motion of the held states that no airplane flies
+    t = np.arange(HELD_N) * HELD_DT
+    motion = {
+        "u": 33.0 + 3.0 * np.sin(3.0 * t), "v": 2.0 * np.sin(5.0 * t), "w": 3.0 + 1.5 * np.cos(4.0 * t),
+        "p": 0.5 * np.sin(6.0 * t + 1.0), "q": 0.3 * np.cos(7.0 * t), "r": 0.2 * np.sin(4.0 * t + 2.0),
+    }  # fmt: skip
+    angle = 0.3 + 0.4 * np.sin(2.5 * t)
+    motion |= {f"sin_{ANGLE[reduce]}": np.sin(angle), f"cos_{ANGLE[reduce]}": np.cos(angle)}
+    told = {motion_input(n): motion[n] for n in HELD[reduce]}
+    told |= {n: m + s * np.sin((2.0 + i) * t + i) for i, (n, (m, s)) in enumerate(inputs.items())}
+    u = np.column_stack([told[name] for name in vehicle.inputs])
     (changes,) = changed(vehicle, 1)
     rows = parameter_rows(vehicle, {n: np.array([v]) for n, v in changes.items()}, 1)
     begin = TURNED | {"V": 34.0}
