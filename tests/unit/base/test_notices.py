@@ -73,11 +73,11 @@ def test_a_failure_is_a_notice_that_names_detector_place_and_remedy() -> None:
     assert "please report it" in str(found)
 
 
-@pytest.mark.parametrize("error", [FlightError("no flight; give one"), MemoryError()])
-def test_errors_of_the_user_and_of_memory_pass(error: Exception) -> None:
+def test_errors_of_the_user_and_of_memory_pass() -> None:
     failed: list[Notice] = []
-    with pytest.raises(type(error)):
-        attempt(failed, 0, Mock(side_effect=error))
+    for error in (FlightError, MemoryError):
+        with pytest.raises(error):
+            attempt(failed, 0, Mock(side_effect=error))
     assert not failed
 
 

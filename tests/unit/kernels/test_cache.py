@@ -50,13 +50,9 @@ def touch(folder: Path) -> None:
     (folder / "a.py").write_text("x = 1")
 
 
-def folders(cache_of: Path) -> list[Path]:
-    return [p for p in cache_of.iterdir() if not p.name.startswith(".")]
-
-
 def model_of(filled: Path) -> Path:
     """Return the folder of the model's functions, without those that are compiled from them."""
-    (folder,) = (p for p in folders(filled) if "-" not in p.name)
+    (folder,) = (p for p in filled.iterdir() if "-" not in p.name and not p.name.startswith("."))
     return folder
 
 
@@ -173,8 +169,7 @@ def test_damage_is_recompiled_silently(filled, suffix, rebuilt, expected, monkey
     model = Mock(wraps=oscillator.equations)
     assert value(load_kernel("pendulum", model)) == expected
     assert model.call_count == rebuilt, "SymPy runs only where the model itself is damaged"
-    assert all(cache.intact(p) for p in folders(filled))
-    assert not [p for p in filled.iterdir() if p.name.startswith(".")], "nothing half-made is left"
+    assert all(cache.intact(p) and p.name[0] != "." for p in filled.iterdir()), "nothing half-made is left"
     flip(model_of(filled) / "model.py")
     monkeypatch.setattr(cache, "discard", lambda _: None)  # a damaged folder that cannot be removed
     made = cache.provide(model_of(filled), touch)

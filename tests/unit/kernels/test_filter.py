@@ -11,6 +11,7 @@ from stoop.kernels import Kernel, SymbolicModel, filtering, load_kernel
 
 DT = 0.02
 H = np.array([[1.0, 0.0, 0.0], [0.3, 1.0, -0.5]])
+Q, R, P = np.diag([1e-4, 2e-4, 3e-4]), np.array([0.04, 0.09]), 0.1 * np.eye(3)
 
 
 def swing() -> SymbolicModel:
@@ -54,7 +55,6 @@ def test_step_is_the_transition(kernel: Kernel) -> None:
 
 
 def test_covariance_and_gains_along_a_record_with_holes(kernel: Kernel, measured: np.ndarray) -> None:
-    Q, R, P = np.diag([1e-4, 2e-4, 3e-4]), np.array([0.04, 0.09]), 0.1 * np.eye(3)
     F, seen = transition(9.0), np.isfinite(measured)
     which = np.zeros(300, dtype=np.int64)
     found = filtering.riccati(kernel, F[None], H[None], Q[None], R, seen.astype(float), which, P)
@@ -67,7 +67,6 @@ def test_covariance_and_gains_along_a_record_with_holes(kernel: Kernel, measured
 
 def test_every_candidate_flies_with_its_own_gains(kernel: Kernel, measured: np.ndarray) -> None:
     stiffness, start = np.array([4.0, 9.0, 16.0]), np.array([0.1, -0.2, 0.3])
-    Q, R, P = np.diag([1e-4, 2e-4, 3e-4]), np.array([0.04, 0.09]), 0.1 * np.eye(3)
     seen, which = np.isfinite(measured), np.zeros(300, dtype=np.int64)
     own = [transition(s)[None] for s in stiffness]
     found = [filtering.riccati(kernel, F, H[None], Q[None], R, seen.astype(float), which, P)[0] for F in own]

@@ -55,9 +55,8 @@ def test_a_run_is_counted_repeatable_and_resumable(name: str, tmp_path: Path) ->
 
     def run(stop: Stop, **keys: Any) -> tuple[Rugged, optimize.Outcome]:
         problem = Rugged()
-        return problem, optimize.minimize(
-            optimize.create(name), problem, **{"seed": 3, "starts": starts, "stop": stop} | keys
-        )
+        keys = {"seed": 3, "starts": starts, "stop": stop} | keys
+        return problem, optimize.minimize(optimize.create(name), problem, **keys)
 
     problem, whole = run(Stop(40, target_cost=-1.0), callback=lambda p: states.append(p.state))
     assert problem.largest <= 1e-15, "nothing is evaluated outside the box"

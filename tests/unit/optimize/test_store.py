@@ -65,11 +65,8 @@ def test_other_files_are_refused(state: Any, tmp_path: Path) -> None:
     later = arrays["header"].tobytes().replace(b"stoop-state/1", b"stoop-state/9")
     header = b'{"schema": "stoop-state/1", "state": {"class": "Path", "fields": {}}}'
     stream = b'Stream", "fields": {"state":1,"inc":1,"has_uint32":0,"uinteger":0}'
-    for text, says in (
-        (later, "stoop-state/9"),
-        (header, "not a usable state"),  # a file names no class but ours
-        (header.replace(b'Path", "fields": {}', stream), "holds no state"),
-    ):
+    none = header.replace(b'Path", "fields": {}', stream)  # a file names no class but ours
+    for text, says in ((later, "stoop-state/9"), (header, "not a usable state"), (none, "holds no state")):
         np.savez(path, **arrays | {"header": np.frombuffer(text, dtype=np.uint8)})
         with pytest.raises(IdentificationError, match=says):
             optimize.load_state(path)

@@ -58,11 +58,11 @@ def test_a_log_gets_a_line_now_and_then(capsys: pytest.CaptureFixture[str]) -> N
 
 def test_ctrl_c(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     store, again = tmp_path / "runs.sqlite", "give the same command to"
-    for done, words in (
-        (7, f"interrupted; 7 runs are safe in {store}: {again} do the others"),
-        (1, f"interrupted; 1 run is safe in {store}: {again} do the others"),
-        (0, f"interrupted before any run was done; {again} begin again"),
-    ):
+    said = {
+        n: f"; {what} safe in {store}: {again} do the others"
+        for n, what in ((7, "7 runs are"), (1, "1 run is"))
+    }
+    for done, words in (said | {0: f" before any run was done; {again} begin again"}).items():
 
         def press(self: Display, tally: Tally, done: int = done) -> None:
             self.done = done
@@ -71,4 +71,4 @@ def test_ctrl_c(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.
         monkeypatch.setattr(Display, "see", press)
         with pytest.raises(SystemExit) as leaving:
             run_campaign(parsed("--workers", "1"), walks(tmp_path / "log", 3), store)
-        assert (leaving.value.code, capsys.readouterr().err) == (130, f"stoop: {words}\n")
+        assert (leaving.value.code, capsys.readouterr().err) == (130, f"stoop: interrupted{words}\n")

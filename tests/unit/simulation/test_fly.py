@@ -88,10 +88,8 @@ def test_the_altitude_is_the_integral_of_the_climb(twin_boom: Vehicle) -> None:
     flight = simulate_flight(twin_boom, maneuver(duration=10.0, altitude=350.0), noise=False)
     names = ("altitude", "V", "alpha", "beta", "phi", "theta")
     h, V, alpha, beta, phi, theta = (flight.column(name) for name in names)
-    climb = V * (
-        np.cos(alpha) * np.cos(beta) * np.sin(theta)
-        - (np.sin(beta) * np.sin(phi) + np.sin(alpha) * np.cos(beta) * np.cos(phi)) * np.cos(theta)
-    )
+    level = np.sin(beta) * np.sin(phi) + np.sin(alpha) * np.cos(beta) * np.cos(phi)
+    climb = V * (np.cos(alpha) * np.cos(beta) * np.sin(theta) - level * np.cos(theta))
     assert h[0] == 350.0
     assert np.gradient(h, flight.time)[2:-2] == pytest.approx(climb[2:-2], abs=2e-3)
 

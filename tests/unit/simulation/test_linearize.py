@@ -63,10 +63,10 @@ def nearby(vehicle: Vehicle, point: Trim, model: LinearModel, dx: np.ndarray, du
 
 
 @pytest.mark.parametrize(
-    "case", ["twin_boom longitudinal", "twin_boom lateral", "twin_boom full", "v_tail full"]
+    "of", [*(f"twin_boom {m}" for m in ("longitudinal", "lateral", "full")), "v_tail full"]
 )
-def test_derivatives_equal_central_differences(case, request):
-    name, reduce = case.split()
+def test_derivatives_equal_central_differences(of, request):
+    name, reduce = of.split()
     vehicle: Vehicle = request.getfixturevalue(name).reduced(reduce)
     point = trim(vehicle)
     model = linearize(vehicle, point)
