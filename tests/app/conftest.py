@@ -111,8 +111,6 @@ def nothing_starts(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
 
 @dataclass
 class Tab:
-    """A browser tab that notes what goes wrong, what it asks for, and how often the user clicks."""
-
     page: Page
     port: int
     clicks: int = 0
@@ -157,8 +155,7 @@ def tab(browser: Browser, request: pytest.FixtureRequest) -> Iterator[Callable[[
     opened: list[Tab] = []
 
     def open_tab(app: App) -> Tab:
-        context = browser.new_context(viewport={"width": 1280, "height": 900})
-        page = context.new_page()
+        page = browser.new_context(viewport={"width": 1280, "height": 900}).new_page()
         page.set_default_timeout(PATIENCE)
         one = Tab(page, app.port)
         own = (f"http://127.0.0.1:{app.port}/", f"ws://127.0.0.1:{app.port}/", "blob:", "data:")
@@ -187,7 +184,6 @@ def tab(browser: Browser, request: pytest.FixtureRequest) -> Iterator[Callable[[
 
 @pytest.fixture(scope="session")
 def hover(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return the log of a simulated quadrotor: 12 s, 3-2-1-1 about each axis."""
     from stoop.cli.main import main
 
     log = tmp_path_factory.mktemp("hover") / "hover.ulg"

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import signal
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -56,13 +55,10 @@ def test_fields_of_a_number() -> None:
     text = numbers.edited(text, {"environment.gravity": {"value": 9.81}, "CLalpha": {"low": None}})
     assert parameter(text, "environment.gravity").value == 9.81
     assert parameter(text, "CLalpha").lower <= -1e30
-    for name, wrong in (
-        ("CLalpha", {"low": 7.0, "high": 6.0}),
-        ("CLalpha", {"value": "x"}),
-        ("none", {"value": 1.0}),
-    ):
+    lift = ({"low": 7.0, "high": 6.0}, {"value": "x"})
+    for wrong in (*({"CLalpha": fields} for fields in lift), {"none": {"value": 1.0}}):
         with pytest.raises(VehicleError):
-            numbers.edited(VTAIL, {name: wrong})
+            numbers.edited(VTAIL, wrong)
     for name in ("mass.mass", "Cmalpharudder"):  # also where the file lacks it
         assert parameter(numbers.freed(VTAIL, name), name).free
     with pytest.raises(VehicleError, match="no number"):
@@ -98,10 +94,7 @@ def test_a_log_outside_the_folder_is_read_only_when_the_person_has_opened_it(tmp
     (root := tmp_path / "p").mkdir()
     (tmp_path / "other.csv").write_text("time_s,p\n0,1\n1,2\n")
     (root / "app.toml").write_text('log = "../other.csv"\n')
-    acts: tuple[Callable[[Project], object], ...] = (
-        Project.read_log, Project.list_columns, Project.propose_windows,
-    )  # fmt: skip
-    for act in acts:
+    for act in (Project.read_log, Project.list_columns, Project.propose_windows):
         with pytest.raises(StoopError, match="you have not opened it"):
             act(Project(root))
     Project(root).open_log(tmp_path / "other.csv")
@@ -183,7 +176,6 @@ def test_each_variable_offers_units_of_its_kind() -> None:
 
 
 def test_the_gate() -> None:
-    """Who may ask: this machine, with the secret, from the app's own page."""
     gate = server.Gate(None, "secret", 5010)
     own = "http://127.0.0.1:5010"
     for path, host, origins, passes in (

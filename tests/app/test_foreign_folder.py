@@ -15,23 +15,16 @@ from stoop.app.page import Page
 from stoop.app.steps import COMMAND
 from stoop.errors import StoopError
 
-pytestmark = [
-    pytest.mark.usefixtures("nothing_starts"),
-    pytest.mark.filterwarnings("ignore::PendingDeprecationWarning"),  # of Panel
-    pytest.mark.filterwarnings("ignore::DeprecationWarning"),
-]
+OF_PANEL = ("ignore::PendingDeprecationWarning", "ignore::DeprecationWarning")
+pytestmark = [pytest.mark.usefixtures("nothing_starts"), pytest.mark.filterwarnings(*OF_PANEL)]
 
 
-def snapshot(folder: Path, without: Path) -> dict[str, bytes | str | None]:
-    return {
-        str(p): str(p.readlink()) if p.is_symlink() else p.read_bytes() if p.is_file() else None
-        for p in sorted(folder.rglob("*"))
-        if not p.is_relative_to(without)
-    }
+def snapshot(folder: Path, without: Path) -> dict[Path, object]:
+    files = [p for p in folder.rglob("*") if not p.is_relative_to(without)]
+    return {p: p.readlink() if p.is_symlink() else p.read_bytes() if p.is_file() else None for p in files}
 
 
 def surroundings(tmp: Path) -> Path:
-    """Return an empty project beside files that are nobody's business."""
     root = tmp / "around" / "project"
     root.mkdir(parents=True)
     (root.parent / "victim.txt").write_text("precious")
@@ -44,23 +37,17 @@ def surroundings(tmp: Path) -> Path:
 def use(root: Path) -> str:
     said = []
     for what in (
-        lambda: Page(Project(root)),
-        lambda: Project(root).open_log("log.csv"),
-        lambda: Project(root).open_log(root.parent / "other.csv"),
-        lambda: Project(root).open_log("log.csv"),
-        lambda: Project(root).take_vehicle("name = 'x'"),
-        lambda: Project(root).read_log(),
-        lambda: Project(root).propose_windows(),
-        lambda: Project(root).lacking,
-    ):
+        Page, *(lambda project, log=log: project.open_log(log) for log in ("log.csv", root.parent / "other.csv", "log.csv")),
+        lambda project: project.take_vehicle("name = 'x'"), Project.read_log, Project.propose_windows,
+        lambda project: project.lacking,
+    ):  # fmt: skip
         with contextlib.suppress(StoopError):
-            if isinstance(found := what(), Page):
+            if isinstance(found := what(Project(root)), Page):
                 for title in found.views:
                     found.go(title)
                     found._refresh(title)
                     found.tick()
-                    body = found.views[title].body
-                    said += [str(pane.object) for pane in body if hasattr(pane, "object")]
+                    said += [str(pane.object) for pane in found.views[title].body if hasattr(pane, "object")]
                 said.append(found.trouble.object)
     return "\n".join(said)
 
@@ -70,18 +57,12 @@ HOSTILE = {
     "absolute key": '[former."log.csv"]\n"{around}/victim.txt" = "bait.txt"\n',
     "key that makes a file": '[former."log.csv"]\n"../new.txt" = "bait.txt"\n',
     "kept name ..": '[former."log.csv"]\n"windows.toml" = ".."\n',
-    "kept path": '[former."log.csv"]\n"windows.toml" = "../windows-1.toml"\n',
-    "a list": 'former = ["log.csv"]\n',
-    "a number": "former = 3\n",
-    "a table of numbers": '[former]\n"log.csv" = 3\n',
-    "a log that is a table": "log = {a = 1}\n",
-    "an option": 'log = "--save=../victim.txt"\n',
-    "a NUL": 'log = "a\\u0000b"\n',
-    "a long log": 'log = "{long}"\n',
-    "nested": "former = " + "[" * 2000 + "]" * 2000,
-    "not TOML": 'log = "',
-    "bytes": b"log = '\xff\xfe'",
-}
+    "kept path": '[former."log.csv"]\n"windows.toml" = "../windows-1.toml"\n', "a list": 'former = ["log.csv"]\n',
+    "a number": "former = 3\n", "a table of numbers": '[former]\n"log.csv" = 3\n',
+    "a log that is a table": "log = {a = 1}\n", "an option": 'log = "--save=../victim.txt"\n',
+    "a NUL": 'log = "a\\u0000b"\n', "a long log": 'log = "{long}"\n', "nested": "former = " + "[" * 2000 + "]" * 2000,
+    "not TOML": 'log = "', "bytes": b"log = '\xff\xfe'",
+}  # fmt: skip
 
 
 def test_a_hostile_app_toml_changes_nothing_outside_the_folder(tmp_path: Path) -> None:
@@ -114,17 +95,12 @@ FLIGHT = {"flight.nc": b"CDF\x01junk", "output.txt": "{}"}
 READ = "stoop info log.csv --json\n"
 OTHER_INFO = '{"rate": "x", "channels": 3, "faults": 1}'
 FOLDERS: dict[str, Callable[[Path], object]] = {
-    **{
-        f"{name} is a link to a file outside": lambda root, name=name: link(root, name)
-        for name in ("commands.sh", "vehicle.toml", WINDOWS, MAPPING, "app.toml")
-    },
-    **{
-        f"{name} is a link to a folder outside": lambda root, name=name: (root / name).symlink_to(root.parent)
-        for name in ("info", "map", "runs", "maneuvers", "logs", "comparisons")
-    },
-    **{
-        f"{kind}, in {at}": lambda root, at=at, command=command, files=files: step(root, at, command, files)
-        for kind, at, command, files in (
+    **{f"{name} is a link to a file outside": lambda root, name=name: link(root, name)
+       for name in ("commands.sh", "vehicle.toml", WINDOWS, MAPPING, "app.toml")},
+    **{f"{name} is a link to a folder outside": lambda root, name=name: (root / name).symlink_to(root.parent)
+       for name in ("info", "map", "runs", "maneuvers", "logs", "comparisons")},
+    **{f"{kind}, in {at}": lambda root, at=at, command=command, files=files: step(root, at, command, files)
+       for kind, at, command, files in (
             ("an open quote", "info/001", "stoop info 'log.csv\n", FLIGHT),
             ("a command of bytes", "info/001", "", {COMMAND: b"\xff\x00\xfe", **FLIGHT}),
             ("a name of digits", f"info/{'9' * 250}", READ, FLIGHT),
@@ -135,15 +111,12 @@ FOLDERS: dict[str, Callable[[Path], object]] = {
             ("info of other types", "info/001", READ, {**FLIGHT, "output.txt": OTHER_INFO}),
             ("a proposal of bytes", "maneuvers/001", "stoop", {WINDOWS: b"\xff"}),
             ("a result of another type", "runs/001", "stoop", {"result.json": "[]"}),
-        )
-    },
+       )},
     "a link to a device": lambda root: (root / "vehicle.toml").symlink_to("/dev/zero"),
     "a link to itself": lambda root: (root / "vehicle.toml").symlink_to("vehicle.toml"),
     "a pipe": lambda root: os.mkfifo(root / "vehicle.toml"),
     "app.toml is a folder": lambda root: (root / "app.toml").mkdir(),
-    "a huge vehicle": lambda root: (
-        (root / "vehicle.toml").touch(), os.truncate(root / "vehicle.toml", 1 << 40),
-    ),
+    "a huge vehicle": lambda root: ((root / "vehicle.toml").touch(), os.truncate(root / "vehicle.toml", 1 << 40)),
     "a vehicle of bytes": lambda root: (root / "vehicle.toml").write_bytes(b"\xff\xfe\x00"),
     "windows of bytes": lambda root: (root / WINDOWS).write_bytes(b"\xff\xfe\x00"),
     "windows nested": lambda root: (root / WINDOWS).write_text("a = " + "[" * 5000),
@@ -152,9 +125,7 @@ FOLDERS: dict[str, Callable[[Path], object]] = {
         step(root, "designs/001", "stoop", {"design.html": "", "design.json": '{"notices": [3]}'}),
         (root / "vehicle.toml").write_text("x = 1"),
     ),
-    "a lock that is a pipe": lambda root: (
-        step(root, "info/001", READ, FLIGHT), os.mkfifo(root / "info/001/lock"),
-    ),
+    "a lock that is a pipe": lambda root: (step(root, "info/001", READ, FLIGHT), os.mkfifo(root / "info/001/lock")),
     "files deep in each other": lambda root: (
         step(root, "exports/001", "stoop", {}), (root / "exports/001" / "/".join("d" * 900)).mkdir(parents=True),
     ),

@@ -16,6 +16,8 @@ import pytest
 from app.conftest import App, Tab, start_app
 from stoop.app.folder import MAPPING, Project
 
+Answer = tuple[int, dict[str, str], bytes]
+
 
 @pytest.fixture(scope="module")
 def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[App]:
@@ -24,9 +26,7 @@ def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[App]:
     one.kill()
 
 
-def ask(
-    app: App, path: str, method: str = "GET", body: bytes | None = None, **headers: str
-) -> tuple[int, dict[str, str], bytes]:
+def ask(app: App, path: str, method: str = "GET", body: bytes | None = None, **headers: str) -> Answer:
     connection = http.client.HTTPConnection("127.0.0.1", app.port)
     connection.request(method, path, body=body, headers=headers)
     answer = connection.getresponse()
@@ -49,7 +49,6 @@ def test_who_and_what_is_refused(running: App) -> None:
     for place in ("/", "", "/ws", "/static/js/bokeh.min.js", "/autoload.js", "/files/app.toml", "/upload"):
         for start in ("", wrong, f"{own[:-1]}", f"/x{own}"):
             assert ask(running, f"{start}{place}")[0] == 403, (start, place)
-    # from another origin, and by another name of this machine
     evil = {"Origin": "http://evil.example"}
     upgrade = {
         "Upgrade": "websocket", "Connection": "Upgrade", "Sec-WebSocket-Version": "13", "Sec-WebSocket-Key": "AAAA",
@@ -60,7 +59,6 @@ def test_who_and_what_is_refused(running: App) -> None:
         (f"{own}/", "GET", {"Origin": f"http://127.0.0.1:{port}"}, 200), (f"{own}/ws", "GET", evil | upgrade, 403),
     ):  # fmt: skip
         assert ask(running, place, method, **more)[0] == code, (place, more)
-    # files of the folder only
     (running.folder / "a.html").write_text("<script>1</script>")
     (running.folder / "a.svg").write_text("<svg/>")
     (running.folder.parent / "secret.txt").write_text("secret")
@@ -73,15 +71,9 @@ def test_who_and_what_is_refused(running: App) -> None:
         status, _, body = ask(running, f"{own}/files/{place}")
         assert status in (400, 403, 404), place
         assert body != b"secret"
-    for place in (
-        "files/a%00b",
-        "files/%ff%fe",
-        "files/" + "a" * 5000,
-        "upload//?name=x",
-        "upload?name=%ff%fe",
-    ):
+    for at in ("files/a%00b", "files/%ff%fe", "files/" + "a" * 5000, "upload//?name=x", "upload?name=%ff%fe"):
         for method, content in (("GET", None), ("POST", b"abc")):
-            assert ask(running, f"{own}/{place}", method, content)[0] == 400, place
+            assert ask(running, f"{own}/{at}", method, content)[0] == 400, at
 
 
 def test_uploads_stay_in_the_folder_and_replace_none(running: App) -> None:

@@ -100,10 +100,8 @@ def test_a_killed_server_and_a_closed_browser_lose_no_run(app, tab, quadrotor: P
     first.kill()
     page.wait("The app has ended or cannot be reached")
     page.page.close()
-    run = Project(quadrotor).latest("runs")
-    assert run.running, "it is a process of its own"
-    again = app(folder=quadrotor)
-    page = tab(again)
+    assert Project(quadrotor).latest("runs").running, "it is a process of its own"
+    page = tab(app(folder=quadrotor))
     page.wait("runs/001 · running")
     page.page.get_by_label("method").select_option("equation-error")
     page.click("Run the fit")  # several at once
@@ -135,7 +133,6 @@ def test_from_a_sent_log_to_an_export(app, tab, hover: Path) -> None:
     page.wait("Choose a vehicle first")
     assert page.page.locator("button", has_text="Run the fit").first.is_disabled()
 
-    # Windows are brushed on the plot.
     page.click("4 Windows")
     page.wait("Drag across the strips")
     strip = page.page.locator(".bk-Figure").first
@@ -158,7 +155,6 @@ def test_from_a_sent_log_to_an_export(app, tab, hover: Path) -> None:
     assert 0.0 < windows[0].start < 2.0 < windows[0].stop < 4.0
     assert windows[1].start < 5.5 < windows[1].stop < 8.5 < windows[2].stop < 12.0
 
-    # A vehicle of the package, one number edited in the form.
     page.click("3 Vehicle")
     page.click("quad-x")
     page.wait("Quadrotor X, 1.5 kg is now vehicle.toml: look at its numbers")
@@ -169,7 +165,6 @@ def test_from_a_sent_log_to_an_export(app, tab, hover: Path) -> None:
     page.click("Run the fit")
     page.page.frame_locator("iframe").get_by_text("identification report").first.wait_for()
 
-    # Stop keeps the best so far.
     page.page.get_by_label("method").select_option("multiple-shooting")
     page.click("Run the fit")
     page.wait("cost ")
@@ -178,7 +173,6 @@ def test_from_a_sent_log_to_an_export(app, tab, hover: Path) -> None:
     page.wait("multiple-shooting, interrupted")
     result = json.loads((running.folder / "runs" / "002" / "result.json").read_text("utf-8"))
     assert (result["status"], bool(result["parameters"])) == ("interrupted", True)
-    # Side by side.
     page.click("6 Compare")
     compared = page.page.frame_locator("iframe")
     for text in ("Apart, σ", "Theil's inequality coefficient", "Windows and channels that both runs hold"):

@@ -46,9 +46,8 @@ pytestmark = pytest.mark.filterwarnings("ignore::PendingDeprecationWarning")  # 
 def test_no_peak_is_lost_where_samples_are_left_out() -> None:
     time, values = np.arange(200_000) * 0.01, np.zeros(200_000)
     values[123_456], values[77_777], values[50_000:60_000] = 5.0, -3.0, np.nan
-    shown, near = (
-        thinned(time, [Series("p", time, values)], *at) for at in ((0.0, float(time[-1])), (1234.0, 1235.0))
-    )
+    spans = ((0.0, float(time[-1])), (1234.0, 1235.0))
+    shown, near = (thinned(time, [Series("p", time, values)], *at) for at in spans)
     assert (np.nanmax(shown["p"]), np.nanmin(shown["p"]), np.nanmax(near["p"])) == (5.0, -3.0, 5.0)
     assert (len(shown["time"]) < 5000, len(near["time"]) < 110) == (True, True)
     assert np.isnan(shown["p"]).any()
@@ -116,9 +115,7 @@ def test_a_full_disk_and_a_window_changed_elsewhere(tmp_path: Path, monkeypatch:
     assert project.vehicle == before
 
 
-def test_refusals(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "file").write_text("")
     assert main(["app", "--folder", str(tmp_path / "file"), "--no-browser"]) == 2
     assert "is a file" in capsys.readouterr().err
@@ -285,10 +282,9 @@ def test_progress_and_comparison_of_fits(tmp_path: Path) -> None:
     (trace,), (kept,) = job.traces, read_curves(file)
     assert set(kept.channels) == set(trace.channels)
     np.testing.assert_allclose(kept.channels["q"].simulated, trace.channels["q"].simulated, rtol=1e-4)
-    values = {p.name: p.value for p in vehicle.parameters}
     lacking = {n: v for n, v in job.result.parameters.items() if n not in ("CLalpha", "Cmq")}
     others = {"CLalpha": 4.5} | dict.fromkeys(lacking, 1.0)
-    a = Compared("runs/001", job.result, values, (kept,))
+    a = Compared("runs/001", job.result, {p.name: p.value for p in vehicle.parameters}, (kept,))
     b = Compared("runs/002", replace(job.result, parameters=lacking), others, (kept,))
     assert "±" in a.cell("CLalpha")
     assert (b.cell("CLalpha"), b.cell("Cmq")) == ("fixed at 4.5", "absent")

@@ -16,16 +16,13 @@ def test_from_the_log_to_the_report(app, tab, shared_data: Path) -> None:
     page.click("Next: the vehicle")
     page.fill("path of a vehicle file", str(EXAMPLE))
     page.click("Use")
-    page.wait(
-        "A fit estimates 48 free parameters of the vehicle, and 6 biases of sensors anew for each window"
-    )
+    page.wait("A fit estimates 48 free parameters of the vehicle, and 6 biases of sensors anew for each")
     page.click("Next: the windows")
     page.wait("held out, to be predicted")
     page.click("Run the fit")
     page.page.get_by_text(re.compile(r"cost .* · [1-9]\d* s")).wait_for()
-    report = page.page.frame_locator("iframe")
     title = re.compile(r"48 free parameters and \d+ nuisances from 3 fitted maneuvers, 1 predicted")
-    report.get_by_text(title).first.wait_for()
+    page.page.frame_locator("iframe").get_by_text(title).first.wait_for()
     assert page.clicks <= MAX_CLICKS
     # What the notices name is fixed or freed by one click.
     page.page.get_by_text("What to do next").first.click()
@@ -37,6 +34,5 @@ def test_from_the_log_to_the_report(app, tab, shared_data: Path) -> None:
     assert 'CLaileron2 = {term = "aileron^2"' in text
     assert "free = false" in text
     assert "# 8.5 kg V-tail aeroplane" in text, "comments stay"
-    # What was done can be done again without the app.
     commands = (running.folder / "commands.sh").read_text("utf-8").splitlines()
     assert [line.split()[1] for line in commands] == ["info", "vehicle", "maneuvers", "identify", "vehicle"]

@@ -19,12 +19,11 @@ from stoop.report.identification import Plots, render
 from stoop.report.model import Model
 
 PLACES = "Bokeh.documents[0].roots().map((one) => [one.x_range.start, one.x_range.end])"
+CURVES = "Bokeh.documents[0].roots().flatMap((f) => f.renderers)"
 
 
 @dataclass
 class Seen:
-    """A page of time histories, and what went wrong on it."""
-
     page: Page
     identification: Model
     troubles: list[str] = field(default_factory=list)
@@ -107,17 +106,15 @@ def test_the_cursor_reads_every_channel_at_one_time(seen: Seen) -> None:
     assert len(times) == 1
     trace = seen.identification.traces[0]
     k = int(np.flatnonzero(np.nan_to_num(trace.time, nan=np.inf) <= float(times.pop()) + 5e-4)[-1])
-    for text, (name, channel) in [*zip(texts[len(trace.inputs) :], trace.channels.items(), strict=False)][
-        ::5
-    ]:
+    for text, (name, one) in [*zip(texts[len(trace.inputs) :], trace.channels.items(), strict=False)][::5]:
         factor = 1.0 if seen.identification.units[name].startswith("m") else 180.0 / np.pi
         (read,) = re.findall(r"measured (−?[\d.e-]+)", text)
-        values = factor * channel.measured[k - 1 : k + 1]
+        values = factor * one.measured[k - 1 : k + 1]
         assert np.isclose(float(read.replace("−", "-")), values, rtol=1e-3).any()
 
 
 def test_the_legend_hides_and_shows_a_curve_everywhere(seen: Seen) -> None:
-    shown = """Bokeh.documents[0].roots().flatMap((f) => f.renderers).filter((r) => r.name === "measured" && r.visible).length"""
+    shown = f"{CURVES}.filter((r) => r.name === 'measured' && r.visible).length"
     before = seen.run(shown)
     key = seen.page.locator(".history").first.get_by_role("button", name="measured", exact=True)
     key.click()
@@ -144,9 +141,8 @@ def test_a_marked_window_stands_there_to_be_copied_and_its_table_holds_the_data(
     assert table[:, 0] == pytest.approx(trace.time[inside], abs=1e-9)
     for name, factor, unit in (("p", 180.0 / np.pi, "deg/s"), ("az", 1.0, "m/s²")):
         column = table[:, head.index(f"simulated {name} [{unit}]")]
-        assert column == pytest.approx(
-            factor * trace.channels[name].simulated[inside], rel=1e-6, abs=1e-6, nan_ok=True
-        )
+        expected = factor * trace.channels[name].simulated[inside]
+        assert column == pytest.approx(expected, rel=1e-6, abs=1e-6, nan_ok=True)
 
 
 def test_print_and_no_scripts_show_stills(browser: Browser, made: tuple[Path, Model], seen: Seen) -> None:
@@ -166,9 +162,7 @@ def test_a_page_is_no_wider_than_the_screen_and_dark(browser: Browser, made: tup
         seen.page.set_viewport_size({"width": width, "height": 900})
         _show_strips(seen.page)
         assert seen.run("document.documentElement.scrollWidth") <= width
-    colors = seen.run(
-        "Bokeh.documents[0].roots().flatMap((f) => f.renderers).map((r) => r.glyph.line_color?.value)"
-    )
+    colors = seen.run(f"{CURVES}.map((r) => r.glyph.line_color?.value)")
     assert "#7aa2ff" in colors
     assert "#1d4ed8" not in colors
     assert seen.troubles == []

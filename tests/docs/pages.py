@@ -11,10 +11,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
-PAGES = (
-    *(ROOT / n for n in ("README.md", "CONTRIBUTING.md", "examples/README.md")),
-    *sorted(DOCS.glob("*.md")),
-)
+PAGES = [ROOT / n for n in ("README.md", "CONTRIBUTING.md", "examples/README.md")] + sorted(DOCS.glob("*.md"))
 
 
 @dataclass(frozen=True)
@@ -30,8 +27,7 @@ class Table:
 
 
 def fences(page: Path) -> list[tuple[str, str]]:
-    text = page.read_text(encoding="utf-8")
-    return re.findall(r"^```(\w+)\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
+    return re.findall(r"^```(\w+)\n(.*?)^```", page.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL)
 
 
 def blocks(page: Path, language: str) -> list[str]:
@@ -82,8 +78,6 @@ def _bare(cell: str) -> str:
 def run_python(page: Path, folder: Path, block: int = 0) -> str:
     """Run a Python block of a page in a folder, as its reader would; return what it prints."""
     code = blocks(page, "python")[block]
-    done = subprocess.run(
-        [sys.executable, "-c", code], cwd=folder, capture_output=True, text=True, check=False
-    )
+    done = subprocess.run([sys.executable, "-c", code], cwd=folder, capture_output=True, text=True)
     assert done.returncode == 0, f"{page.name}: {done.stderr}"
     return done.stdout

@@ -62,7 +62,6 @@ def test_demo_runs(workplace: Path, capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_quick_start_runs(workplace: Path) -> None:
-    """Two simulated flights give the 32 coefficients back."""
     practice = [c for c in commands(DOCS / "quickstart.md") if "twin-boom" in c]
     assert len(practice) == 3
     for command in practice:

@@ -25,12 +25,10 @@ NUMBER = re.compile(r"[-+]?\d+\.\d+")
 ROUNDING = 0.03  #: other processors round otherwise
 #: page -> a pattern in what its first Python block prints
 PRINTED = {
-    "derivatives": r"^\['elevator', 'aileron', 'rudder'\] 10\npitch rate 0\.\d+ rad/s$",
-    "design": "Cmelevator",
-    "export": r"\d+\.\d m/s after 30 s$",
-    "fmi": r"3\d\.\d m/s after 1\d\d\d m",
+    "derivatives": r"^\['elevator', 'aileron', 'rudder'\] 10\npitch rate 0\.\d+ rad/s$", "design": "Cmelevator",
+    "export": r"\d+\.\d m/s after 30 s$", "fmi": r"3\d\.\d m/s after 1\d\d\d m",
     "optimizers": r"paper-W\+noise target",
-}
+}  # fmt: skip
 
 
 @pytest.fixture
@@ -151,9 +149,7 @@ def missing(block: str, printed: str) -> Iterator[str]:
 
 
 @pytest.mark.parametrize("name", LOG_PAGES)
-def test_the_page_of_a_log_does_what_it_says(
-    name: str, here: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_page_of_a_log_does_as_it_says(name: str, here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """From log to model in five steps: the page's own commands, on a log that they make, print what it shows."""
     (here / "examples").symlink_to(ROOT / "examples")
     printed = ""
@@ -173,7 +169,6 @@ def test_the_page_of_a_log_does_what_it_says(
 
 
 def test_readme_runs_on_a_real_flight(tmp_path: Path, shared_data: Path) -> None:
-    """The block writes the files of the table; estimates are those of the page, a window held back is predicted."""
     (tmp_path / "examples").symlink_to(ROOT / "examples")
     (tmp_path / "flight2").symlink_to(shared_data / "altlnt-vtail-8kg-px4" / "flight2")
     assert "CLalpha" in run_python(ROOT / "README.md", tmp_path)

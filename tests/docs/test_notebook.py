@@ -57,7 +57,6 @@ def test_notebooks_are_small_and_their_outputs_are_those_of_code_and_files() -> 
 
 @pytest.mark.parametrize("name", SHORT)
 def test_short_notebooks_run(name: str, tmp_path: Path) -> None:
-    """They print what is committed, but for figures, and draw as many pictures."""
     command = [sys.executable, str(ROOT / "scripts" / "execute_notebooks.py"), name, "--into", str(tmp_path)]
     environment = {**os.environ, "TMPDIR": str(tmp_path), "IPYTHONDIR": str(tmp_path / "ipython")}
     run = subprocess.run(command, capture_output=True, text=True, env=environment)

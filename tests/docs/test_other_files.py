@@ -39,10 +39,8 @@ def test_variables_and_units() -> None:
     code = []
     for v in VARIABLES.values():
         size, name = numbered.get(v.name, (0, ""))
-        span, meaning = (
-            (f"`{v.name}` to `{name.format(n=size)}`", f"{v.meaning} ...") if size else (v.name, v.meaning)
-        )
-        code += [(span, v.unit, v.frame, v.sign, meaning)] if v.name not in more else []
+        span, dots = (f"`{v.name}` to `{name.format(n=size)}`", " ...") if size else (v.name, "")
+        code += [(span, v.unit, v.frame, v.sign, v.meaning + dots)] if v.name not in more else []
     assert list(table(FLIGHTS, "Variables", "variable").rows) == code
     text = FLIGHTS.read_text(encoding="utf-8")
     line = next(line for line in text.splitlines() if line.startswith("Units: "))
@@ -82,10 +80,8 @@ def test_keys_of_mappings() -> None:
 
 def test_keys_and_shapes_of_maneuver_files() -> None:
     for heading, models in (
-        ("Top level", [maneuver.Maneuver]),
-        ("[[input]]", INPUTS),
-        ("[battery]", [maneuver.Battery]),
-    ):
+        ("Top level", [maneuver.Maneuver]), ("[[input]]", INPUTS), ("[battery]", [maneuver.Battery]),
+    ):  # fmt: skip
         page = table(MANEUVERS, heading, "key")
         fields = {name: field for model in models for name, field in model.model_fields.items()}
         assert set(page.column("key")) == set(fields), heading
@@ -166,8 +162,7 @@ def is_table(annotation: Any) -> bool:
 
 def test_keys_and_defaults_are_those_of_the_schema() -> None:
     found = [(t, HEADINGS[t.heading]) for t in tables(PAGE) if t.heading in HEADINGS and "example" in t.head]
-    thrust = [t for t in tables(PAGE) if t.heading == "[propulsion]"]
-    reference = [*found, *zip(thrust, THRUST, strict=True)]
+    reference = [*found, *zip([t for t in tables(PAGE) if t.heading == "[propulsion]"], THRUST, strict=True)]
     assert {m for _, m in reference} == {*HEADINGS.values(), *THRUST}
     for page, model in reference:
         fields = model.model_fields
@@ -206,7 +201,6 @@ def test_blocks_of_the_page_are_vehicles_and_the_error_is_the_one_shown() -> Non
         whole = block if "format" in block else f"{minimal()}\n{block}"
         whole = whole.replace("[mass]\n", "[mass]\ncenter_of_gravity = [-0.3, 0.0, 0.0]\n")
         assert parse_vehicle(whole, "block").parameters
-    shown = blocks(PAGE, "text")[0].strip().removeprefix("stoop: error: ")
     with pytest.raises(VehicleError) as caught:
         parse_vehicle(minimal().replace("mass = 8.5", "mass = 0"), "my.toml")
-    assert str(caught.value) == shown
+    assert str(caught.value) == blocks(PAGE, "text")[0].strip().removeprefix("stoop: error: ")

@@ -64,15 +64,12 @@ def names_of(tree: ast.AST) -> set[str]:
             found |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
             found |= {f"{node.module}.{alias.name}" for alias in node.names}
-        elif (
-            isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id == "stoop"
-        ):
+        elif isinstance(node, ast.Attribute) and getattr(node.value, "id", "") == "stoop":
             found.add(f"stoop.{node.attr}")
     return {name for name in found if name.partition(".")[0] == "stoop"}
 
 
 def test_names_in_the_pages_exist() -> None:
-    """Those that Python blocks import, and those of the reference, with a docstring."""
     for page in PAGES:
         for block in blocks(page, "python"):
             unknown = [name for name in names_of(ast.parse(block)) if not exists(name)]

@@ -17,13 +17,8 @@ from unit.cli.conftest import Cli, Refused
 
 TWIN_BOOM = (files("stoop.data") / "twin_boom.toml").read_text()
 MANEUVER = (Path(__file__).parents[3] / "examples" / "maneuver_3211.toml").read_text()
-VARIABLE = '{0} = {{ column = "{0}", unit = "{1}" }}\n'
-MAPPING = (
-    '[time]\ncolumn = "t"\nunit = "s"\n[variables]\n'
-    + VARIABLE.format("q", "rad/s")
-    + VARIABLE.format("theta", "rad")
-)
-
+COLUMNS = 'q = { column = "q", unit = "rad/s" }\ntheta = { column = "theta", unit = "rad" }\n'
+MAPPING = f'[time]\ncolumn = "t"\nunit = "s"\n[variables]\n{COLUMNS}'
 
 #: name -> content, what the complaint of `stoop info` says
 LOGS: Mapping[str, tuple[bytes | None, str]] = {
@@ -31,11 +26,9 @@ LOGS: Mapping[str, tuple[bytes | None, str]] = {
     "garbage.ulg": (b"\x00\xff" * 500, "not a ULog file"),
     "cut.nc": (b"CDF\x01" + bytes(range(256)), "write the flight again"),
     "log.bin": (b"abc", "unknown format; stoop reads .ulg, .nc, .csv"),
-    "bare.csv": (b"t,q\n0,1\n1,2\n", "needs a mapping"),
-    "\x1b[31mred\x1b[0m.ulg": (b"", "empty"),
-    "[bold red]x[1].ulg": (b"", "empty"),
-    "two\nlines.ulg": (b"", "empty"),
-}
+    "bare.csv": (b"t,q\n0,1\n1,2\n", "needs a mapping"), "\x1b[31mred\x1b[0m.ulg": (b"", "empty"),
+    "[bold red]x[1].ulg": (b"", "empty"), "two\nlines.ulg": (b"", "empty"),
+}  # fmt: skip
 
 
 def test_logs(refused: Refused) -> None:
@@ -199,26 +192,21 @@ def test_words_about_a_fitted_model(refused: Refused, fitted: Path) -> None:
     shutil.copytree(fitted, "fit")
     for further, complaint in {
         "--expression x=CLalpa": "no number 'CLalpa'; did you mean CLalpha",
-        "--expression CLalpha": "write NAME=EXPRESSION",
-        "--expression a=CD0 a=CL0": "given twice",
-        "--airspeed 40": "write A:B in m/s",
-        "--airspeed 40:30": "write A:B in m/s",
+        "--expression CLalpha": "write NAME=EXPRESSION", "--expression a=CD0 a=CL0": "given twice",
+        "--airspeed 40": "write A:B in m/s", "--airspeed 40:30": "write A:B in m/s",
         "--airspeed 2:3": "nothing trims at 3 m/s with the estimates; give --airspeed A:B",
-        "--source posterior": "its posterior was not sampled",
-        "--draws 5": "needs 100 or more",
-    }.items():
+        "--source posterior": "its posterior was not sampled", "--draws 5": "needs 100 or more",
+    }.items():  # fmt: skip
         assert complaint in refused(f"propagate fit {further}"), further
 
 
 #: further words of `stoop identify` with a flight of 30 s -> complaint
 FITS = {
-    "--maneuver x": "START:STOP",
-    "--maneuver -5:-1": "outside the record, which runs from 0.00 to 30.00 s",
+    "--maneuver x": "START:STOP", "--maneuver -5:-1": "outside the record, which runs from 0.00 to 30.00 s",
     "--maneuver -5:20": "runs from 0.00 to 30.00 s on the log's own clock; write 0:20 for",
     "--maneuver 20:60": "runs from 0.00 to 30.00 s on the log's own clock; write 20:30 for",
     "--maneuver -9:90": "runs from 0.00 to 30.00 s on the log's own clock; write 0:30 for",
-    "--maneuver 0:20 --free CLalfa": "did you mean CLalpha",
-    "--maneuver 0:20 --free CLq --fix CLq": "keep one",
+    "--maneuver 0:20 --free CLalfa": "did you mean CLalpha", "--maneuver 0:20 --free CLq --fix CLq": "keep one",
     "--maneuver 0:20 --free Clp": "--free Clp: the equations of",
     "--maneuver 0:20 --fix sensors.p.bias": "--fix sensors.p.bias: the equations of",
     "--maneuver 0:20 --optimizer magic": "ps-gde-lm",
@@ -226,10 +214,8 @@ FITS = {
     "--maneuver 0:20 --target-cost nan": "--target-cost: 'nan' is not a number",
     "--maneuver 0:20 --generations 0": "--generations: '0' is not a whole number from 1 to",
     "--maneuver 0:20 --budget inf": "--budget: 'inf' is not a positive number",
-    "--maneuver 0:20 --seed x": "whole number",
-    "--maneuver 0:20 --resume": "no interrupted search",
-    "": "--maneuver",
-}
+    "--maneuver 0:20 --seed x": "whole number", "--maneuver 0:20 --resume": "no interrupted search", "": "--maneuver",
+}  # fmt: skip
 
 
 def test_fits(refused: Refused, flight_file: Path) -> None:
@@ -246,9 +232,8 @@ def test_fits(refused: Refused, flight_file: Path) -> None:
          "--fix controls.elevator.lag",
          ("--fix controls.elevator.lag: tied to controls.aileron.lag; name that one",)),
     ):  # fmt: skip
-        Path(f"{name}.toml").write_text(
-            f"{text if name == 'pwm' else TWIN_BOOM}\n{controls}[controls.rudder]\n"
-        )
+        basis = text if name == "pwm" else TWIN_BOOM
+        Path(f"{name}.toml").write_text(f"{basis}\n{controls}[controls.rudder]\n")
         said = refused(f"identify flight.nc --vehicle {name}.toml --maneuver 0:20 -o bad {more}")
         assert all(complaint in said for complaint in complaints), said
     for extra in ("", "--overwrite", "--resume"):

@@ -29,21 +29,18 @@ from stoop.vehicle import load_vehicle
 NASTY = "\x1b[31m[red]\u202e\x9b2J\x07"  #: colors, markup, reversed text, an escape of one byte, a bell
 VEHICLE = Path(stoop.__file__ or "").parent / "data" / "twin_boom.toml"
 ANY = st.text(st.characters(exclude_categories=()))
-PRINTS = re.compile(
-    r"\b(print|pprint|print_exc|print_exception|Console|input|os\.write|std(out|err)\.write)\("
-)
+CALL = re.compile(r"\b(print|pprint|print_exc|print_exception|Console|input|os\.write|std(out|err)\.write)\(")
 
 
 def printing_calls() -> Iterator[tuple[str, str, ast.Call]]:
     for package in (stoop, stoop_studies):
         for path in Path(package.__file__ or "").parent.rglob("*.py"):
             text = path.read_text(encoding="utf-8")
-            if not PRINTS.search(text) and path.name not in ("page.py", "progress.py"):
+            if not CALL.search(text) and path.name not in ("page.py", "progress.py"):
                 continue
             for node in ast.walk(ast.parse(text)):
                 if isinstance(node, ast.Call):
-                    name = getattr(node.func, "attr", getattr(node.func, "id", ""))
-                    yield path.name, name, node
+                    yield path.name, getattr(node.func, "attr", getattr(node.func, "id", "")), node
 
 
 def test_only_the_border_prints_and_rich_is_given_texts() -> None:
@@ -87,12 +84,10 @@ def test_plain_text_and_the_live_line(text: str) -> None:
 
 @given(ANY | st.sampled_from([NASTY, "[/]", "[link=a]b[/link]", ":bug:", "\\["]))
 def test_every_part_of_a_page(text: str) -> None:
-    for terminal in (False, True):
+    for tty in (False, True):
         out, before = io.StringIO(), sys.stdout
-        console = Console(
-            file=out, width=9999, color_system=None, force_terminal=terminal, legacy_windows=False
-        )
-        page = Page(console if terminal else None)
+        console = Console(file=out, width=9999, color_system=None, force_terminal=tty, legacy_windows=False)
+        page = Page(console if tty else None)
         sys.stdout = out
         try:
             page.line(text)
@@ -125,10 +120,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory, examples: Path) -> Path:
     (place / "log.bin").write_bytes(dataflash_bytes(tables(600), {"A": 1.0}, messages))
     rows = "".join(f"{k / 50},{k % 7 / 10},1,2\n" for k in range(100))
     (place / "a.csv").write_text(f'time,p,{NASTY},"[bold]x[/]"\n{rows}', encoding="utf-8")
-    mapping = (
-        f'[time]\ncolumn = "time"\nunit = "s"\n[variables]\np = {{ column = "{escaped}", unit = "rad/s" }}\n'
-    )
-    (place / "a.csv.toml").write_text(mapping, encoding="utf-8")
+    p = f'p = {{ column = "{escaped}", unit = "rad/s" }}\n'
+    (place / "a.csv.toml").write_text(f'[time]\ncolumn = "time"\nunit = "s"\n[variables]\n{p}', "utf-8")
     flown = "".join(f"{NASTY}{k},{NASTY},{86400 * k},{NASTY},{5 * (k > 15) + k % 2},1\n" for k in range(30))
     (place / "fleet.csv").write_text(f"flight,vehicle,time,figure,value,std_error\n{flown}", encoding="utf-8")
     command = ["simulate", place / "v.toml", "--maneuver", place / "m.toml", "-o", place / "f.nc"]

@@ -46,7 +46,6 @@ def scripts(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def asked(scripts: Path, commands: list[list[str]]) -> list[set[str]]:
-    """Return the completions of the last word of each command by bash."""
     done = subprocess.run(
         ["bash", "--norc", "--noprofile", "-c", BASH, "bash", str(scripts / "bash")], cwd=scripts / "work",
         input="".join("\t".join(["stoop", *words]) + "\n" for words in commands), capture_output=True, text=True, check=True,
@@ -61,23 +60,15 @@ def options(verb: str) -> set[str]:
 
 
 COMPLETED: list[tuple[str, set[str]]] = [
-    ("ident", {"identify"}),
-    ("--", {"--help", "--version", "--debug"}),
-    ("--debug tri", {"trim"}),
-    ("vehicle ", {"new", *BUILT_IN}),
-    ("vehicle new --geo", {"--geometry"}),
-    ("vehicle quad-x --o", {"--output", "--overwrite"}),
-    ("completion ", set(SHELLS)),
-    ("verify cover", {"coverage"}),
-    ("export my.toml --to ", set(TARGETS)),
-    ("identify fl", {"flight.ulg"}),
+    ("ident", {"identify"}), ("--", {"--help", "--version", "--debug"}), ("--debug tri", {"trim"}),
+    ("vehicle ", {"new", *BUILT_IN}), ("vehicle new --geo", {"--geometry"}),
+    ("vehicle quad-x --o", {"--output", "--overwrite"}), ("completion ", set(SHELLS)), ("verify cover", {"coverage"}),
+    ("export my.toml --to ", set(TARGETS)), ("identify fl", {"flight.ulg"}),
     ("identify flight.ulg --vehicle qu", {"quad-x", "quad-plus", "quadplane"}),
     ("identify flight.ulg --vehicle my", {"my.toml"}),
-    ("identify flight.ulg --maneuver 1:2 3:4 --vehicle twin", {"twin-boom"}),
-    ("identify flight.ulg -o ", {"result"}),
-    ("structure my.toml flight.ulg --criterion p", {"press", "pse"}),
-    ("trim oct", {"octo-x"}),
-]
+    ("identify flight.ulg --maneuver 1:2 3:4 --vehicle twin", {"twin-boom"}), ("identify flight.ulg -o ", {"result"}),
+    ("structure my.toml flight.ulg --criterion p", {"press", "pse"}), ("trim oct", {"octo-x"}),
+]  # fmt: skip
 
 
 def test_words_of_commands(scripts: Path) -> None:

@@ -20,9 +20,8 @@ from stoop.simulation.maneuver import load_maneuver, parse_maneuver
 from stoop.vehicle import load_vehicle
 from stoop.workflow.design import DESIGN_FILES, known_before, maneuver_toml
 
-QUICK = shlex.split(
-    "design twin-boom --duration 6 --evaluations 8 --shape square 3-2-1-1 --fix CLV CDV CmV CQV -o"
-)
+QUICK = shlex.split("design twin-boom --duration 6 --evaluations 8 --shape square 3-2-1-1")
+QUICK += ["--fix", "CLV", "CDV", "CmV", "CQV", "-o"]
 
 
 @pytest.fixture(scope="module")
@@ -68,8 +67,7 @@ def test_the_maneuver_is_that_of_the_table_and_can_be_flown(folder: Path, tmp_pa
 
 def test_priors_are_what_a_vehicle_file_knows(examples: Path) -> None:
     _, knowledge, *_ = known_before(load_vehicle(examples / "vtail.toml"))
-    stds = np.sqrt(np.diag(np.linalg.inv(knowledge.information)))
-    known = dict(zip(knowledge.names, stds, strict=True))
+    known = dict(zip(knowledge.names, np.sqrt(np.diag(np.linalg.inv(knowledge.information))), strict=True))
     assert known["CLalpha"] == pytest.approx(1.0)
     assert known["mass.inertia.xx"] == pytest.approx(0.2)
     assert "Cm0" not in known
@@ -126,11 +124,7 @@ def fly(examples: Path, target: Path, *words: str) -> Flight:
 
 def test_flies_the_papers_maneuver_with_noise_by_seed(examples: Path, tmp_path: Path) -> None:
     flight = fly(examples, tmp_path / "a.nc", "--no-noise")
-    t, elevator, alpha = (
-        flight.time,
-        np.degrees(flight.column("elevator")),
-        np.degrees(flight.column("alpha")),
-    )
+    t, elevator, alpha = flight.time, *(np.degrees(flight.column(n)) for n in ("elevator", "alpha"))
     assert t[[0, -1]] == pytest.approx([0.0, 30.0])
     assert np.ptp(elevator) == pytest.approx(2 * 11.46, abs=0.02)
     assert np.count_nonzero((np.abs(elevator - elevator[0]) > 1e-9) & (t > 5.0)) == 300  # a pulse of 3 s
@@ -151,7 +145,6 @@ def test_tells_what_it_wrote_and_what_to_do_next(examples: Path, tmp_path: Path,
     assert start == "next:"
     parsed = parser_for(words[1:]).parse_args(words[1:])
     assert parsed.flight == [target]
-    # one window finder serves all verbs
     (line,) = (line for line in done(["info", target]).splitlines() if line.startswith("next: "))
     informed = parser_for(words[1:]).parse_args(shlex.split(line)[2:])
     assert (parsed.maneuver, parsed.validate) == (informed.maneuver, informed.validate)
@@ -166,13 +159,11 @@ def test_tells_what_it_wrote_and_what_to_do_next(examples: Path, tmp_path: Path,
 @pytest.mark.parametrize(
     ("thrust", "free", "first"),
     [
-        ("220.87", [], False),
-        ("{ value = 200.0, bounds = [100.0, 400.0] }", ["propulsion.thrust"], False),
+        ("220.87", [], False), ("{ value = 200.0, bounds = [100.0, 400.0] }", ["propulsion.thrust"], False),
+        ("200.0", ["propulsion.thrust"], False), ("{ value = 200.0, bounds = [100.0, 210.0] }", [], True),
         ("{ value = 200.0, bounds = [100.0, 400.0], free = true }", [], False),
-        ("{ value = 200.0, bounds = [100.0, 210.0] }", [], True),
-        ("200.0", ["propulsion.thrust"], False),
     ],
-)
+)  # fmt: skip
 def test_a_thrust_that_the_trim_set_is_fitted_or_to_be_written(
     thrust: str, free: list[str], first: bool, examples: Path, tmp_path: Path, done: Done
 ) -> None:
@@ -193,14 +184,12 @@ def test_input_that_a_flight_cannot_hold_is_refused(examples: Path, refused: Ref
 
 
 def test_a_quadrotor_is_identified_if_an_input_moves_it(examples: Path, tmp_path: Path, done: Done) -> None:
-    target, file = tmp_path / "quad.nc", tmp_path / "hover.toml"
-    wrote, after = done(
-        f"simulate quad-x --maneuver {examples / 'maneuver_quad.toml'} -o {target}"
-    ).splitlines()
-    assert wrote == f"wrote {target}: 60 s at 100 Hz, 24 channels, sensor noise of seed 0"
+    log, file = tmp_path / "quad.nc", tmp_path / "hover.toml"
+    wrote, after = done(f"simulate quad-x --maneuver {examples / 'maneuver_quad.toml'} -o {log}").splitlines()
+    assert wrote == f"wrote {log}: 60 s at 100 Hz, 24 channels, sensor noise of seed 0"
     assert "--vehicle quad-x --maneuver 0.4:3.1 4.4:7.1 19.5:37.0 --validate 8.4:12.7 -o quad-result" in after
-    assert {"vn", "ve", "vd", "pn", "pe", "pd", "motor_1", "motor_4"} <= set(load(target).data.data_vars)
+    assert {"vn", "ve", "vd", "pn", "pe", "pd", "motor_1", "motor_4"} <= set(load(log).data.data_vars)
     file.write_text("duration = 5.0\n")
-    *_, why, after = done(f"simulate quad-x --maneuver {file} -o {target} --overwrite").splitlines()
+    *_, why, after = done(f"simulate quad-x --maneuver {file} -o {log} --overwrite").splitlines()
     assert why == f"no input moves the vehicle: to identify it, add [[input]] tables to {file}"
-    assert after == f"next: stoop info {target}"
+    assert after == f"next: stoop info {log}"

@@ -44,9 +44,7 @@ def test_printed_written_and_read(tmp_path: Path, done: Done) -> None:
     done(["info", log, "--mapping", target])
 
 
-def test_a_model_is_exported_without_jsbsim(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, done: Done
-) -> None:
+def test_a_model_exported_without_jsbsim(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, done: Done) -> None:
     monkeypatch.setitem(sys.modules, "jsbsim", None)
     said = done(f"export twin-boom --to jsbsim -o {tmp_path}")
     assert "pip install '.[jsbsim]'" in said
@@ -67,9 +65,7 @@ def test_all_are_listed_and_their_files_copied(done: Done, here: Path) -> None:
     assert {path.stem for path in (ROOT / "examples").glob("*.ipynb")} == set(names)
     assert all(name in said for name in names)
     for name in names:
-        assert ("flight2" in done(f"example {name}")) == (name == "vtail"), (
-            "flights that are needed are named"
-        )
+        assert ("flight2" in done(f"example {name}")) == (name == "vtail"), "a flight that is needed"
         wanted = listed.example(name).names
         assert sorted(path.name for path in Path(name).iterdir()) == sorted(wanted)
         for file in wanted:
@@ -160,7 +156,6 @@ def test_without_the_vortex_lattice(here: Path, monkeypatch: pytest.MonkeyPatch,
 
 
 def test_questions() -> None:
-    """Answers are read until they can be; an empty one takes the default."""
     answers = iter(["kite", "conventional", "eight", "8.5", "2.3", "0.28", ""])
     shown: list[str] = []
     told: list[str] = []

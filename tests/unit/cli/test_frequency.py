@@ -18,9 +18,7 @@ from stoop.simulation.maneuver import Maneuver
 from stoop.vehicle.builtin import resolve_vehicle
 
 
-def multisine(
-    control: str, rate: float, duration: float, amplitude: float, band: float, noisy: str
-) -> Maneuver:
+def swept(control: str, rate: float, duration: float, amplitude: float, band: float, noisy: str) -> Maneuver:
     shape = {"control": control, "shape": "multisine", "start": 1.0, "duration": duration - 2.0, "first": 5}
     table = shape | {"amplitude": amplitude, "band": band}
     told = {"duration": duration, "rate": rate, "input": [table], "noise": {noisy: 0.002}}
@@ -29,7 +27,7 @@ def multisine(
 
 @pytest.fixture(scope="module")
 def flown() -> Flight:
-    maneuver = multisine("elevator", 50.0, 24.0, 0.03, 3.0, "q")
+    maneuver = swept("elevator", 50.0, 24.0, 0.03, 3.0, "q")
     return simulate_flight(resolve_vehicle("twin-boom"), maneuver, name="sweep")
 
 
@@ -51,8 +49,7 @@ def test_flight_against_model(flight: Path, capsys: pytest.CaptureFixture[str]) 
     assert good.sum() > 15
     assert np.median(np.abs(np.abs(own) / exact - 1.0)[good]) < 0.1
     assert {n["code"] for n in found["notices"]} >= {"frequency-input-still", "frequency-no-band"}
-    page = Path("f.html").read_text(encoding="utf-8")
-    assert "Response of q to elevator" in page
+    assert "Response of q to elevator" in Path("f.html").read_text(encoding="utf-8")
     assert main(["frequency", str(flight), "-o", "f.html"]) == 2
     assert "exists" in capsys.readouterr().err
 
@@ -60,8 +57,7 @@ def test_flight_against_model(flight: Path, capsys: pytest.CaptureFixture[str]) 
 def test_rotors_are_taken_by_the_axes_that_they_command() -> None:
     """The response of p to the commanded roll acceleration is a lag before an integrator, by the rotors' lag alone."""
     vehicle = resolve_vehicle("quad-x")
-    maneuver = multisine("roll", 100.0, 30.0, 8.0, 4.0, "p")
-    flight = simulate_flight(vehicle, maneuver, name="hover")
+    flight = simulate_flight(vehicle, swept("roll", 100.0, 30.0, 8.0, 4.0, "p"), name="hover")
     found = stoop.frequency_responses(flight, "1:29", vehicle)
     assert "roll" in found.inputs
     p = found.response("roll", "p")
@@ -96,14 +92,11 @@ def test_without_a_model(flown: Flight) -> None:
 
 def test_bad_input(flight: Path, refused: Refused) -> None:
     for more, words in {
-        "--input rudder --vehicle twin-boom": "it does not move",
-        "--input elevater --vehicle twin-boom": "did you mean elevator",
-        "--channel qq": "no such channel",
-        "--maneuver 3:3.2": "longer or more windows",
-        "--band 9:1": "LOW:HIGH in rad/s",
-        "--band 0.01:0.02": "resolve nothing below",
+        "--input rudder --vehicle twin-boom": "it does not move", "--channel qq": "no such channel",
+        "--input elevater --vehicle twin-boom": "did you mean elevator", "--band 9:1": "LOW:HIGH in rad/s",
+        "--maneuver 3:3.2": "longer or more windows", "--band 0.01:0.02": "resolve nothing below",
         "--maneuver 0:0.9": "no input moves",
-    }.items():
+    }.items():  # fmt: skip
         assert words in refused(f"frequency {flight} {more}"), more
 
 

@@ -141,10 +141,9 @@ def pressing(times: int) -> Callable[..., FittedModel]:
 
 @pytest.mark.usefixtures("blank_page")
 def test_ctrl_c_after_the_search_waits_and_twice_stops(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    words = "--maneuver 0:20"
     with monkeypatch.context() as patched:
         patched.setattr("stoop.workflow.identification.finish", pressing(1))
-        assert main(identify(place, words, "late")) == 130
+        assert main(identify(place, "--maneuver 0:20", "late")) == 130
         assert result(place, "late")["status"] == "converged"
         assert not (place / "late" / "search.npz").exists()
         patched.setattr("stoop.workflow.identification.finish", pressing(2))
@@ -155,7 +154,6 @@ def test_ctrl_c_after_the_search_waits_and_twice_stops(place: Path, monkeypatch:
 
 
 def test_demo(demo: tuple[Path, str], tmp_path: Path, cli: Cli, monkeypatch: pytest.MonkeyPatch) -> None:
-    """It prints the truth beside the estimates, and replaces an earlier one and nothing else."""
     folder, said = demo
     assert "truth" in said
     assert "3-2-1-1" in said
@@ -176,13 +174,7 @@ def test_tables_page_and_json(fitted: Path, tmp_path: Path, done: Done) -> None:
     page = tmp_path / "page.html"
     given = f"propagate {fitted} --draws 200 --expression ratio=Cmalpha/CLalpha -o {page}"
     printed = done(given)
-    for words in (
-        "200 draws from the covariance",
-        "static margin",
-        "short period, damping",
-        "ratio",
-        "chord",
-    ):
+    for words in ("200 draws from", "static margin", "short period, damping", "ratio", "chord"):
         assert words in printed
     html = page.read_text(encoding="utf-8")
     assert "What the uncertainty means" in html
@@ -196,9 +188,8 @@ def test_tables_page_and_json(fitted: Path, tmp_path: Path, done: Done) -> None:
 
 
 QUAD = builtin_text("quad-x")
-GUSTS = "\n[turbulence]\nairspeed = 5.0\n" + "".join(
-    f"{axis} = {{ intensity = 0.3, length = 50.0 }}\n" for axis in "uvw"
-)
+GUST = "{ intensity = 0.3, length = 50.0 }\n"
+GUSTS = f"\n[turbulence]\nairspeed = 5.0\nu = {GUST}v = {GUST}w = {GUST}"
 SHAPE = '[[input]]\ncontrol = "{}"\nshape = "{}"\nstart = {}\nstep = {}\namplitude = {}\n'
 INPUTS = (
     ("roll", "3-2-1-1", 2.0, 0.15, 15.0), ("pitch", "3-2-1-1", 5.0, 0.15, 15.0), ("yaw", "3-2-1-1", 8.0, 0.3, 1.0),
@@ -254,4 +245,6 @@ def test_from_a_log_to_a_model_that_predicts_another(here: Path, done: Done) -> 
     better, compared = int(ahead[6]), int(ahead[8])
     assert compared >= 4
     assert better > 0.5 * compared, ahead
-    assert Path("check/validation.html").is_file()
+    assert Path("check/validation.html").read_text().count("Content-Security-Policy") == 1
+    assert json.loads(Path("check/validation.json").read_text())["schema"] == "stoop-validation/1"
+    assert main(["validate", folder, "other.ulg", "-o", "check"]) == 2

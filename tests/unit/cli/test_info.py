@@ -25,8 +25,7 @@ def test_describes_a_simulated_flight(flight_file: Path, done: Done) -> None:
     assert "none found" in out
     line = next(line for line in out.splitlines() if line.startswith("next: "))
     words = shlex.split(line)[2:]
-    parsed = parser_for(words).parse_args(words)
-    start, stop = map(float, parsed.maneuver[0].split(":"))
+    start, stop = map(float, parser_for(words).parse_args(words).maneuver[0].split(":"))
     assert start < 1.0 < 3.1 < stop  # the 3-2-1-1
     found = json.loads(done(["info", flight_file, "--json"]))
     assert found["format"] == "stoop-info/1"
@@ -38,26 +37,22 @@ def test_describes_a_simulated_flight(flight_file: Path, done: Done) -> None:
 
 
 def test_channels_without_a_value_and_what_shows_nothing_are_told(tmp_path: Path, done: Done) -> None:
-    t = np.arange(500) / 100.0
+    t, nothing = np.arange(500) / 100.0, np.full(500, np.nan)
     still = {f"motor_{n}": np.zeros(500) for n in range(1, 5)}
-    save(
-        from_columns("half", t, {"phi": np.sin(t), "vn": np.full(500, np.nan)} | still), tmp_path / "half.nc"
-    )
+    save(from_columns("half", t, {"phi": np.sin(t), "vn": nothing} | still), tmp_path / "half.nc")
     out = done(["info", tmp_path / "half.nc"])
     assert "Without any value: vn\n" in out
     assert not re.search(r"^vn ", out, re.MULTILINE)
     said = " ".join(out.split())
     assert "p, q and r not recorded: moments" in said
     assert "the motors never ran" in said
-    save(from_columns("none", t, {"vn": np.full(500, np.nan)}), tmp_path / "none.nc")
+    save(from_columns("none", t, {"vn": nothing}), tmp_path / "none.nc")
     assert "Channels" not in done(["info", tmp_path / "none.nc", "--verbose"])
 
 
 def test_csv_with_a_mapping(tmp_path: Path, done: Done) -> None:
     log, mapping = tmp_path / "log.csv", tmp_path / "columns.toml"
-    mapping.write_text(
-        '[time]\ncolumn = "t"\nunit = "s"\n[variables]\nq = { column = "p", unit = "rad/s" }\n'
-    )
+    mapping.write_text('[time]\ncolumn = "t"\nunit = "s"\n[variables]\nq = {column = "p", unit = "rad/s"}\n')
     log.write_text("\n".join(["t,p", *(f"{1.7e9 + 0.01 * i:.2f},{np.sin(0.1 * i)}" for i in range(500))]))
     out = done(["info", log, "--mapping", mapping])
     assert "1700000000.00 to 1700000004.9" in out
@@ -65,7 +60,6 @@ def test_csv_with_a_mapping(tmp_path: Path, done: Done) -> None:
 
 
 def test_elements_of_an_array_are_one_name() -> None:
-    """A topic of PX4 such as debug_array has 58 columns; those that were mapped break the run."""
     names = ["id", *(f"data[{i}]" for i in (*range(2, 8), 9, *range(11, 58))), "name[0]", "a[b]", "[1]"]
     told = unmapped_lines({"debug_array": names, "safety": []})
     assert told == ["debug_array: id data[2..7] data[9] data[11..57] name[0] a[b] [1]", "not read: safety"]

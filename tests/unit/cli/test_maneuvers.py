@@ -34,8 +34,8 @@ def columns_of(flight: Flight) -> Columns:
 def test_known_maneuvers_are_proposed(hover_file: Path, tmp_path: Path, done: Done) -> None:
     assert "next: stoop identify" in done(["maneuvers", hover_file, "-o", tmp_path / "w"])
     accepted = [e for e in read_windows(tmp_path / "w" / "windows.toml") if e.accept]
-    assert any(e.start <= 10.0 and e.stop >= 11.05 for e in accepted)
-    assert any(e.start <= 25.0 and e.stop >= 27.8 for e in accepted)
+    for start, stop in ((10.0, 11.05), (25.0, 27.8)):
+        assert any(e.start <= start and e.stop >= stop for e in accepted)
     assert sum(e.stop - e.start for e in accepted) < 20.0
     page = (tmp_path / "w" / "windows.html").read_text()
     assert "fill: var(--fitted)" in page
@@ -56,8 +56,7 @@ def test_motors_that_no_rotor_has_are_told_before_the_search_and_a_gimbal_is_not
     gimbal = 1500.0 + 400.0 * np.sin(hover.time)
     for more, told in (({"pwm_5": pulses["pwm_1"] + 5.0, "pwm_7": gimbal}, True), ({"pwm_7": gimbal}, False)):
         log = from_columns("log", hover.time, {**columns, **pulses, **more})
-        found = doubts({"log": log}, vehicle)
-        assert [one.values["channels"] for one in found] == [("pwm_5",)] * told
+        assert [one.values["channels"] for one in doubts({"log": log}, vehicle)] == [("pwm_5",)] * told
 
 
 def without(*names: str) -> Callable[[Columns], Columns]:
@@ -96,18 +95,15 @@ def test_logs_that_tell_nothing(hover: Flight, refused: Refused) -> None:
 def test_logs_of_other_vehicles(hover: Flight, hover_file: Path, flight_file: Path, refused: Refused) -> None:
     nan = changed(hover, "nan", lambda x: {**x, "motor_2": np.nan * x["motor_2"]})
     Path("afile").touch()
-    Path("none.toml").write_text(
-        'format = "stoop-windows/1"\n[[window]]\nflight = "quad"\nstart = 9.0\nstop = 14.0\naccept = false\n'
-    )
+    window = '[[window]]\nflight = "quad"\nstart = 9.0\nstop = 14.0\naccept = false\n'
+    Path("none.toml").write_text(f'format = "stoop-windows/1"\n{window}')
     for verb, more in (("maneuvers", ""), ("identify", "--maneuver 1:9")):
-        wings = refused(f"{verb} {flight_file} --vehicle quad-x {more} -o bad")
-        assert "this log has no rotors" in wings
-        rotors = refused(f"{verb} {hover_file} --vehicle twin-boom {more} -o bad")
-        assert "the vehicle of this log is carried by rotors" in rotors
-        hexa = refused(f"{verb} {hover_file} --vehicle hexa-x {more} -o bad")
-        assert "motor_5" in hexa
-        said = refused(f"{verb} {nan} --vehicle quad-x {more} -o bad")
-        assert "nan: input 'motor_2' holds no number throughout" in said
+        for log, vehicle, said in (
+            (flight_file, "quad-x", "this log has no rotors"), (hover_file, "hexa-x", "motor_5"),
+            (hover_file, "twin-boom", "the vehicle of this log is carried by rotors"),
+            (nan, "quad-x", "nan: input 'motor_2' holds no number throughout"),
+        ):  # fmt: skip
+            assert said in refused(f"{verb} {log} --vehicle {vehicle} {more} -o bad")
     for command, said in {
         f"identify {hover_file} --vehicle quad-x --maneuver none.toml -o bad": "set accept = true",
         f"maneuvers {hover_file} --free rotors.T1 -o bad": "name it with --vehicle",
@@ -121,10 +117,8 @@ def test_logs_of_other_vehicles(hover: Flight, hover_file: Path, flight_file: Pa
 
 
 def test_another_vehicles_motors_are_told_before_a_search(hover: Flight, here: Path, cli: Cli) -> None:
-    """The search is refused right after: what was told by then was told before it."""
-    log = changed(
-        hover, "hexa", lambda x: {**x, "motor_5": x["motor_1"], "motor_6": x["motor_2"], "az": -x["az"]}
-    )
+    more = {"motor_5": hover.column("motor_1"), "motor_6": hover.column("motor_2"), "az": -hover.column("az")}
+    log = changed(hover, "hexa", lambda x: x | more)
     code, _, err = cli(f"identify {log} --vehicle quad-x --maneuver 9:12 --validate 11:14 -o hexa")
     assert code == 2
     assert err.startswith("stoop: hexa: motor_5 and motor_6 move too, but belong to no rotor of quad-x")

@@ -18,28 +18,15 @@ from hypothesis import strategies as st
 from rich.console import Console
 
 from stoop.base.text import duration, printable, remaining
+from stoop.cli import page as pages
 from stoop.cli.options import page_path
-from stoop.cli.page import (
-    UNLIMITED,
-    Column,
-    Page,
-    alike,
-    blocks,
-    fit,
-    fixed,
-    number,
-    numbers,
-    page,
-    plain,
-    points,
-    to_json,
-    words,
-)  # fmt: skip
+from stoop.cli.page import Page, alike, blocks, fit, fixed, number, numbers, plain, points, to_json, words
 from stoop.cli.progress import LiveLine, Timed, Watch
 from stoop.report.propagation import shown
 
 NUMBERS = st.floats(-1e300, 1e300)
 TEXTS = st.text(st.characters(codec="utf-8"), max_size=30)
+WIDTHS = st.lists(st.integers(1, 20), min_size=1, max_size=12)
 
 
 def terminal(width: int = 80) -> tuple[Page, io.StringIO]:
@@ -63,7 +50,7 @@ def test_a_terminal_wraps_notes_and_tables_but_no_command() -> None:
     lines = written.getvalue().splitlines()
     assert all(len(line) <= 60 for line in lines)
     assert lines[1].endswith("...")
-    assert page().width == UNLIMITED, "of a pipe"
+    assert pages.page().width == pages.UNLIMITED, "of a pipe"
 
 
 def test_json_is_strict() -> None:
@@ -75,12 +62,8 @@ def test_json_is_strict() -> None:
 def test_a_page_has_the_ending_of_a_page(tmp_path: Path) -> None:
     for given_path, path in (("a.HTM", "a.HTM"), ("out", "out.html"), ("a/out.htm", "a/out.htm"),
                              (str(tmp_path), str(tmp_path)), (os.devnull, os.devnull)):  # fmt: skip
-        assert page_path(given_path) == Path(path), (
-            "a device is refused as it is, and no file is made beside it"
-        )
-    with pytest.raises(
-        argparse.ArgumentTypeError, match=r"^a\.pdf: a page is written as \.html; name it so$"
-    ):
+        assert page_path(given_path) == Path(path)
+    with pytest.raises(argparse.ArgumentTypeError, match=r"^a\.pdf: a page is written as \.html; name it so"):
         page_path("a.pdf")
 
 
@@ -119,19 +102,13 @@ def test_tables_of_text() -> None:
     folded = fit([label, text], 20)
     assert " ".join(folded[1].cells).split() == "one two three four five six seven".split()  # noqa: SIM905
     assert [c for c in folded[0].cells if c] == ["1", "2"]
-    columns = [Column("", ("x" * 70,)), words("meaning", ["a long explanation of it all"])]
+    columns = [pages.Column("", ("x" * 70,)), words("meaning", ["a long explanation of it all"])]
     assert fit(columns, 80) == columns[:1], "the stump of a column is left out"
     assert fit(columns, 100) == columns
 
 
-@given(
-    st.lists(TEXTS, min_size=1, max_size=5),
-    st.lists(st.integers(1, 20), min_size=1, max_size=12),
-    st.integers(25, 80),
-)
-def test_tables_are_no_wider_than_the_page_and_blocks_hold_every_column_once(
-    cells: list[str], widths: list[int], width: int
-) -> None:
+@given(st.lists(TEXTS, min_size=1, max_size=5), WIDTHS, st.integers(25, 80))
+def test_tables_and_blocks_are_as_wide_as_the_page(cells: list[str], widths: list[int], width: int) -> None:
     label = words("", [str(i) for i in range(len(cells))])
     for wraps in (False, True):
         for line in plain(fit([label, words("text", cells, wraps=wraps)], width)).splitlines():
@@ -173,10 +150,8 @@ def test_the_time_of_a_live_line_goes_on_by_itself(monkeypatch: pytest.MonkeyPat
 
 
 def event(generation: int, trajectories: float) -> SimpleNamespace:
-    kind = SimpleNamespace(kind="refinement")
-    return SimpleNamespace(
-        state=SimpleNamespace(generation=generation), trajectories=trajectories, cost=2.0, event=kind
-    )
+    state, kind = SimpleNamespace(generation=generation), SimpleNamespace(kind="refinement")
+    return SimpleNamespace(state=state, trajectories=trajectories, cost=2.0, event=kind)
 
 
 def test_a_terminal_shows_the_time_that_a_search_may_still_take(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -211,8 +186,6 @@ def test_a_dumb_terminal_and_a_pipe_see_plain_lines(monkeypatch: pytest.MonkeyPa
 
 def test_speeds_of_rotors_are_shown_in_rpm() -> None:
     for group, unit, factor, text in (
-        ("Hover", "rad/s", 9.549297, "rpm"),
-        ("Hover", "1", 1.0, ""),
-        ("Control authority", "rad/s", 57.29578, "deg/s"),
-    ):
+        ("Hover", "rad/s", 9.549297, "rpm"), ("Hover", "1", 1.0, ""), ("Control authority", "rad/s", 57.29578, "deg/s"),
+    ):  # fmt: skip
         assert shown(SimpleNamespace(group=group, unit=unit)) == (pytest.approx(factor), text)  # type: ignore[arg-type]

@@ -13,6 +13,7 @@ import pytest
 pytestmark = pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a POSIX shell and /dev/full")
 NOWHERE = "/proc/nowhere"
 PLAIN = 'exec "$@"'
+Done = subprocess.CompletedProcess[str]
 FULL = "stoop: error: the output: No space left on device\n"
 #: shell around the command, changes of the environment, exit codes
 SURROUNDINGS: Mapping[str, tuple[str, Mapping[str, str], tuple[int, ...]]] = {
@@ -24,7 +25,7 @@ SURROUNDINGS: Mapping[str, tuple[str, Mapping[str, str], tuple[int, ...]]] = {
     "full stdout, unbuffered": ('exec "$@" >/dev/full', {"PYTHONUNBUFFERED": "1"}, (2,)),
     "full stderr": ('exec "$@" 2>/dev/full', {}, (0,)),
     "full": ('exec "$@" >/dev/full 2>&1', {}, (2,)),
-    "a reader that leaves": ('"$@" | true; exit ${PIPESTATUS[0]}', {}, (0, 141)),  # 0: written before it left
+    "reader leaves": ('"$@" | true; exit ${PIPESTATUS[0]}', {}, (0, 141)),  # 0: written before it left
     "a reader of errors that leaves": ('("$@" 2>&1 >&3 | true; exit ${PIPESTATUS[0]}) 3>&1', {}, (0,)),
     "few files": ('ulimit -n 8; exec "$@"', {}, (0, 2)),
     "little memory": ('ulimit -v 2000000; exec "$@"', {}, (0,)),
@@ -37,10 +38,7 @@ SURROUNDINGS: Mapping[str, tuple[str, Mapping[str, str], tuple[int, ...]]] = {
 }
 
 
-def ended(
-    words: Sequence[str], folder: Path, shell: str, changes: Mapping[str, str]
-) -> subprocess.CompletedProcess[str]:
-    """Run a command as users do, in a folder; its errors are lines of stoop's own."""
+def ended(words: Sequence[str], folder: Path, shell: str, changes: Mapping[str, str]) -> Done:
     kept = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
     done = subprocess.run(
         ["bash", "-c", shell, "bash", sys.executable, "-m", "stoop", *words], cwd=folder, capture_output=True,
@@ -66,17 +64,14 @@ def test_help_and_a_mistake(name: str, tmp_path: Path) -> None:
     assert ended(["nosuch"], tmp_path, shell, changes).returncode == 2
 
 
-@pytest.mark.parametrize(
-    "name",
-    ["full", "a reader that leaves", "few files", "little memory", "short files", "no home", "neither"],
-)
+BOTH = ("full", "reader leaves", "few files", "little memory", "short files", "no home", "neither")
+
+
+@pytest.mark.parametrize("name", BOTH)
 def test_a_reader_and_a_writer(name: str, tmp_path: Path, flight_file: Path, examples: Path) -> None:
     shell, changes, codes = SURROUNDINGS[name]
-    maneuver = str(examples / "maneuver_3211.toml")
-    for words in (
-        ["info", str(flight_file)],
-        ["simulate", "twin-boom", "--maneuver", maneuver, "-o", "f.nc"],
-    ):
+    simulate = f"simulate twin-boom -o f.nc --maneuver {examples / 'maneuver_3211.toml'}"
+    for words in (["info", str(flight_file)], simulate.split()):
         done = ended(words, tmp_path, shell, changes)
         assert done.returncode in codes, (words, done.stderr)
     assert (tmp_path / "f.nc").exists() or 2 in codes

@@ -22,18 +22,13 @@ REPLACED = {
     "identify LOG.nc --vehicle V.toml --maneuver 0:20 -o out --progress V.toml": "V.toml",
     "identify LOG.nc --vehicle V.toml --maneuver W.toml -o out --progress W.toml": "W.toml",
     "identify LOG.nc --vehicle V.toml --maneuver 0:20 --noise Q.csv -o out --progress Q.csv": "Q.csv",
-    "info LOG.nc --save LOG.nc": "LOG.nc",
-    "look LOG.html -o LOG.html": "LOG.html",
-    "map LOG.csv -o LOG.csv": "LOG.csv",
-    "map folder -o folder/table.csv": "folder/table.csv",
-    "linearize V.toml --airspeed 25 --json V.toml": "V.toml",
-    "simulate V.nc --maneuver M.toml -o V.nc": "V.nc",
+    "info LOG.nc --save LOG.nc": "LOG.nc", "look LOG.html -o LOG.html": "LOG.html",
+    "map LOG.csv -o LOG.csv": "LOG.csv", "map folder -o folder/table.csv": "folder/table.csv",
+    "linearize V.toml --airspeed 25 --json V.toml": "V.toml", "simulate V.nc --maneuver M.toml -o V.nc": "V.nc",
     "vehicle new LOG.csv --geometry G.toml --template twin-boom -o G.toml": "G.toml",
-    "derivatives V.csv -o V.csv": "V.csv",
-    "frequency LOG.html -o LOG.html": "LOG.html",
-    "propagate V.html -o V.html": "V.html",
-    "rotors LOG.nc --healthy H.html --vehicle quad-x -o H.html": "H.html",
-}
+    "derivatives V.csv -o V.csv": "V.csv", "frequency LOG.html -o LOG.html": "LOG.html",
+    "propagate V.html -o V.html": "V.html", "rotors LOG.nc --healthy H.html --vehicle quad-x -o H.html": "H.html",
+}  # fmt: skip
 
 
 @pytest.fixture
@@ -65,14 +60,11 @@ def test_nothing_that_is_read_is_replaced(place: Path, refused: Refused) -> None
 
 #: a command whose output is TARGET
 WRITTEN = (
-    "vehicle twin-boom -o TARGET",
-    "map LOG.csv -o TARGET",
-    "linearize V.toml --airspeed 25 --json TARGET",
+    "vehicle twin-boom -o TARGET", "map LOG.csv -o TARGET", "linearize V.toml --airspeed 25 --json TARGET",
     "derivatives V.toml --airspeed 25 -o TARGET.csv",
-    "identify LOG.nc --vehicle V.toml --maneuver 0:20 -o out --progress TARGET",
-    "info LOG.nc --save TARGET",
+    "identify LOG.nc --vehicle V.toml --maneuver 0:20 -o out --progress TARGET", "info LOG.nc --save TARGET",
     "look LOG.nc -o TARGET.html",
-)
+)  # fmt: skip
 
 
 def state(path: Path) -> tuple[int, ...]:
@@ -112,22 +104,17 @@ def test_nothing_but_a_regular_file_is_replaced(place: Path, cli: Cli) -> None:
 
 #: a command that reads endless.toml or folder/result.json
 READ = (
-    "info LOG.csv --mapping endless.toml",
-    "validate folder LOG.nc -o out",
-    "info endless.toml",
-    "trim endless.toml --airspeed 25",
-    "simulate twin-boom --maneuver endless.toml -o made.nc",
+    "info LOG.csv --mapping endless.toml", "validate folder LOG.nc -o out", "info endless.toml",
+    "trim endless.toml --airspeed 25", "simulate twin-boom --maneuver endless.toml -o made.nc",
     "identify LOG.nc --vehicle V.toml --maneuver endless.toml -o out",
     "identify LOG.nc --vehicle V.toml --maneuver 0:20 --noise endless.toml -o out",
-    "vehicle new --template twin-boom --geometry endless.toml -o made.toml",
-    "propagate folder",
-)
+    "vehicle new --template twin-boom --geometry endless.toml -o made.toml", "propagate folder",
+)  # fmt: skip
 
 
 def test_an_input_without_end_is_refused(place: Path, cli: Cli) -> None:
-    names = [Path("endless.toml"), Path("folder/result.json")]
     for kind, commands in (("device", READ), ("fifo", READ[:3]), ("growing", READ[:2])):
-        for name in names:
+        for name in [Path("endless.toml"), Path("folder/result.json")]:
             name.unlink(missing_ok=True)
             if kind == "fifo":
                 os.mkfifo(name)  # nobody writes into it

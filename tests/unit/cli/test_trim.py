@@ -41,10 +41,8 @@ def test_reproduces_the_paper(trim: Callable[..., Any], done: Done) -> None:
 
 
 def test_options_reach_the_equations(trim: Callable[..., Any], tmp_path: Path) -> None:
-    level, fast, climbing, thin = (
-        trim(f"twin-boom {more}")
-        for more in ("", "--airspeed 45", "--climb-angle 3", "--density 1.0 --altitude 2000")
-    )
+    words = ("", "--airspeed 45", "--climb-angle 3", "--density 1.0 --altitude 2000")
+    level, fast, climbing, thin = (trim(f"twin-boom {more}") for more in words)
     assert fast["airspeed"] == 45.0
     assert fast["angles"]["alpha"] < level["angles"]["alpha"] < thin["angles"]["alpha"]
     climb = climbing["angles"]["theta"] - climbing["angles"]["alpha"]

@@ -30,9 +30,7 @@ FLOWN = GAINS | {
     "FW_RR_P": 0.4, "FW_RR_I": 0.3, "FW_PR_P": 0.8, "FW_PR_I": 0.6, "FW_YR_P": 0.3, "FW_PR_FF": 1.0,
 }  # fmt: skip
 #: parameters of PX4 that are physics, as flown
-PHYSICS = {
-    "FW_PSP_OFF": 0.0, "TRIM_PITCH": 0.02, "FW_T_SINK_MIN": 2.0, "FW_THR_TRIM": 0.6, "TRIM_ROLL": 0.0,
-}  # fmt: skip
+PHYSICS = {"FW_PSP_OFF": 0.0, "TRIM_PITCH": 0.02, "FW_T_SINK_MIN": 2.0, "FW_THR_TRIM": 0.6, "TRIM_ROLL": 0.0}
 LOOP = 100.0  #: Hz
 THROW = {"elevator": ("pitch", -0.35), "aileron": ("roll", 0.35), "rudder": ("yaw", -0.35)}
 SERVO = "lag = 0.05\ndelay = 0.03\n"
@@ -58,12 +56,11 @@ def commanded(fitted: Path) -> FittedModel:
 
 
 @pytest.fixture(scope="module")
-def with_servos(fitted: Path) -> FittedModel:
+def servos(fitted: Path) -> FittedModel:
     return moved_by_commands(fitted, SERVO)
 
 
 def test_bands_hold_the_estimates_and_doubts_are_told(commanded: FittedModel, tmp_path: Path) -> None:
-    """Of gains with a feature of the law that is not modeled."""
     judged = commanded.tune(GAINS | {"IMU_GYRO_DNF_EN": 1.0}, airspeed=(33.0, 38.0), draws=100)
     first = [(one.axis, one.airspeed) for one in judged.axes[:3]]
     assert first == [(axis, 33.0) for axis in ("roll", "pitch", "yaw")]
@@ -96,28 +93,19 @@ def test_command_line(commanded: FittedModel, tmp_path: Path, done: Done) -> Non
     gains.write_text(f"# Onboard\n{rows}", encoding="utf-8")
     command = f"tune {tmp_path / 'result'} {gains} --draws 100 --airspeed 33:34"
     printed = done(command)
-    for words in (
-        "PX4 fixed wing",
-        "100 draws from the covariance",
-        "roll, 33 m/s",
-        "phase margin",
-        "disk margin",
-    ):
+    for words in ("PX4 fixed wing", "100 draws", "roll, 33 m/s", "phase margin", "disk margin"):
         assert words in printed
     loops = json.loads(done(f"{command} --json"))["loops"]
     assert {one["axis"] for one in loops} == {"roll", "pitch", "yaw"}
 
 
 def test_bad_input_is_one_line(fitted: Path, refused: Refused) -> None:
-    """The demonstration records deflections: no command of an autopilot moves them."""
     gains = Path("gains.parm")
     for content, said in (
-        ("".join(f"{n},{x}\n" for n, x in GAINS.items()), "no surface moves by"),
-        ("FW_RR_P -0.1\n", "FW_RR_P = -0.1: it must be a number of at least 0"),
-        ("", "is empty"),
+        ("".join(f"{n},{x}\n" for n, x in GAINS.items()), "no surface moves by"), ("FW_RR_P,nan\n", "FW_RR_P = nan"),
+        ("FW_RR_P -0.1\n", "FW_RR_P = -0.1: it must be a number of at least 0"), ("", "is empty"),
         ("nothing here\n", "holds no parameters of an autopilot"),
-        ("FW_RR_P,nan\n", "FW_RR_P = nan"),
-    ):
+    ):  # fmt: skip
         gains.write_text(content, encoding="utf-8")
         assert said in refused(f"tune {fitted} {gains}")
 
@@ -153,17 +141,17 @@ def fly_by(judged: JudgedGains, path: Path, seconds: float = 100.0) -> Path:
     return px4_log(path, flown(plants.A[0], plants.B[0], rates, gains, LOOP, 3, asked, held), values)
 
 
-def test_the_closed_loops_of_a_log(with_servos: FittedModel, tmp_path: Path, done: Done) -> None:
+def test_the_closed_loops_of_a_log(servos: FittedModel, tmp_path: Path, done: Done) -> None:
     """Flown step by step by the model itself it agrees; with surfaces 30 % weaker in the model it does not."""
     values = FLOWN | {
         "IMU_GYRO_RATEMAX": LOOP, "IMU_GYRO_CUTOFF": 0.0, "IMU_DGYRO_CUTOFF": 0.0, "FW_ARSP_SCALE_EN": 0.0,
         **{f"FW_{axis}_IMAX": 10.0 for axis in ("RR", "PR", "YR")},
     }  # fmt: skip
-    alone = with_servos.tune(values, airspeed=(35.0, 35.0), draws=100)
+    alone = servos.tune(values, airspeed=(35.0, 35.0), draws=100)
     assert alone.closed_loops is None
     assert "parameters alone: the closed loop that flew is not shown" in "".join(map(str, alone.notices))
     log = fly_by(alone, tmp_path / "log.ulg")
-    judged = with_servos.tune(log, airspeed=(35.0, 35.0), draws=100)
+    judged = servos.tune(log, airspeed=(35.0, 35.0), draws=100)
     assert judged.closed_loops is not None
     pairs = [(r.input, r.output) for r in judged.closed_loops.responses]
     assert pairs == [("roll", "p"), ("pitch", "q"), ("yaw", "r")]
@@ -177,10 +165,10 @@ def test_the_closed_loops_of_a_log(with_servos: FittedModel, tmp_path: Path, don
     assert "Closed loops in flight" in html
     for axis, rate in pairs:
         assert f"Response of {rate} to {axis}" in html
-    weak = with_servos.vehicle
+    weak = servos.vehicle
     for throw, less in ((-0.35, -0.25), (0.35, 0.25)):
         weak = parse_vehicle(weak.text.replace(f" = {throw} ", f" = {less} "), "weak")
-    replace(with_servos, vehicle=weak).save(tmp_path / "weak")
+    replace(servos, vehicle=weak).save(tmp_path / "weak")
     command = f"tune {tmp_path / 'weak'} {log} --airspeed 34.9:35.1 --draws 100"
     document = json.loads(done(f"{command} --json"))
     doubts = [one for one in document["notices"] if one["code"] == "tune-loop-contradicted"]
@@ -190,39 +178,31 @@ def test_the_closed_loops_of_a_log(with_servos: FittedModel, tmp_path: Path, don
     assert not (tmp_path / "tuned").exists()
 
 
-def test_a_proposal_and_the_physics_beside_it(with_servos: FittedModel, tmp_path: Path, done: Done) -> None:
+def test_a_proposal_and_the_physics_beside_it(servos: FittedModel, tmp_path: Path, done: Done) -> None:
     """Files at shares of the way from the gains that flew, whose last step leads back to the flown values."""
-    gains = write(FLOWN | PHYSICS, tmp_path / "gains.parm")
-    with_servos.save(tmp_path / "result")
-    command = f"tune {tmp_path / 'result'} {gains} --airspeed 33:38 -o {tmp_path / 'tuned'}"
+    gains, out = write(FLOWN | PHYSICS, tmp_path / "gains.parm"), tmp_path / "tuned"
+    servos.save(tmp_path / "result")
+    command = f"tune {tmp_path / 'result'} {gains} --airspeed 33:38 -o {out}"
     printed = done(command)
-    for words in (
-        "Proposed gains",
-        "Parameters that are physics",
-        "FW_YR_P and FW_YR_I: at 10 times the value that flew",
-    ):
-        assert words in printed
-    full, quarter, before = (
-        read_parameters(tmp_path / "tuned" / f"gains-{step}.params") for step in ("100", "25", "flown")
-    )
+    for one in ("Proposed gains", "that are physics", "FW_YR_P and FW_YR_I: at 10 times the value that flew"):
+        assert one in printed
+    full, quarter, before = (read_parameters(out / f"gains-{n}.params") for n in ("100", "25", "flown"))
     rates = {n for n in FLOWN if n.startswith(("FW_RR", "FW_PR", "FW_YR"))} - {"FW_YR_FF"}
     assert rates <= set(full)
     assert full["FW_PR_P"] > FLOWN["FW_PR_P"]
     assert quarter["TRIM_PITCH"] == pytest.approx(0.055, abs=1e-3)
     known_physics = {"FW_PSP_OFF", "TRIM_PITCH", "FW_T_SINK_MIN"}
     assert {n: before[n] for n in quarter.keys() & PHYSICS.keys()} == {n: PHYSICS[n] for n in known_physics}
-    html = (tmp_path / "tuned" / "tuning.html").read_text(encoding="utf-8")
+    html = (out / "tuning.html").read_text(encoding="utf-8")
     missing = "FW_THR_TRIM: not from this model; the thrust is not modeled over a throttle"
     for words in ("Nichols plot of the pitch loop", "Over the airspeed, proposed", "Trial flights", missing):
         assert words in html
     assert main(command.split()) == 2, "files are not written over"
 
 
-def test_what_speaks_against_gains_leaves_no_file(
-    with_servos: FittedModel, refused: Refused, done: Done
-) -> None:
+def test_what_speaks_against_gains_leaves_no_file(servos: FittedModel, refused: Refused, done: Done) -> None:
     """A law with a feature that is not modeled; a band of the flight that ends below the crossover of what is proposed."""
-    with_servos.save(Path("result"))
+    servos.save(Path("result"))
     write(FLOWN | {"IMU_GYRO_DNF_EN": 1.0}, Path("gains.parm"))
     command = "tune result gains.parm --airspeed 33:38 --draws 100"
     assert "IMU_GYRO_DNF_EN" in refused(f"{command} -o tuned")
@@ -230,8 +210,7 @@ def test_what_speaks_against_gains_leaves_no_file(
     assert "Gains that flew." in Path("flown.html").read_text(encoding="utf-8")
     assert "exists already" in refused(f"{command} --page flown")
     assert "name a folder for it with -o" in refused(f"{command} --anyway")
-    judged = with_servos.tune(FLOWN, airspeed=(33.0, 38.0), draws=100)
-    found = replace(judged, band={"pitch": 5.0}).propose()
+    found = replace(servos.tune(FLOWN, airspeed=(33.0, 38.0), draws=100), band={"pitch": 5.0}).propose()
     assert [one.code for one in found.against] == ["tune-beyond-band"]
     with pytest.raises(StoopError, match=r"pitch loop crosses at .* shows the answer up to 5 rad/s only"):
         found.save("tuned")

@@ -51,14 +51,11 @@ def check_verb(name: str, verb: Verb, completed: argparse.ArgumentParser) -> Non
     actions = {a.dest: a for a in parser._actions if a.dest not in ("help", "debug")}
     assert list(actions) == [option.key for option in verb.options]
     assert len({option.name for option in verb.options}) == len(verb.options)
-    told = " ".join(parser.format_help().split())
-    assert f"{verb.summary[0].upper()}{verb.summary[1:]}." in told
-    of_shell = completed
+    assert f"{verb.summary[0].upper()}{verb.summary[1:]}." in " ".join(parser.format_help().split())
+    shell = completed
     for word in name.split():
-        (of_shell,) = (
-            a.choices[word] for a in of_shell._actions if isinstance(a, argparse._SubParsersAction)
-        )
-    shells = {a.dest: a for a in of_shell._actions}
+        (shell,) = (a.choices[word] for a in shell._actions if isinstance(a, argparse._SubParsersAction))
+    shells = {a.dest: a for a in shell._actions}
     for option in verb.options:
         action = actions[option.key]
         assert plain(option.meaning) in (action.help or "").replace("%%", "%")

@@ -96,8 +96,7 @@ def test_nothing_runs_even_if_it_got_in(page: Page) -> None:
 
 
 def test_hostile_text_stays_text(page: Page) -> None:
-    names = ("CL0", "CLalpha", "Clp" + HOSTILE)
-    hostile = Page(render(fewer(example(names, HOSTILE))))
+    hostile = Page(render(fewer(example(("CL0", "CLalpha", "Clp" + HOSTILE), HOSTILE))))
     assert hostile.tags.count("script") == page.tags.count("script")
     assert hostile.of("script")[-2:] == page.of("script")[-2:]
     assert not any("<" in data for data in hostile.of("script")[:-3])
@@ -126,9 +125,7 @@ def test_what_a_reader_looks_for_is_there(html: str, page: Page, whole: Any) -> 
     assert "interval method-profile open" in html or "interval method-other open" in html
     assert page.tags.count("math") >= 3
     assert page.tags.count("th") > page.tags.count("table")
-    drawings = [
-        name for tag, name, _ in page.attributes if tag == "svg" and name in ("aria-label", "aria-hidden")
-    ]
+    drawings = [n for tag, n, _ in page.attributes if tag == "svg" and n in ("aria-label", "aria-hidden")]
     assert len(drawings) == page.tags.count("svg")
     assert drawings.count("aria-label") >= 8
     assert html == render(whole), "the same bytes again"
@@ -146,8 +143,7 @@ def test_nothing_to_show_and_what_a_result_does_not_say(whole: Any) -> None:
     assert "script" not in page.tags
     assert "contains no scripts" in page.text
     assert "Uncertainty, by method" not in page.text
-    seen = replace(result.identifiability, singular_values=())
-    less = replace(result, identifiability=seen)
+    less = replace(result, identifiability=replace(result.identifiability, singular_values=()))
     html = render(replace(whole, result=less))
     assert "The sensitivities to all unknowns have" not in html
     assert "With a multiple correlation of nearly 1" in html
@@ -157,15 +153,12 @@ def test_nothing_to_show_and_what_a_result_does_not_say(whole: Any) -> None:
 def test_a_diverged_simulation_is_still_a_page(fault: float) -> None:
     shown = fewer(example(("CL0", "CLalpha")))
     trace, late = shown.traces[0], np.arange(shown.traces[0].time.size) > 50
-    channels = {
-        name: ChannelTrace(one.measured, np.where(late, fault, one.simulated))
-        for name, one in trace.channels.items()
-    }
+    old = trace.channels.items()
+    channels = {n: ChannelTrace(c.measured, np.where(late, fault, c.simulated)) for n, c in old}
     channels["q"] = ChannelTrace(*2 * [np.full(late.size, np.nan)])
     one = ChannelTrace(np.array([0.1]), np.array([0.1]))
     short = ManeuverTrace(np.array([140.0]), {"p": one}, {"elevator": np.array([0.0])})
-    worse = replace(shown, traces=(ManeuverTrace(trace.time, channels, trace.inputs), short))
-    page = Page(render(worse))
+    page = Page(render(replace(shown, traces=(ManeuverTrace(trace.time, channels, trace.inputs), short))))
     assert not re.search(r"\b(nan|inf)\b", " ".join(page.words))
     assert not re.search(r"\b(NaN|Infinity)\b", " ".join(page.of("script")[:-3]))
 
@@ -176,10 +169,8 @@ def test_counts_are_whole_numbers() -> None:
 
 
 def test_correlations_are_colored_by_their_sign() -> None:
-    matrix = np.array([[1.0, 0.9, np.nan], [0.9, 1.0, -0.5], [np.nan, -0.5, 1.0]])
-    cells = re.findall(
-        r'class="(above|below|hole)"[^>]*fill-opacity="([\d.]+)"', correlation_map("abc", matrix)
-    )
+    drawn = correlation_map("abc", np.array([[1.0, 0.9, np.nan], [0.9, 1.0, -0.5], [np.nan, -0.5, 1.0]]))
+    cells = re.findall(r'class="(above|below|hole)"[^>]*fill-opacity="([\d.]+)"', drawn)
     assert cells == [("above", "0.81"), ("hole", "1"), ("below", "0.25")]
 
 

@@ -15,17 +15,9 @@ from hypothesis import strategies as st
 from naive.identification import example
 
 from stoop.assessment.goodness_of_fit import join
+from stoop.base import numbers
 from stoop.base.notices import as_notice, notice
-from stoop.base.numbers import (
-    clock,
-    compact,
-    count,
-    factor_and_unit,
-    listed,
-    number,
-    rounded_to_error,
-    window,
-)
+from stoop.base.numbers import clock, compact, count, factor_and_unit, listed, number, rounded_to_error
 from stoop.input_design.windows import Proposed
 from stoop.report.design import information_strip
 from stoop.report.estimates import TITLES
@@ -35,16 +27,9 @@ from stoop.report.maneuvers import air_history, prediction_verdict
 from stoop.report.series import spanning
 from stoop.report.svg import Scale
 from stoop.report.time_history import holes
+from stoop.results import result as results
 from stoop.results.extensions import ExtensionTests
-from stoop.results.result import (
-    AirDataTrace,
-    BaselineFit,
-    GoodnessOfFit,
-    ManeuverResult,
-    ParameterEstimate,
-    Result,
-    Whiteness,
-)
+from stoop.results.result import BaselineFit, GoodnessOfFit, ManeuverResult, ParameterEstimate, Result
 from stoop.results.text import determined, estimate_blocks, undetermined_lines, window_line, with_error
 from stoop.results.uncertainty import IdentifiabilityAnalysis, ParameterIdentifiability
 from stoop.results.verdict import shortened
@@ -72,7 +57,7 @@ def test_any_number_can_be_written(value: float, error: float) -> None:
 
 
 def test_small_words() -> None:
-    assert window(140.0, 168.3) == "140–168.3 s"
+    assert numbers.window(140.0, 168.3) == "140–168.3 s"
     assert [count(n, "parameter") for n in (1, 2)] == ["1 parameter", "2 parameters"]
     assert [listed(names) for names in ([], ["a"], ["a", "b", "c"])] == ["none", "a", "a, b and c"]
     assert listed([str(n) for n in range(12)], most=2) == "0, 1 and 10 more"
@@ -96,7 +81,7 @@ def test_an_axis_is_never_empty(values: list[float]) -> None:
 def test_air_data_share_drawings_and_break_at_pauses() -> None:
     time = np.concatenate([np.arange(0.0, 5.0, 0.1), np.arange(9.0, 12.0, 0.1)])
     names = ("speed_inertial", "pitot", "pitot_corrected", "V", "beta", "beta_from_force", "strange<b>")
-    trace = AirDataTrace("f", time, {name: time + n for n, name in enumerate(names)})
+    trace = results.AirDataTrace("f", time, {name: time + n for n, name in enumerate(names)})
     panels = air_history(example(("CL0",)), trace).panels
     titles = [("Airspeed", "m/s"), ("Sideslip", "deg"), ("strange<b>", "")]
     assert [(panel.title, panel.unit) for panel in panels] == titles
@@ -111,11 +96,8 @@ def test_air_data_share_drawings_and_break_at_pauses() -> None:
 def good() -> Result:
     whole: Result = example(("CL0",)).result
     figures = {"p": GoodnessOfFit(0.1, 0.1, 0.9, 0.2)}
-    maneuvers = (
-        ManeuverResult("f", 0.0, 1.0, "fit", (), figures),
-        ManeuverResult("f", 2.0, 3.0, "validation", (), figures),
-        ManeuverResult("f", 4.0, 5.0, "fit", (), figures),
-    )
+    uses = ((0.0, "fit"), (2.0, "validation"), (4.0, "fit"))
+    maneuvers = tuple(ManeuverResult("f", start, start + 1.0, use, (), figures) for start, use in uses)
     parameters, tests = {"CL0": ParameterEstimate(1.0, 0.1)}, ExtensionTests(100, 0.01)
     return replace(whole, parameters=parameters, maneuvers=maneuvers, notices=(), extensions=tests)
 
@@ -133,17 +115,15 @@ def test_a_good_verdict() -> None:
     sights = {"CL0": ParameterIdentifiability(0.1, 3.5, 0.9996, ("CLalpha",), notice("known-in-combination"))}
     for seen, words in ((sights, "estimated; 1 of them known only in combination with others."),
                         ({}, "1 parameter estimated, all of them identifiable.")):  # fmt: skip
-        one = replace(good(), identifiability=IdentifiabilityAnalysis(parameters=seen))
-        assert words in sentences(one)
+        assert words in sentences(replace(good(), identifiability=IdentifiabilityAnalysis(parameters=seen)))
 
 
 def test_a_channel_in_which_only_noise_is_left_is_not_lost() -> None:
     """A window that does not move the yaw shows its noise, which no model matches; chance decides who is closer."""
     moved, whole = GoodnessOfFit(0.1, 0.1, 0.9, 0.2), good()
     for left, level in (("white", "good"), ("colored", "caution"), ("", "caution")):
-        still = GoodnessOfFit(0.1, 0.65, 0.0, 0.63, whiteness=Whiteness(verdict=left))
-        channels = {"p": moved, "r": still}
-        maneuvers = tuple(replace(m, channels=channels) for m in whole.maneuvers)
+        still = GoodnessOfFit(0.1, 0.65, 0.0, 0.63, whiteness=results.Whiteness(verdict=left))
+        maneuvers = tuple(replace(m, channels={"p": moved, "r": still}) for m in whole.maneuvers)
         result = replace(whole, maneuvers=maneuvers)
         assert verdict(result).level == level
         said = sentences(result)
@@ -158,18 +138,14 @@ def test_verdicts() -> None:
     lost = replace(whole.maneuvers[1], channels={"r": GoodnessOfFit(0.1, 0.6, 0.1, 0.5)})
     fitted = whole.maneuvers[::2]
     cases: list[tuple[dict[str, Any], str, str]] = [
-        ({"notices": (as_notice("pitot"),)}, "caution", ""),
-        ({"notices": (as_notice("from the file", "info"),)}, "good", ""),
-        ({"status": "budget"}, "bad", "used up its trajectories"),
-        ({"status": "interrupted"}, "bad", "interrupted"),
-        ({"status": "something new"}, "bad", "“something new”"),
-        ({"cost": math.nan}, "bad", ""),
+        ({"notices": (as_notice("pitot"),)}, "caution", ""), ({"cost": math.nan}, "bad", ""),
+        ({"notices": (as_notice("from the file", "info"),)}, "good", ""), ({"status": "interrupted"}, "bad", "interrupted"),
+        ({"status": "budget"}, "bad", "used up its trajectories"), ({"status": "something new"}, "bad", "“something new”"),
         ({"parameters": {"a": unknown}}, "bad", "1 of them is not identifiable (a)"),
-        ({"parameters": bounded}, "caution", "1 lies at a bound (a)"),
-        ({"advice": "widen the box"}, "good", "widen the box"),
+        ({"parameters": bounded}, "caution", "1 lies at a bound (a)"), ({"advice": "widen the box"}, "good", "widen the box"),
         ({"maneuvers": (*fitted, lost)}, "bad", "not in r (2–3 s)"),
         ({"maneuvers": fitted}, "caution", "No window was held back"),
-    ]
+    ]  # fmt: skip
     for changes, level, said in cases:
         result = replace(whole, **changes)
         found = verdict(result)
@@ -248,11 +224,8 @@ def test_channels_that_are_not_judged_are_named() -> None:
 
 
 def test_information_is_drawn_over_its_windows_alone() -> None:
-    windows = [
-        Proposed("f", start, stop, "roll", "why", information, 0.0, True, "fit")
-        for start, stop, information in ((1.0, 3.0, 2.0), (3.0, 8.0, 0.5))
-    ]
-    strip = information_strip(windows)
+    spans = ((1.0, 3.0, 2.0), (3.0, 8.0, 0.5))
+    strip = information_strip([Proposed("f", a, b, "roll", "why", x, 0.0, True, "fit") for a, b, x in spans])
     (series,) = strip.series
     assert series.x == pytest.approx(np.array([1.0, 3.0, np.nan, 3.0, 8.0, np.nan]), nan_ok=True)
     assert series.y == pytest.approx(np.array([2.0, 2.0, np.nan, 0.5, 0.5, np.nan]), nan_ok=True)

@@ -14,20 +14,10 @@ from hypothesis.extra.numpy import arrays
 
 from stoop.base.arrays import FloatArray
 from stoop.errors import OutputError
+from stoop.report import sheet as sheets
 from stoop.report.plots import FLOOR, HEIGHT, LEFT, RIGHT, TOP, WIDTH, plot, stacked_plots
 from stoop.report.series import Series, Shade, Strip, thinned
-from stoop.report.sheet import (
-    Code,
-    Details,
-    Figure,
-    Prose,
-    Section,
-    Sheet,
-    Table,
-    mathml,
-    render_sheet,
-    write_sheet,
-)
+from stoop.report.sheet import Code, Details, Figure, Prose, Section, Sheet, Table, mathml, render_sheet
 
 HOSTILE = '<script>alert("x")</script>&amp;'
 LONG = "long " * 9
@@ -57,10 +47,10 @@ def test_the_page_reaches_for_nothing_outside_itself_and_is_written_alike(tmp_pa
     assert "default-src 'none'" in html
     for reach in ("http://", "https://", "src=", "@import", "url("):
         assert reach not in html
-    write_sheet(page, tmp_path / "one.html")
+    sheets.write_sheet(page, tmp_path / "one.html")
     assert (tmp_path / "one.html").read_text("utf-8") == render_sheet(page)
     with pytest.raises(OutputError):
-        write_sheet(sheet(), tmp_path / "no" / "page.html")
+        sheets.write_sheet(sheet(), tmp_path / "no" / "page.html")
 
 
 def test_prose_has_paragraphs_lists_and_code() -> None:
@@ -100,7 +90,6 @@ def test_a_long_last_column_stands_below_the_others_where_the_page_is_narrow() -
 
 
 def test_a_column_wraps_as_a_whole_and_a_cell_opens_a_table_of_its_own() -> None:
-    """It looks as its summary does, and folds as a text does."""
     inner = Table("", ("flight",), (("<b>",), ("2",)))
     for head, rows, tag in (
         (("verdict", "what"), (("holds", "short"), ("holds", LONG)), "td"),
@@ -174,10 +163,8 @@ def test_logarithmic_axes_give_every_decade_the_same_room() -> None:
 
 
 def test_twenty_series_all_look_different_and_are_named() -> None:
-    some = [Series(f"s{i}", np.arange(4.0), np.arange(4.0) + i) for i in range(20)]
-    html = plot(some, "x", "y", "twenty")
-    looks = [e.get("style") for e in tree(html).iter(f"{SVG}line")]
-    assert len(set(looks)) == 20
+    html = plot([Series(f"s{i}", np.arange(4.0), np.arange(4.0) + i) for i in range(20)], "x", "y", "twenty")
+    assert len({e.get("style") for e in tree(html).iter(f"{SVG}line")}) == 20
     assert keys(html) == [f"s{i}" for i in range(20)]
     dashes = {e.get("style", "") for e in tree(html).iter(f"{SVG}path") if "var(--hue" in e.get("style", "")}
     assert len({re.sub("-0", "", dash) for dash in dashes}) == 20
@@ -238,23 +225,18 @@ def test_ticks_stand_where_values_are() -> None:
 
 def test_the_name_of_a_window_that_is_used_goes_before_one_that_is_declined() -> None:
     x = np.linspace(0.0, 100.0, 5)
-    spans = (
-        (30.0, 52.0, "six", "declined"),
-        (40.0, 42.0, "seven", "fitted"),
-        (70.0, 80.0, "eight", "fitted"),
-    )
-    shades = [Shade(*span) for span in spans]
+    used = [Shade(a, b, name, "fitted") for a, b, name in ((40.0, 42.0, "seven"), (70.0, 80.0, "eight"))]
+    shades = [Shade(30.0, 52.0, "six", "declined"), *used]
     html = stacked_plots([Strip("a", (Series("s", x, x),))], "x", "d", shades)
     assert set(texts(html)) & {"six", "seven", "eight"} == {"seven", "eight"}
 
 
-@given(
-    arrays(np.float64, st.integers(0, 400), elements=st.floats(-1e6, 1e6) | st.just(float("nan"))),
-    st.integers(5, 50),
-)
+FLOATS = st.floats(-1e6, 1e6) | st.just(float("nan"))
+
+
+@given(arrays(np.float64, st.integers(0, 400), elements=FLOATS), st.integers(5, 50))
 def test_a_thinned_curve_keeps_its_extremes_its_ends_and_its_breaks(y: FloatArray, columns: int) -> None:
-    x = np.arange(len(y), dtype=np.float64)
-    kept, values, _ = thinned(Series("a", x, y), columns)
+    kept, values, _ = thinned(Series("a", np.arange(len(y), dtype=np.float64), y), columns)
     there = np.isfinite(y)
     assert np.array_equal(values, y[kept.astype(int)], equal_nan=True)
     assert len(np.flatnonzero(np.diff(np.isfinite(values)))) == len(np.flatnonzero(np.diff(there)))

@@ -130,8 +130,7 @@ def test_the_posterior_is_read_back_by_arviz(job: FittedModel, tmp_path: Path) -
     import arviz
 
     assessed = job.assess(Posterior())
-    folder = assessed.save(tmp_path / "out")
-    data = arviz.from_netcdf(str(folder / "posterior.nc"), engine="h5netcdf")
+    data = arviz.from_netcdf(str(assessed.save(tmp_path / "out") / "posterior.nc"), engine="h5netcdf")
     assert assessed.to_arviz().posterior.equals(data.posterior)
     result = assessed.result
     for name, spread in result.uncertainty["posterior"].parameters.items():
@@ -147,7 +146,6 @@ FREE = ("CLalpha", "Cmalpha", "Cmq", "Cmelevator")
 
 
 def repeated(truth: Vehicle, flown: dict[int, Vehicle]) -> FittedModel:
-    """Return a fit to a maneuver of each vehicle, by seed of its noise, and what the maneuvers say alone."""
     moved = maneuver(8.0, ("elevator", "3-2-1-1", 0.5, 0.4, 0.05))
     flights = [simulate_flight(one, moved, seed, name=f"flight{seed}") for seed, one in flown.items()]
     done = search(truth, flights, [f"{flight.name}@0:8" for flight in flights])
@@ -182,8 +180,7 @@ def test_maneuvers_of_one_aircraft_agree_and_one_of_another_stands_out(aircraft:
 
 def test_what_only_one_maneuver_tells_is_not_compared() -> None:
     one, none = SingleEstimate(1.0, 0.1, True), SingleEstimate(1.0, 0.1, False)
-    remark = notice("maneuver-stopped", "f 1:2")
-    found = Repeatability((0, 1), {"CLalpha": scatter([one, none])}, (remark,))
+    found = Repeatability((0, 1), {"CLalpha": scatter([one, none])}, (notice("maneuver-stopped", "f 1:2"),))
     assert found.summary().code == "repeatability-nothing-compared"
     assert repeatability_lines(found) == [str(found.summary()), "f 1:2: left out, stopped by the user"]
     assert repeatability_lines(Repeatability()) == []
@@ -214,17 +211,14 @@ def test_without_a_trim_about_the_mean_state(job: FittedModel, monkeypatch: pyte
     assert condition.about == "mean state"
     assert condition.remark is not None
     assert condition.remark.code == "modes-about-mean-state"
-    short, about_trim = (
-        next(m for m in one.modes if m.name == "short period") for one in (condition, job.result.modes[0])
-    )
-    assert short.frequency.estimate == pytest.approx(about_trim.frequency.estimate, rel=0.05)
+    short, trimmed = (next(m for m in c.modes if "short" in m.name) for c in (condition, job.result.modes[0]))
+    assert short.frequency.estimate == pytest.approx(trimmed.frequency.estimate, rel=0.05)
     assert short.frequency.std_error > 0.0
 
 
 def test_maneuvers_alike_are_one_condition(wrong: Vehicle, flight: Flight) -> None:
-    flights = {name: replace(flight, name=name) for name in "ab"}
     windows = [Window("a", 0.0, 8.0), Window("b", 0.0, 8.0), Window("a", 10.0, 20.0)]
-    found = fit(with_few_free(wrong, ["Cmq"]), flights, windows)
+    found = fit(with_few_free(wrong, ["Cmq"]), {name: replace(flight, name=name) for name in "ab"}, windows)
     assert [c.maneuvers for c in conditions(found)] == [(0, 1), (2,)]  # the phugoid was 6 % slower later
 
 
@@ -235,8 +229,7 @@ def test_intervals_hold_the_truth_as_often_as_they_should(aircraft: Vehicle) -> 
         flight = simulate_flight(vehicle, flown, seed, name="sim")
         found = fit(vehicle, {"sim": flight}, [Window("sim", 0.0, 12.0)])
         names = tuple(p.name for p in found.problem.layout.parameters)
-        bars = error_bars(found)
-        (condition,) = modes(found, names, bars.covariance[: len(names), : len(names)])
+        (condition,) = modes(found, names, error_bars(found).covariance[: len(names), : len(names)])
         short = next(m for m in condition.modes if m.name == "short period")
         truth = linearize(vehicle, trim(vehicle, condition.airspeed, condition.altitude)).modes[0]
         off.append((short.frequency.estimate - truth.frequency) / short.frequency.std_error)

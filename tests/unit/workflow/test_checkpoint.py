@@ -23,8 +23,7 @@ from stoop.workflow.checkpoint import Checkpoint, identity
 
 @pytest.fixture(scope="module")
 def outcome(wrong: Vehicle, flight: Flight) -> optimize.Outcome:
-    options = Options("de-rand-1-bin", generations=2)
-    return identify(wrong, flight, ["0:8"], options=options).estimate.outcome
+    return identify(wrong, flight, ["0:8"], options=Options("de-rand-1-bin", generations=2)).estimate.outcome
 
 
 @pytest.fixture
@@ -87,16 +86,11 @@ def test_identity_is_of_everything_that_decides_the_search(wrong: Vehicle) -> No
     }  # fmt: skip
     loaded = replace(wrong, file=wrong.file.model_copy(update={"loadings": {"full": {"mass.mass": 210.0}}}))
     others = [
-        {"vehicle": wrong.with_numbers({"mass.mass": {"value": 200.0}})},
-        {"vehicle": loaded},
-        {"files": {"a.ulg": "2"}},
-        {"files": {"a.ulg": "1", "m.toml": "1"}},
-        {"maneuvers": ["0:20", "20:28"], "validate": []},
-        {"options": Options(covariance=2.0 * noise)},
-        {"options": Options()},
-        {"options": Options(seed=1, covariance=noise)},
-        {"options": Options("ps-gde", covariance=noise)},
-    ]
+        {"vehicle": wrong.with_numbers({"mass.mass": {"value": 200.0}})}, {"vehicle": loaded}, {"files": {"a.ulg": "2"}},
+        {"files": {"a.ulg": "1", "m.toml": "1"}}, {"maneuvers": ["0:20", "20:28"], "validate": []}, {"options": Options()},
+        *({"options": one} for one in (Options(covariance=2.0 * noise), Options(seed=1, covariance=noise),
+                                       Options("ps-gde", covariance=noise))),
+    ]  # fmt: skip
     whole = identity(**basis)  # type: ignore[arg-type]
     assert len({whole, *(identity(**basis | one) for one in others)}) == 1 + len(others)  # type: ignore[arg-type]
     limits = Options(covariance=noise, generations=9, budget=5.0, target_cost=1.0)

@@ -39,8 +39,7 @@ def test_maneuvers_start_where_the_fit_found_them(job: FittedModel, model: Model
     assert [m.title.partition(" (")[2] for m in model.maneuvers] == ["fitted)", "predicted)"]
     found = job.result.initial_states[0].values
     assert {n: model.maneuvers[0].start[n] for n in found} == {n: q.estimate for n, q in found.items()}
-    bias = job.result.biases[0].values["q"].estimate
-    assert model.maneuvers[0].vehicle.value("sensors.q.bias") == bias
+    assert model.maneuvers[0].vehicle.value("sensors.q.bias") == job.result.biases[0].values["q"].estimate
 
 
 def test_our_simulation_of_a_maneuver_is_the_one_of_the_report(job: FittedModel, model: ModelData) -> None:
@@ -49,16 +48,14 @@ def test_our_simulation_of_a_maneuver_is_the_one_of_the_report(job: FittedModel,
     fitted = model.maneuvers[0]
     vehicle = fitted.vehicle
     apart = differences(vehicle.outputs, own_readings(fitted), fitted.measured)
-    figures = job.result.maneuvers[0].channels
     rms = dict(zip(vehicle.outputs, np.sqrt(np.nanmean(apart**2, axis=0)), strict=True))
-    assert rms == pytest.approx({c: f.rmse for c, f in figures.items()}, rel=1e-9)
+    assert rms == pytest.approx({c: f.rmse for c, f in job.result.maneuvers[0].channels.items()}, rel=1e-9)
 
 
 def test_jsbsim_flies_the_maneuvers(model: ModelData, tmp_path: Path) -> None:
     made = export(model, "jsbsim")
     write(made, tmp_path)
-    page = (tmp_path / PAGE).read_text(encoding="utf-8")
-    assert "flight less JSBSim, rms" in page
+    assert "flight less JSBSim, rms" in (tmp_path / PAGE).read_text(encoding="utf-8")
     flown = [note for note in made.notes if "JSBSim within" in note]
     assert len(flown) == 3
     assert max(float(note.split("within ")[1].split()[0]) for note in flown) < 1e-3
@@ -110,7 +107,6 @@ def test_gusts_that_were_estimated_stay_behind(flight: Flight, tmp_path: Path) -
     assert model.covariance is not None
     assert model.covariance.names == ("Cmq",)
     assert model.covariance.covariance.shape == (1, 1)
-    made = export(model, "state-space")
-    assert any("is not exported: the simulator" in note for note in made.notes)
+    assert any("is not exported: the simulator" in note for note in export(model, "state-space").notes)
     assert [m.loaded for m in model.maneuvers] == [False, True]
     assert model.maneuvers[1].vehicle.value("mass.mass") == 190.0

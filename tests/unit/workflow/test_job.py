@@ -27,52 +27,33 @@ from stoop.workflow.summary import advice_by_doubt, estimates_table, figures_tab
 
 
 def test_result_has_the_documented_keys_and_one_covariance(job: FittedModel) -> None:
-    document = json.loads(job.result.to_json())
-    assert {"estimate", "std_error", "ci95_lower", "bound_upper", "unit"} <= document["parameters"][
-        "CLalpha"
-    ].keys()
-    assert {
-        "covariance",
-        "noise_covariance",
-        "initial_states",
-        "biases",
-        "cost",
-        "seed",
-        "inputs",
-    } <= document.keys()
-    assert [m["role"] for m in document["maneuvers"]] == ["fit", "validation"]
-    assert {"rmse", "theil", "r2", "baseline_theil"} <= document["maneuvers"][1]["channels"]["q"].keys()
+    doc = json.loads(job.result.to_json())
+    assert {"estimate", "std_error", "ci95_lower", "bound_upper", "unit"} <= {*doc["parameters"]["CLalpha"]}
+    assert {"covariance", "noise_covariance", "initial_states", "biases", "cost", "seed", "inputs"} <= {*doc}
+    assert [m["role"] for m in doc["maneuvers"]] == ["fit", "validation"]
+    assert {"rmse", "theil", "r2", "baseline_theil"} <= doc["maneuvers"][1]["channels"]["q"].keys()
     sigma = np.sqrt(np.diag(job.result.covariance.matrix))
     assert sigma == pytest.approx([p.std_error for p in job.result.parameters.values()])
 
 
 def test_tables_say_estimate_and_truth(job: FittedModel) -> None:
-    assert re.search(
-        r"^CLalpha .*4\.78", estimates_table(job.result.parameters, {"CLalpha": 4.78}), re.MULTILINE
-    )
+    assert re.search(r"^CLalpha .*4\.78", estimates_table(job.result.parameters, {"CLalpha": 4.78}), re.M)
     fitted, predicted = figures_table(job.result.maneuvers).split("20:28 (validation)")
     assert "0:20 (fit)" in fitted
-    bands = [
-        [line.split() for line in text.splitlines() if line.endswith("band %")]
-        for text in (fitted, predicted)
-    ]
+    bands = [[one.split() for one in t.splitlines() if one.endswith("band %")] for t in (fitted, predicted)]
     assert bands[0] == []
     assert bands[1][0][0] == f"{100.0 * job.result.maneuvers[1].channels['V'].within:.0f}"
 
 
 def test_identified_file_keeps_comments_and_adds_what_was_left_out() -> None:
-    text = (
-        builtin_text("twin-boom")
-        .replace("Cmq = -47.6\n", "")
-        .replace("notes = [", "# my aeroplane\nnotes = [")
-    )
+    text = builtin_text("twin-boom").replace("Cmq = -47.6\n", "").replace("notes = [", "# mine\nnotes = [")
     text = text.replace("mass = 189.40", "center_of_gravity = [0.1, 0.0, 0.0]\nmass = 189.40 # weighed")
     values = {
         "CLalpha": 4.5, "Cmq": -9.0, "mass.mass": 198.25, "mass.center_of_gravity.x": 0.12, "mass.inertia.xx": 101.0,
     }  # fmt: skip
     before = parse_vehicle(text, "x.toml")
     again = parse_vehicle(new := with_values(before, values), "x.toml")
-    assert ("# my aeroplane" in new, "# weighed" in new) == (True, True)
+    assert ("# mine" in new, "# weighed" in new) == (True, True)
     assert {name: again.value(name) for name in values} == values
     assert again.value("reference.span") == before.value("reference.span")
 
@@ -88,8 +69,7 @@ def test_identified_file_keeps_priors_about_their_own_means(aircraft: Vehicle, f
     assert (p.prior, p.prior_mean) == (prior, 4.6)
     assert p.value == pytest.approx(first.estimate.estimates["CLalpha"], rel=1e-9)
     assert abs(p.value - 4.6) > prior, "the data move it"
-    second = identify(again, flight, ["0:10"])
-    before, now = (one.parameters["CLalpha"] for one in (first, second))
+    before, now = (one.parameters["CLalpha"] for one in (first, identify(again, flight, ["0:10"])))
     assert now.estimate == pytest.approx(before.estimate, abs=0.1 * before.std_error)
     assert now.prior_mean == 4.6
 
@@ -140,8 +120,6 @@ def test_doubts_stand_under_one_phrase_and_those_of_one_advice_in_one_line() -> 
         "Cl0": ("combined", "bank more"), "CL0": ("at its bound", "pull up"), "Cn0": ("combined", "bank more"),
         "CD0": ("combined", "fly faster"), "CLq": ("", ""), "Cmq": ("no advice", ""),
     }  # fmt: skip
-    assert advice_by_doubt({name: sight(*doubt) for name, doubt in doubts.items()}) == {
-        "combined": ["Cl0, Cn0: bank more", "CD0: fly faster"],
-        "at its bound": ["CL0: pull up"],
-    }
+    found = advice_by_doubt({name: sight(*doubt) for name, doubt in doubts.items()})
+    assert found == {"combined": ["Cl0, Cn0: bank more", "CD0: fly faster"], "at its bound": ["CL0: pull up"]}
     assert advice_by_doubt({"CLq": sight("", "")}) == {}

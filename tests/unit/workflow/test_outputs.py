@@ -23,20 +23,10 @@ from stoop.results.result import read_result
 from stoop.vehicle import Vehicle, load_vehicle
 from stoop.vehicle.builtin import builtin_vehicle
 from stoop.vehicle.load import parse_vehicle
-from stoop.workflow import FittedModel
+from stoop.workflow import FittedModel, outputs
 from stoop.workflow.design import known_before
 from stoop.workflow.load import load, model_or_vehicle
-from stoop.workflow.outputs import (
-    ARCHIVES,
-    check_folder,
-    file_hashes,
-    flight_file,
-    flight_files,
-    input_hashes,
-    output_names,
-    place_outputs,
-    with_values,
-)  # fmt: skip
+from stoop.workflow.outputs import ARCHIVES, check_folder, file_hashes, place_outputs, with_values
 
 NAMES = ("vehicle.toml", "flight.nc", "estimate.npz", "traces.npz", "report.html", "result.json")
 
@@ -64,9 +54,7 @@ def test_all_is_written_and_read_back_and_nothing_replaced_unasked(job: FittedMo
     job.save(folder, overwrite=True)
 
 
-def test_a_full_disk_leaves_nothing(
-    job: FittedModel, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_full_disk_leaves_nothing(job: FittedModel, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def full(path: Path, content: bytes) -> None:
         path.write_bytes(content[:100])
         if path.name == "5":
@@ -80,19 +68,18 @@ def test_a_full_disk_leaves_nothing(
 
 def test_the_mark_of_a_whole_result_comes_last() -> None:
     first, _, *rest = NAMES
-    assert output_names(["sim"]) == NAMES
-    assert output_names(["a", "b"]) == (first, "flight-a.nc", "flight-b.nc", *rest)
+    assert outputs.output_names(["sim"]) == NAMES
+    assert outputs.output_names(["a", "b"]) == (first, "flight-a.nc", "flight-b.nc", *rest)
     with pytest.raises(OutputError, match="cannot name a file"):
-        flight_file("a/../../x", 2)
+        outputs.flight_file("a/../../x", 2)
 
 
 def test_a_folder_is_checked_before_the_work(tmp_path: Path) -> None:
     (file := tmp_path / "file").write_text("")
     for wrong, inputs, match in (
-        (file, [], "is a file"),
-        (Path("/proc/nowhere"), [], "cannot be written"),
+        (file, [], "is a file"), (Path("/proc/nowhere"), [], "cannot be written"),
         (tmp_path, [tmp_path / "."], "is the log that this run reads; name another folder"),
-    ):
+    ):  # fmt: skip
         with pytest.raises(OutputError, match=match):
             check_folder(wrong, ["sim"], inputs=inputs)
     for name in NAMES:
@@ -197,7 +184,7 @@ def test_every_file_that_was_read(tmp_path: Path, aircraft: Vehicle, flight: Fli
     for name in files:
         (tmp_path / name).write_text(name)
     read = replace(flight, path=tmp_path / "log.csv")
-    hashes = input_hashes(aircraft, {"log": read}, [tmp_path / "noise.csv"])
+    hashes = outputs.input_hashes(aircraft, {"log": read}, [tmp_path / "noise.csv"])
     own = {aircraft.where: digest(aircraft.text.encode())}
     assert hashes == own | {name: digest(name.encode()) for name in files}
     paths = [tmp_path / folder / "m.toml" for folder in ("a", "b")]  # of one name
@@ -209,7 +196,7 @@ def test_every_file_that_was_read(tmp_path: Path, aircraft: Vehicle, flight: Fli
 
 def test_a_folder_is_what_is_read_of_it(tmp_path: Path, flight: Flight) -> None:
     (tmp_path / "topic.csv").write_text("1")
-    before = file_hashes(flight_files([replace(flight, path=tmp_path)]))
+    before = file_hashes(outputs.flight_files([replace(flight, path=tmp_path)]))
     (tmp_path / "result").mkdir()
     (tmp_path / "result" / "search.npz").write_text("a result among the tables")
     (tmp_path / "search.npz").write_text("another")
@@ -242,9 +229,8 @@ EDITS: list[tuple[tuple[str | int, ...], Any, str]] = [
 
 def test_an_edited_result_is_one_line(folder: Path, tmp_path: Path) -> None:
     copy = Path(shutil.copytree(folder, tmp_path / "r"))
-    whole = (folder / "result.json").read_text()
     for (*place, last), value, says in EDITS:
-        result: Any = json.loads(whole)
+        result: Any = json.loads((folder / "result.json").read_text())
         inner = result
         for key in place:
             inner = inner[key]
@@ -257,7 +243,6 @@ def test_an_edited_result_is_one_line(folder: Path, tmp_path: Path) -> None:
 
 
 def test_damaged_and_missing_files_are_one_line(job: FittedModel, folder: Path, tmp_path: Path) -> None:
-    """Curves are columns of double precision; an estimate is that of the result beside it."""
     with np.load(folder / "traces.npz") as file:
         curves = dict(file)
     for name, damage in (("flat", {"0.time": curves["0.time"][:, None]}),
@@ -267,16 +252,10 @@ def test_damaged_and_missing_files_are_one_line(job: FittedModel, folder: Path, 
     text, copy = (folder / "result.json").read_text(), tmp_path / "r"
     for name, content, says in (
         *((name, content, name) for name in ARCHIVES for content in (b"", b"PK\x03\x04 damaged")),
-        ("traces.npz", flat, "is no curve"),
-        ("traces.npz", single, "is no curve"),
-        ("result.json", None, "holds no result.json"),
-        ("vehicle.toml", None, "holds no vehicle.toml"),
-        (
-            "result.json",
-            text.replace('"CLalpha"', '"CLnonsense"').encode(),
-            "no number is called 'CLnonsense'",
-        ),
-    ):
+        ("traces.npz", flat, "is no curve"), ("traces.npz", single, "is no curve"),
+        ("result.json", None, "holds no result.json"), ("vehicle.toml", None, "holds no vehicle.toml"),
+        ("result.json", text.replace('"CLalpha"', '"CLnonsense"').encode(), "no number is called 'CLnonsense'"),
+    ):  # fmt: skip
         shutil.copytree(folder, copy, dirs_exist_ok=True)
         if content is None:
             (copy / name).unlink()

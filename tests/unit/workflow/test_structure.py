@@ -111,12 +111,10 @@ def test_lines_of_candidates(aircraft: Vehicle) -> None:
     found = {"Cm": ("alpha", "q", "elevator"), "CL": ("alpha^2",)}
     assert parse_candidates(lines, aircraft, "c.txt") == found
     for line, error, words in (
-        ("alpha, q", IdentificationError, "write a line per coefficient"),
-        ("CX: alpha", IdentificationError, "write a line per coefficient"),
-        ("Cm:", IdentificationError, "names no candidate"),
-        ("Cm: flaps", TermError, "unknown variable 'flaps'"),
+        ("alpha, q", IdentificationError, "write a line per"), ("CX: alpha", IdentificationError, "write a line per"),
+        ("Cm:", IdentificationError, "names no candidate"), ("Cm: flaps", TermError, "unknown variable 'flaps'"),
         ("Cm: __import__('os')", TermError, "not allowed"),
-    ):
+    ):  # fmt: skip
         with pytest.raises(error, match=words):
             parse_candidates([line], aircraft, "c.txt")
 
@@ -128,9 +126,7 @@ def test_names_of_parameters() -> None:
     assert len(parameter_name("Cm", "+".join(["alpha"] * 30))) <= 40
 
 
-def test_the_verb(
-    aircraft: Vehicle, flight: Flight, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_verb(aircraft: Vehicle, flight: Flight, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     source, log, out = tmp_path / "v.toml", tmp_path / "sim.nc", tmp_path / "out"
     source.write_text(ignorant(aircraft).text, encoding="utf-8")
     save(flight, log)
@@ -150,7 +146,6 @@ def test_the_verb(
 
 
 def test_what_is_left_out_and_biases_its_neighbors_is_said_and_can_be_kept(aircraft: Vehicle) -> None:
-    """CLq is too weak for the criterion in this noise."""
     vehicle = aircraft.with_numbers({"CLq": {"value": 5.0}})
     flight = flown(vehicle, {"V": 0.2, "alpha": 0.004, "q": 0.01, "theta": 0.01, "ax": 0.3, "az": 0.3}, 4)
     candidates = {"CL": ("alpha", "q", "elevator")}

@@ -14,7 +14,6 @@ import pytest
 import stoop
 from stoop.base.notices import notice
 from stoop.base.variables import SPECIFIC_FORCE
-from stoop.cli.main import main
 from stoop.errors import FlightError, SimulationError
 from stoop.estimate.fit import DEFAULTS
 from stoop.flight import Flight, load, save
@@ -45,8 +44,7 @@ def test_the_same_figures_as_identify_gives_for_a_window_set_aside(job: FittedMo
 
 def test_a_fit_without_accelerometers_predicts(wrong: Vehicle, flight: Flight, tmp_path: Path) -> None:
     """Files of older versions hold rows without a variance for channels that were never measured."""
-    unmeasured = [c for c in flight.channels if c in SPECIFIC_FORCE]
-    seen = replace(flight, data=flight.data.drop_vars(unmeasured))
+    seen = replace(flight, data=flight.data.drop_vars([c for c in flight.channels if c in SPECIFIC_FORCE]))
     options = replace(DEFAULTS, budget=2000.0)
     folder = finish(search(wrong, seen, ["0:20"], options=options)).save(tmp_path / "result")
     result = json.loads((folder / "result.json").read_text())
@@ -139,21 +137,6 @@ def test_what_is_missing_is_one_line(job: FittedModel, folder: Path) -> None:
         with pytest.raises(FlightError, match=says) as caught:
             validate(folder, flights, *filter(None, [windows]))
         assert "\n" not in str(caught.value)
-
-
-def test_the_verb(job: FittedModel, folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    save(job.flights[0], tmp_path / "next.nc")
-    words = f"validate {folder} {tmp_path / 'next.nc'} --maneuver 20:28 -o {tmp_path / 'check'}".split()
-    assert main(words) == 0
-    assert "better than a first-order lag in" in capsys.readouterr().out
-    document = json.loads((tmp_path / "check" / "validation.json").read_text())
-    assert document["schema"] == "stoop-validation/1"
-    assert document["maneuvers"][0]["channels"]["q"]["whiteness"]["verdict"] in ("white", "colored")
-    page = (tmp_path / "check" / "validation.html").read_text()
-    assert "next" in page
-    assert page.count("Content-Security-Policy") == 1
-    assert main(words) == 2
-    assert "add --overwrite" in capsys.readouterr().err
 
 
 def test_faulty_samples_are_those_of_the_fit(job: FittedModel) -> None:
