@@ -72,12 +72,6 @@ def start_app(folder: Path, *words: str, cwd: Path | None = None) -> App:
     pytest.fail("".join(lines))
 
 
-def end_steps(folder: Path) -> None:
-    for step in (s for kind in PRODUCTS for s in steps(folder, kind)):
-        if step.running:
-            os.killpg(int(step.file("process.txt").read_text()), signal.SIGKILL)
-
-
 def ended(step: Step | None) -> Step:
     assert step is not None
     while step.running:
@@ -96,7 +90,8 @@ def app(tmp_path: Path) -> Iterator[Callable[..., App]]:
     yield start
     for one in started:
         one.kill()
-        end_steps(one.folder)
+        for step in (s for kind in PRODUCTS for s in steps(one.folder, kind) if s.running):
+            os.killpg(int(step.file("process.txt").read_text()), signal.SIGKILL)
 
 
 @pytest.fixture

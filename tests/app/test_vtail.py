@@ -5,16 +5,13 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-EXAMPLE = Path(__file__).parents[2] / "examples" / "vtail.toml"
-MAX_CLICKS = 8
-
 
 def test_from_the_log_to_the_report(app, tab, shared_data: Path) -> None:
     running = app(str(shared_data / "altlnt-vtail-8kg-px4" / "flight2"))
     page = tab(running)
     page.wait("airspeed_pitot reads -2.97 m/s at rest")
     page.click("Next: the vehicle")
-    page.fill("path of a vehicle file", str(EXAMPLE))
+    page.fill("path of a vehicle file", str(Path(__file__).parents[2] / "examples" / "vtail.toml"))
     page.click("Use")
     page.wait("A fit estimates 48 free parameters of the vehicle, and 6 biases of sensors anew for each")
     page.click("Next: the windows")
@@ -23,7 +20,7 @@ def test_from_the_log_to_the_report(app, tab, shared_data: Path) -> None:
     page.page.get_by_text(re.compile(r"cost .* · [1-9]\d* s")).wait_for()
     title = re.compile(r"48 free parameters and \d+ nuisances from 3 fitted maneuvers, 1 predicted")
     page.page.frame_locator("iframe").get_by_text(title).first.wait_for()
-    assert page.clicks <= MAX_CLICKS
+    assert page.clicks <= 8
     # What the notices name is fixed or freed by one click.
     page.page.get_by_text("What to do next").first.click()
     page.click("Clp")

@@ -11,6 +11,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
+LOG_PAGES = ("px4", "px4-fixed-wing", "ardupilot", "crazyflie", "betaflight", "other-logs")
 PAGES = [ROOT / n for n in ("README.md", "CONTRIBUTING.md", "examples/README.md")] + sorted(DOCS.glob("*.md"))
 
 

@@ -12,17 +12,15 @@ from pathlib import Path
 import pytest
 
 import stoop
-from docs.pages import DOCS, ROOT, blocks, commands, fences, run_python, table
+from docs.pages import DOCS, LOG_PAGES, ROOT, blocks, commands, fences, run_python, table
 from stoop.cli.main import main, one_verb
 from stoop.flight import load, save
 from stoop.simulation.fly import simulate_flight
 from stoop.simulation.maneuver import parse_maneuver
 from stoop.vehicle.builtin import resolve_vehicle
 
-LOG_PAGES = ("px4", "px4-fixed-wing", "ardupilot", "crazyflie", "betaflight", "other-logs")
 NAMED = re.compile(r"# (\S+\.(?:toml|parm|config))\n")
 NUMBER = re.compile(r"[-+]?\d+\.\d+")
-ROUNDING = 0.03  #: other processors round otherwise
 #: page -> a pattern in what its first Python block prints
 PRINTED = {
     "derivatives": r"^\['elevator', 'aileron', 'rudder'\] 10\npitch rate 0\.\d+ rad/s$", "design": "Cmelevator",
@@ -47,7 +45,9 @@ def same(shown: str, word: str) -> bool:
         a, b = float(shown), float(word)
     except ValueError:
         return shown == word
-    return a == pytest.approx(b, rel=ROUNDING, abs=1e-12) or abs(a - b) < 0.011
+    return (
+        a == pytest.approx(b, rel=0.03, abs=1e-12) or abs(a - b) < 0.011
+    )  # other processors round otherwise
 
 
 @pytest.mark.parametrize("page", PRINTED)

@@ -20,7 +20,6 @@ import execute_notebooks  # noqa: E402
 SHORT = (
     "identify", "look", "modes", "own_mutation", "quadrotor", "compatibility", "loop", "fleet", "paper_figures",
 )  # fmt: skip
-MAX_SIZE = 300_000  #: bytes
 
 
 def notebook(path: Path) -> dict[str, Any]:
@@ -46,7 +45,7 @@ def test_notebooks_are_small_and_their_outputs_are_those_of_code_and_files() -> 
         path = execute_notebooks.place(name)
         content = notebook(path)
         assert all((ROOT / "examples" / file).is_file() for file in one.get("files", ())), name
-        assert path.stat().st_size < MAX_SIZE, name
+        assert path.stat().st_size < 300_000, name
         assert "".join(content["cells"][0]["source"]).startswith("# "), name
         outputs = [o for c in content["cells"] if c["cell_type"] == "code" for o in c["outputs"]]
         assert outputs, name

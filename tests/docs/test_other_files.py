@@ -10,7 +10,7 @@ from typing import Any, get_args
 import pytest
 from pydantic import BaseModel
 
-from docs.pages import DOCS, blocks, fences, table, tables
+from docs.pages import DOCS, LOG_PAGES, blocks, fences, table, tables
 from stoop.base.units import FACTORS
 from stoop.base.variables import NUMBERED
 from stoop.errors import VehicleError
@@ -29,7 +29,6 @@ from stoop.vehicle_draft.geometry import Geometry
 
 INPUTS = [getattr(maneuver, n) for n in ("Steps", "Levels", "Pulse", "Multisine", "Harmonics", "Sweep")]
 FLIGHTS, MANEUVERS, GEOMETRY = (DOCS / f"{n}.md" for n in ("flight-files", "maneuver-file", "geometry"))
-LOG_PAGES = ("px4", "px4-fixed-wing", "ardupilot", "crazyflie", "betaflight", "other-logs")
 
 
 def test_variables_and_units() -> None:
@@ -97,7 +96,7 @@ def test_keys_and_shapes_of_maneuver_files() -> None:
         assert all(f'`"{shape}"`' in written for shape in get_args(model.model_fields["shape"].annotation))
 
 
-def test_inputs_on_rotors_have_a_row_and_its_unit() -> None:
+def test_inputs_on_rotors_have_a_row_and_its_unit_and_the_maneuver_of_the_page_flies() -> None:
     told = {
         name.strip("`"): row[2]
         for row in table(MANEUVERS, "On rotors", "control").rows
@@ -105,9 +104,6 @@ def test_inputs_on_rotors_have_a_row_and_its_unit() -> None:
     }
     known = rotors.EXCITATIONS | rotors.SETPOINTS
     assert {name: told[name] for name in known} == known
-
-
-def test_maneuver_of_the_page() -> None:
     flown = parse_maneuver(blocks(MANEUVERS, "toml")[0], "page")
     assert set(flown.deflections()) == {"rudder", "aileron"}
     assert "noise" in flown.model_fields_set

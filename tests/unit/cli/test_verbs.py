@@ -94,9 +94,10 @@ def test_an_angle_becomes_radians_within_its_limits() -> None:
         read("90")
 
 
-def test_every_whole_number_has_limits_that_its_program_can_take() -> None:
+def test_every_kind_has_a_reader_and_a_whole_number_limits_that_its_program_can_take() -> None:
     for verb in all_verbs().values():
         for option in verb.options:
+            assert option.kind in {"switch", *READERS, *NUMBERS, *WHOLE}
             if option.kind not in WHOLE:
                 continue
             read = reader(option)
@@ -112,11 +113,6 @@ def test_a_table_of_another_package_may_name_and_change_shared_options() -> None
     verb = read_verbs({"verbs": {"other": row}})["other"]
     assert verb.options[0] is verbs()["info"].options[0]
     assert (verb.option("seed").default, verb.option("seed").kind) == (7, "count")
-
-
-def test_every_kind_has_a_reader() -> None:
-    kinds = {option.kind for verb in all_verbs().values() for option in verb.options}
-    assert kinds - {"switch"} <= {*READERS, *NUMBERS, *WHOLE}
 
 
 def test_marks_of_markdown_do_not_reach_a_terminal() -> None:

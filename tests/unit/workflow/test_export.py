@@ -29,13 +29,12 @@ def model(folder: Path) -> ModelData:
     return model_data(model_or_vehicle(folder))
 
 
-def test_estimates_are_those_of_the_fit_to_the_last_digit(job: FittedModel, model: ModelData) -> None:
+def test_estimates_and_starts_are_those_of_the_fit_to_the_last_digit(
+    job: FittedModel, model: ModelData
+) -> None:
     assert {n: model.vehicle.value(n) for n in job.estimate.estimates} == job.estimate.estimates
     assert model.covariance is not None
     assert np.array_equal(model.covariance.covariance, job.result.covariance.matrix)
-
-
-def test_maneuvers_start_where_the_fit_found_them(job: FittedModel, model: ModelData) -> None:
     assert [m.title.partition(" (")[2] for m in model.maneuvers] == ["fitted)", "predicted)"]
     found = job.result.initial_states[0].values
     assert {n: model.maneuvers[0].start[n] for n in found} == {n: q.estimate for n, q in found.items()}

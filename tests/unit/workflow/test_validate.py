@@ -25,10 +25,6 @@ from stoop.workflow.identification import finish, search
 from stoop.workflow.validation import validate
 
 
-def moved_on(flight: Flight) -> Flight:
-    return replace(flight, data=flight.data.assign_coords(time=flight.data["time"] + 100.0))
-
-
 def test_the_same_figures_as_identify_gives_for_a_window_set_aside(job: FittedModel, folder: Path) -> None:
     again, expected = validate(folder, job.flights, ["20:28"]).record.maneuvers[0], job.result.maneuvers[1]
     for what in ("role", "segments"):
@@ -109,7 +105,8 @@ def test_a_state_that_was_not_recorded_is_estimated_about_steady_flight_and_name
 
     if not steady:
         monkeypatch.setattr("stoop.prediction.predict.trim", fails)
-    flight = moved_on(job.flights[0])
+    first = job.flights[0]
+    flight = replace(first, data=first.data.assign_coords(time=first.data["time"] + 100.0))
     blind = replace(flight, name="blind", data=flight.data.assign(alpha=np.nan * flight.data["alpha"]))
     found = validate(folder, [blind], ["100:108"])
     (said,) = [w for w in found.record.warnings if "alpha not recorded at the start" in w]
