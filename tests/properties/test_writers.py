@@ -99,7 +99,7 @@ def inputs(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 VERBS = [
     *(f"simulate v.toml --maneuver m.toml -o out/flight.{e}" for e in ("nc", "csv", "mat", "ulg", "bin", "usd")),
-    "export quad-x --to isaac -o out", "linearize v.toml --json out/linear.json", "map t.csv -o out/map.toml",
+    "export twin-boom --to state-space -o out", "linearize v.toml --json out/linear.json", "map t.csv -o out/map.toml",
     "vehicle quad-x -o out/v.toml", "vehicle new --template glider --mass 2.1 --span 2.5 --area 0.4 -o out/n.toml",
     "info sim.nc --save out/i.nc",
 ]  # fmt: skip

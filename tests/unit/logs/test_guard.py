@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib.util
 import json
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -14,6 +15,8 @@ import pytest
 from scipy.io import savemat
 
 from stoop.errors import LogError
+from stoop.logs import guard
+from stoop.logs.formats import FORMATS
 from stoop.logs.guard import Limits, read_guarded, read_in_child, read_result
 
 READER = "matlab"
@@ -96,3 +99,14 @@ def test_a_file_that_ends_the_process_does_not_end_that_of_the_api(tmp_path: Pat
     lines = done.stdout.splitlines()
     assert len(lines) == 9
     assert all("a.mat: the reading process died (signal" in line for line in lines)
+
+
+def test_readers_that_end_in_a_library_are_called_by_the_child_only() -> None:
+    """They are named in the table of formats, and by nothing else in the package."""
+    modules, functions = zip(*(f.reader.split(":") for f in FORMATS.values() if f.name), strict=True)
+    assert {*modules} == {"matlab", "parquet", "netcdf", "rosbag"}
+    used = re.compile(
+        rf"(?<!def )(?<!:)\b({'|'.join(functions)})\b(?!\")"
+    )  # neither defined nor in the table
+    for path in Path(guard.__file__).parents[1].rglob("*.py"):
+        assert not used.search(path.read_text()), path
