@@ -10,8 +10,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-LOG = "STOOP_TEST_LOG"
-TASKS, STOPS = 400, (100_000, 200_000)
+LOG, TASKS, STOPS = "STOOP_TEST_LOG", 400, (100_000, 200_000)
 
 
 def walk(arguments: Mapping[str, Any], stops: Sequence[int]) -> list[Any]:

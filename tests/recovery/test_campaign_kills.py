@@ -99,8 +99,7 @@ class Campaign:
 @pytest.fixture(scope="module")
 def code(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a copy of the package: a store is refused when somebody edits the sources meanwhile."""
-    folder = tmp_path_factory.mktemp("code")
-    ignored = shutil.ignore_patterns("__pycache__")
+    folder, ignored = tmp_path_factory.mktemp("code"), shutil.ignore_patterns("__pycache__")
     shutil.copytree(Path(stoop.__file__).parent, folder / "stoop", ignore=ignored)
     shutil.copy(CASE, folder)
     return folder

@@ -63,8 +63,7 @@ def test_the_default_finds_the_truth(scene: Scene, found: tuple[str, Estimate]) 
 def test_curves_are_predictions_near_the_record(found: tuple[str, Estimate]) -> None:
     _, fit = found
     assert [n.code for n in fit.notices if n.code.startswith("filter")] == ["filter-predicts"]
-    piece, read = fit.problem.pieces[0], fit.readings[0]
-    white = fit.evidence.pieces[0].residual
+    piece, read, white = fit.problem.pieces[0], fit.readings[0], fit.evidence.pieces[0].residual
     assert np.isfinite(read).all()
     left = np.nanstd(piece.measured - read, axis=0)
     np.testing.assert_allclose(left, np.sqrt(np.diag(fit.measurement_noise)), rtol=0.25)

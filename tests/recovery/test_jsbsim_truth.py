@@ -23,8 +23,7 @@ def test_a_vehicle_is_found_from_its_outputs(case: str) -> None:
     """Every number within three standard errors or 2 %; those of an airplane together scatter as they say."""
     recorded = multirotor.SPEEDS if "speeds" in case else multirotor.COMMANDS
     flown: Any = jsbsim.flown_case("T37") if case == "trainer" else multirotor.flown_case(recorded)
-    told = flown.estimates(flown.flight(seed=0))
-    names = np.array(list(flown.truth))
+    told, names = flown.estimates(flown.flight(seed=0)), np.array(list(flown.truth))
     truth, found, sigma = (np.array([told[k][n] for n in names]) for k in ("truth", "estimate", "sigma"))
     off = np.abs(found - truth)
     agree = off <= np.maximum(jsbsim.SIGMAS * sigma, jsbsim.SHARE * np.abs(truth))
@@ -40,8 +39,7 @@ BEFORE = (("elevator", 2.0), ("aileron", 7.0), ("rudder", 12.0))
 
 def flown(folder: Path, name: str, maneuver: Maneuver, seed: int, model: Path) -> Path:
     """Fly it in JSBSim, by an autopilot that knows the poor model, and write a log."""
-    flight = fly_in_jsbsim(TRUTH, maneuver, load_vehicle(model), seed)
-    save_flight_as(flight, folder / name)
+    save_flight_as(fly_in_jsbsim(TRUTH, maneuver, load_vehicle(model), seed), folder / name)
     return folder / name
 
 
@@ -62,17 +60,14 @@ def test_the_loop_from_log_to_a_better_model(tmp_path: Path) -> None:
         assert count == 1, name
     model.write_text(text)
     pilot = [(control, "doublet", start, 1.0, 0.01) for control, start in BEFORE]
-    usual = maneuver(20.0, *pilot, rate=100.0, airspeed=35.0)
-    before = flown(tmp_path, "before.ulg", usual, 1, model)
+    before = flown(tmp_path, "before.ulg", maneuver(20.0, *pilot, rate=100.0, airspeed=35.0), 1, model)
     known = ["--vehicle", str(model), "--maneuver", "0.2:19.8"]
     assert main(["identify", str(before), *known, "-o", str(tmp_path / "first")]) == 0
 
     shape = ["--shape", "square", "--evaluations", "60"]
     design = ["design", str(tmp_path / "first"), *shape, "-o", str(tmp_path / "next")]
-    for_autopilot = ["--for", "ardupilot", "--throw", "elevator=25", "aileron=20", "rudder=25"]
-    assert main([*design, *for_autopilot]) == 0
-    designed = load_maneuver(tmp_path / "next" / "maneuver.toml")
-    after = flown(tmp_path, "flown.ulg", designed, 2, model)
+    assert main([*design, "--for", "ardupilot", "--throw", "elevator=25", "aileron=20", "rudder=25"]) == 0
+    after = flown(tmp_path, "flown.ulg", load_maneuver(tmp_path / "next" / "maneuver.toml"), 2, model)
     assert main(["identify", str(after), *known, "-o", str(tmp_path / "second")]) == 0
 
     guessed = np.array([load_vehicle(model).value(n) - TRUTH.value(n) for n in NAMES])

@@ -26,8 +26,7 @@ from stoop.vehicle.builtin import builtin_text
 from stoop.vehicle.schema import WIND
 from stoop.workflow import identify
 
-SECONDS = 40.0
-Flights = Mapping[str, range]
+SECONDS, Flights = 40.0, Mapping[str, range]
 AIR: tuple[tuple[str, float, Flights, float, float], ...] = (
     ("calm", 0.0, {"quad-x": range(4), "hexa-x": range(4, 8)}, 3.5, 1.5),
     ("turbulence of 0.5 m/s", 0.5, {"quad-x": range(8), "hexa-x": range(8, 16)}, 4.0, 1.8),
@@ -56,8 +55,7 @@ def vehicles(name: str, gusts: float) -> tuple[Vehicle, Vehicle]:
     text = load_vehicle(name).text.replace("lag = ", "delay = 0.012\nlag = ", 1)
     text = re.sub(r"(\[rotor\.m3\][^\n]*\n)", r"\1factor = 0.85\n", text)
     text = text.replace("[rotors]", "center_of_gravity = [0.01, -0.006, 0.0]\n\n[rotors]", 1)
-    blown = text + GUSTS.format(gusts) if gusts else text
-    return parse_vehicle(blown, name), parse_vehicle(text, name)
+    return parse_vehicle(text + GUSTS.format(gusts) if gusts else text, name), parse_vehicle(text, name)
 
 
 def misled(vehicle: Vehicle, seed: int) -> tuple[Vehicle, dict[str, float]]:
@@ -215,8 +213,7 @@ def test_near_the_ground_less_command_holds_the_vehicle_and_far_above_as_much_as
     columns = [i for i, c in enumerate(true.recorded) if c.startswith("motor_")]
     np.testing.assert_allclose(far.inputs[columns], trim(free, altitude=500.0).inputs[columns], rtol=1e-6)
     x, quarter2 = near.inputs[columns[0]], (0.127 / 4) ** 2
-    thrust = 2.5 * x + 6.0 * x * x
-    sea_level = 4 * thrust * (1.0 + ROTOR * quarter2 / (0.2**2 + quarter2))
+    sea_level = 4 * (2.5 * x + 6.0 * x * x) * (1.0 + ROTOR * quarter2 / (0.2**2 + quarter2))
     assert sea_level == pytest.approx(1.5 * 9.80665, rel=1e-3)
 
 

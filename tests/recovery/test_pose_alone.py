@@ -30,8 +30,7 @@ OTHER = maneuver(
 @cache
 def captured() -> Vehicle:
     """Return the twin-boom aircraft in still air, its position measured."""
-    plain = load_vehicle("twin-boom")
-    return with_entries(parse_vehicle(plain.text, "twin-boom"), PLACES)
+    return with_entries(parse_vehicle(load_vehicle("twin-boom").text, "twin-boom"), PLACES)
 
 
 def pose_of(flight: stoop.Flight, folder: Path) -> stoop.Flight:
@@ -60,14 +59,12 @@ def test_an_airplane_is_identified_from_its_pose(tmp_path: Path) -> None:
         one = model.result.parameters[name]
         assert one.std_error < 0.12 * abs(truth.value(name)), name
         assert abs(one.estimate - truth.value(name)) < 4.0 * one.std_error, name
-    codes = {n.code for n in model.result.notices}
-    assert not codes & {"rates-not-recorded", "airspeed-not-measured"}
+    assert not {n.code for n in model.result.notices} & {"rates-not-recorded", "airspeed-not-measured"}
     assert set(model.result.noise_covariance.channels) == {*EULER, *POSITION}
     assert model.result.initial_states[0].values["pn"].unit == "m"
     (tmp_path / "second").mkdir()
     second = pose_of(stoop.simulate(truth, OTHER), tmp_path / "second")
-    validated = stoop.validate(model, second, ["0:8"], initial_state="measured")
-    (scores,) = validated.record.open_loop.values()
+    (scores,) = stoop.validate(model, second, ["0:8"], initial_state="measured").record.open_loop.values()
     assert scores["model"] < 0.15  # noise of differentiated rates
     assert scores["model"] < 0.5 * min(scores[name] for name in ("draft", LINE, ARX))
 

@@ -92,8 +92,7 @@ def pitching(aircraft: Vehicle) -> tuple[Vehicle, Flight]:
 def test_all_32_parameters_of_eq_1(aircraft: Vehicle) -> None:
     found = recover(aircraft, spoiled(aircraft, 4), maneuver(60.0, *JOINT), 4)
     z = scores(found, aircraft)
-    assert len(z) == 32
-    assert found.outcome.status == "converged"
+    assert (len(z), found.outcome.status) == (32, "converged")
     assert {name: v for name, v in z.items() if abs(v) > 3.0} == {}
     assert sum(v * v for v in z.values()) < 62.5, "chi square of 32, 99.9 %"
 
@@ -257,8 +256,7 @@ def test_known_maneuvers_are_found_and_calm_flight_is_not(name: str, inputs: Inp
         assert 0.5 < float(np.median(ratios)) < 2.0
 
 
-SUBSTEPS = 20
-WINDOW = [Window("sim", 0.0, 15.0)]
+SUBSTEPS, WINDOW = 20, [Window("sim", 0.0, 15.0)]
 SERVO = {"controls.elevator.rate_limit": 0.35, "controls.elevator.dead_zone": 0.012}  #: rad/s, rad
 DELAYS = {"alpha": 0.033, "q": 0.012, "theta": 0.05}  #: s; 1.65, 0.6, and 2.5 samples
 LATE = {f"sensors.{channel}.delay": late for channel, late in DELAYS.items()}
@@ -337,8 +335,7 @@ def test_delays_come_back_in_calm_air(method: str) -> None:
 
 
 def test_known_delays_leave_the_noise_as_it_is_in_gusts() -> None:
-    vehicle = prompt(GUSTS)
-    known = {n: {"value": late, "free": False} for n, late in LATE.items()}
+    vehicle, known = prompt(GUSTS), {n: {"value": late, "free": False} for n, late in LATE.items()}
     start, flown = spoiled_late(vehicle, 1).with_numbers(known), {"sim": flight(vehicle, 1, DELAYS)}
     found = fit_by("filter-error", start, flown, WINDOW)
     assert found.outcome.status == "converged"

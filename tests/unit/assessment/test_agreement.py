@@ -84,8 +84,7 @@ def test_the_scatter_ratio_is_the_root_of_chi_square_over_degrees_of_freedom() -
 @pytest.mark.parametrize("prior", [nan, 0.5])
 def test_flights_with_right_error_bars_agree_in_19_parameters_of_20(prior: float) -> None:
     """Also where a prior pulls both toward its mean, beside which they agree too well."""
-    random, names = np.random.default_rng(1), [f"C{i}" for i in range(2000)]
-    error = 0.4
+    random, names, error = np.random.default_rng(1), [f"C{i}" for i in range(2000)], 0.4
     pull = 1.0 / (1.0 + error**2 / prior**2) if prior > 0.0 else 1.0
     truth, flights = random.normal(0.0, 0.5, len(names)), {}
     for flight in ("one", "two"):
@@ -166,8 +165,7 @@ def test_no_error_bars_are_trusted_beside_maneuvers_that_scatter_beyond_them() -
     codes = {n.code: n for n in method_agreement(ONE, COLORED, repeated(2.4, 1, 400))}
     assert "agreement-colored" not in codes
     told = codes["agreement-scatter-colored"]
-    assert told.severity == "warning"
-    assert told.values["ratio"] == pytest.approx(2.4, rel=0.15)
+    assert (told.severity, told.values["ratio"]) == ("warning", pytest.approx(2.4, rel=0.15))
     assert told.values["plain"] == pytest.approx(4.0 * 2.4, rel=0.15)
     white = {"corrected": method(0.1), "cramer_rao": method(0.1)}
     assert "agreement-scatter" in {n.code for n in method_agreement(ONE, white, repeated(2.4, 1))}
@@ -209,8 +207,7 @@ def test_what_methods_say_decides_which_one_is_trusted() -> None:
     assert method_agreement(ONE, {}) == ()
 
 
-COUNT = 4000
-KNOWN = {"a": ParameterEstimate(1.0, 0.1)}
+COUNT, KNOWN = 4000, {"a": ParameterEstimate(1.0, 0.1)}
 
 
 def fitted(parameters: dict[str, ParameterEstimate], matrix: np.ndarray) -> Result:
@@ -235,8 +232,7 @@ def test_a_bound_cuts_off_as_scipy_does(low: float) -> None:
 
 
 def test_gibbs_sampling_of_two_corners_agrees_with_rejection() -> None:
-    rng = np.random.default_rng(4)
-    covariance = np.array([[1.0, 0.8], [0.8, 1.0]])
+    rng, covariance = np.random.default_rng(4), np.array([[1.0, 0.8], [0.8, 1.0]])
     low, high = np.array([2.8, -np.inf]), np.array([np.inf, 1.0])
     drawn = truncated_normal(np.zeros(2), covariance, low, high, COUNT, rng)
     plain = np.random.default_rng(5).multivariate_normal(np.zeros(2), covariance, 400_000)
@@ -282,8 +278,7 @@ def test_what_cannot_be_drawn_from_is_refused_with_the_way_out() -> None:
 
 
 def test_draws_of_a_posterior_file(tmp_path: Path) -> None:
-    xr = pytest.importorskip("xarray")
-    values = np.random.default_rng(0).normal(size=(4, 500))
+    xr, values = pytest.importorskip("xarray"), np.random.default_rng(0).normal(size=(4, 500))
     data = xr.Dataset({"a": (("chain", "draw"), values)})
     data.to_netcdf(tmp_path / "posterior.nc", group="posterior", engine="h5netcdf")
     fit = replace(fitted(KNOWN, np.array([[0.01]])), uncertainty={"posterior": MethodIntervals({}, {})})

@@ -30,8 +30,7 @@ def test_lagged_products_are_the_naive_sums() -> None:
 def test_lags_without_pairs_lie_between_those_with() -> None:
     whole = [1.0, 0.5, 0.2, 0.1, 0.0, 0.0, 0.0, 0.0]
     known = np.array([[4.0, 0.0, 0.0, 1.0, 0.0, 0.0, 2.0, 0.0], whole, [0.0] * 8])
-    counts = np.array([[9, 0, 0, 8, 0, 0, 7, 0], [9, 8, 7, 6, 5, 4, 3, 2], [0] * 8])
-    found = between_lags(known, counts)
+    found = between_lags(known, np.array([[9, 0, 0, 8, 0, 0, 7, 0], [9, 8, 7, 6, 5, 4, 3, 2], [0] * 8]))
     assert_allclose(found[0], [4.0, 3.0, 2.0, 1.0, 4.0 / 3.0, 5.0 / 3.0, 2.0, 4.0 / 3.0])
     assert_allclose(found[1:], known[1:])
 
@@ -39,20 +38,16 @@ def test_lags_without_pairs_lie_between_those_with() -> None:
 def test_noise_has_a_memory_of_some_records() -> None:
     """Lags of a channel that hardly decay; the variance stays, and so does noise that decays within a record."""
     lags = np.arange(9)
-    autocovariance = np.array([4.0 * (1.0 - 1e-6 * lags), 2.0 * 0.9**lags])
-    noise = fit_noise(autocovariance, [np.ones((200, 2))] * 3)
+    noise = fit_noise(np.array([4.0 * (1.0 - 1e-6 * lags), 2.0 * 0.9**lags]), [np.ones((200, 2))] * 3)
     slow, fast = (np.abs(np.roots([1.0, *-channel])).max() for channel in noise.coefficients)
-    assert slow == pytest.approx(1.0 - 1.0 / 800.0)
-    assert fast == pytest.approx(0.9, abs=1e-3)
+    assert (slow, fast) == (pytest.approx(1.0 - 1.0 / 800.0), pytest.approx(0.9, abs=1e-3))
     power = np.abs(noise.gain(2**18)) ** 2 * np.diag(noise.innovation)
-    total = (2.0 * power.sum(axis=0) - power[0] - power[-1]) / 2**18
-    assert_allclose(total, [4.0, 2.0], rtol=5e-3)
+    assert_allclose((2.0 * power.sum(axis=0) - power[0] - power[-1]) / 2**18, [4.0, 2.0], rtol=5e-3)
 
 
 def test_impossible_autocovariance_stays_stable() -> None:
     noise = fit_noise(np.array([[1.0, 1.4, 0.2], [0.0, 0.0, 0.0]]), [np.ones((10, 2))])
-    roots = np.roots(np.concatenate([[1.0], -noise.coefficients[0]]))
-    assert np.abs(roots).max() < 1.0
+    assert np.abs(np.roots(np.concatenate([[1.0], -noise.coefficients[0]]))).max() < 1.0
     assert np.isfinite(noise.gain(64)).all()
     assert_allclose(noise.coefficients[1], 0.0)
 
@@ -72,8 +67,7 @@ CHANNELS, PARAMETERS = 2, 4
 
 def sensitivities(size: int, seed: int = 0) -> np.ndarray:
     """Return (n, ny, k): answers of oscillators to a 3-2-1-1, a bias and an initial value per channel."""
-    random = np.random.default_rng(seed)
-    edges = (np.array([1, 4, 6, 7, 8]) * size) // 12
+    random, edges = np.random.default_rng(seed), (np.array([1, 4, 6, 7, 8]) * size) // 12
     command = np.zeros(size)
     for start, stop, sign in zip(edges[:-1], edges[1:], (1, -1, 1, -1), strict=True):
         command[start:stop] = sign
@@ -106,8 +100,7 @@ def test_the_double_sum_done_naively() -> None:
         for i, left in enumerate(jacobian):
             for j, right in enumerate(jacobian):
                 power = np.diag(np.array([0.6, -0.4]) ** abs(i - j))
-                autocovariance = power @ stationary if i >= j else stationary @ power
-                middle += left.T @ autocovariance @ right
+                middle += left.T @ (power @ stationary if i >= j else stationary @ power) @ right
     naive = inverse.matrix @ (middle + prior) @ inverse.matrix
     found = Coloring(segments, inverse, prior).covariance(color)
     assert_allclose(found, naive, rtol=1e-6, atol=1e-9 * np.abs(naive).max())
@@ -179,8 +172,7 @@ def test_mean_of_the_corrected_error_is_the_scatter(missing: float) -> None:
         one, found = judged(jacobian, measured, 400)
         estimates.append(one)
         sigmas.append(standard_errors(found.corrected))
-    ratio = np.mean(sigmas, axis=0) / np.std(estimates, axis=0)
-    assert_allclose(ratio[:PARAMETERS], 1.0, atol=0.15)
+    assert_allclose((np.mean(sigmas, axis=0) / np.std(estimates, axis=0))[:PARAMETERS], 1.0, atol=0.15)
 
 
 @pytest.mark.parametrize(("apart", "rho"), [(2.7, 0.98), (4.6, 0.98), (5.4, 0.9), (13.3, 0.98)])
@@ -239,11 +231,9 @@ def linear_fit(
 def test_expectation_and_degrees_of_freedom_by_simulation() -> None:
     """Under the noise that is assumed the ratios average 1, and scatter as chi-squares with their degrees of freedom."""
     jacobians, random = seen_by(3, seed=1), np.random.default_rng(2)
-    prior = np.diag([4.0] * 3 + [0.0] * (SHARED - 3) + [25.0] * (3 * OWN))
-    ratios = []
+    prior, ratios = np.diag([4.0] * 3 + [0.0] * (SHARED - 3) + [25.0] * (3 * OWN)), []
     for _ in range(1500):
-        drawn = [random.normal(size=SAMPLES) for _ in jacobians]
-        fit, _ = linear_fit(jacobians, drawn, prior)
+        fit, _ = linear_fit(jacobians, [random.normal(size=SAMPLES) for _ in jacobians], prior)
         mean = random.normal(size=len(prior)) * np.sqrt(np.diag(prior))  # of the priors, as noise of theirs
         moved = -fit.inverse.matrix @ mean
         shifted = tuple(PieceEvidence(s.residual + s.jacobian @ moved, s.jacobian) for s in fit.segments)

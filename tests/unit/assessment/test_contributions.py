@@ -39,8 +39,7 @@ COLORED = ColoredNoise(np.full((12, 1), SLOW), (1.0 - SLOW**2) * np.eye(12))
 
 
 def test_in_white_noise_it_is_the_square_root_of_wald_s_statistic() -> None:
-    rng = np.random.default_rng(1)
-    estimates = np.array([0.3, -1.0, -0.5, -9.0])
+    rng, estimates = np.random.default_rng(1), np.array([0.3, -1.0, -0.5, -9.0])
     data = evidence(rng.standard_normal((300, 12, 4)) @ rng.standard_normal((4, 4)), estimates)
     covariance = np.linalg.inv(data_information(data.pieces))[:2, :2]
     wald = float(estimates[:2] @ np.linalg.solve(covariance, estimates[:2]))
@@ -54,12 +53,10 @@ def test_a_sine_is_compared_with_the_residuals_of_its_frequency() -> None:
     count, cycles = 4000, 40
     jacobian = np.zeros((count, 12, 1))
     jacobian[:, 4, 0] = np.sin(2.0 * np.pi * cycles * np.arange(count) / count)
-    found = judged(evidence(jacobian, np.array([0.2])), COLORED)
-    w = 2.0 * np.pi * cycles / count
+    found, w = judged(evidence(jacobian, np.array([0.2])), COLORED), 2.0 * np.pi * cycles / count
     density, floor = ((1.0 - SLOW**2) / (1.0 + SLOW**2 - 2.0 * SLOW * np.cos(x)) for x in (w, np.pi))
     expected = np.sqrt(2.0 * (density - floor) / (0.2**2 * count / 2.0))
-    assert found.column == 4
-    assert found.systematic == pytest.approx(expected, rel=0.05)
+    assert (found.column, found.systematic) == (4, pytest.approx(expected, rel=0.05))
 
 
 def test_fourier_coefficients_are_independent() -> None:

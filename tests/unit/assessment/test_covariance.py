@@ -20,8 +20,7 @@ from stoop.assessment.prior_conflicts import LEVEL, PriorTests, prior_tests
 from stoop.problem.evidence import PieceEvidence, Unknown, invert, invert_rows
 from stoop.vehicle.vehicle import Parameter
 
-NAMES = ("a", "b", "c", "d")
-ROWS = np.random.default_rng(0).normal(size=(400, 2))
+NAMES, ROWS = ("a", "b", "c", "d"), np.random.default_rng(0).normal(size=(400, 2))
 
 
 @given(st.integers(0, 99), st.integers(1, 8))
@@ -37,8 +36,7 @@ def test_inverse_whatever_the_units(seed: int, size: int) -> None:
 def test_two_that_only_show_as_a_sum_are_both_unknown() -> None:
     rows = np.random.default_rng(0).normal(size=(50, 2))
     rows = np.column_stack([rows[:, 0], rows[:, 1], 1e3 * rows[:, 1]])
-    found = invert(rows.T @ rows)
-    assert found.determined.tolist() == [True, False, False]
+    assert invert(rows.T @ rows).determined.tolist() == [True, False, False]
     held = invert(rows.T @ rows + np.diag([0.0, 0.0, 100.0]))
     assert held.determined.all()
     assert standard_errors(held.matrix)[2] == pytest.approx(0.1, rel=1e-3)
@@ -57,11 +55,9 @@ def test_standard_errors_have_the_digits_of_the_sensitivities(prior: np.ndarray)
         exact = mpmath.matrix(rows.tolist())
         inverse = (exact.T * exact + mpmath.matrix(prior.tolist())) ** -1
         wanted = [float(mpmath.sqrt(inverse[i, i])) for i in range(3)]
-    product = standard_errors(invert(rows.T @ rows + prior).matrix)
-    assert np.max(np.abs(product / wanted - 1.0)) > 1e-9
+    assert np.max(np.abs(standard_errors(invert(rows.T @ rows + prior).matrix) / wanted - 1.0)) > 1e-9
     cut = [PieceEvidence(np.zeros((77, 1)), part[:, None, :]) for part in (rows[:77], rows[77:])]
-    found = bars.estimate_uncertainty(cut, prior)
-    assert_allclose(standard_errors(found.cramer_rao), wanted, rtol=1e-10)
+    assert_allclose(standard_errors(bars.estimate_uncertainty(cut, prior).cramer_rao), wanted, rtol=1e-10)
     assert_allclose(standard_errors(by.inverse_information(cut, prior).matrix), wanted, rtol=1e-10)
     if not prior.any():
         assert_allclose(standard_errors(invert_rows(rows).matrix), wanted, rtol=1e-10)
@@ -97,8 +93,7 @@ def test_missing_measurements_carry_no_information() -> None:
 
 
 def test_correlation_of_what_is_known() -> None:
-    covariance = np.array([[4.0, 1.0, np.nan], [1.0, 1.0, np.nan], [np.nan, np.nan, np.inf]])
-    matrix = correlation(covariance)
+    matrix = correlation(np.array([[4.0, 1.0, np.nan], [1.0, 1.0, np.nan], [np.nan, np.nan, np.inf]]))
     assert matrix[0, 1] == pytest.approx(0.5)
     assert np.isnan(matrix[0, 2])
     assert_allclose(np.diag(matrix), 1.0)
@@ -110,8 +105,7 @@ def test_the_sum_of_two_is_seen_and_their_difference_is_not() -> None:
     common = random.normal(size=500)
     J = np.column_stack([common, common + 1e-4 * random.normal(size=500), 5.0 * random.normal(size=500)])
     (dark,) = near_null_directions(NAMES[:3], J.T @ J, np.full(3, 1e6))
-    assert set(dark.changes) == {"a", "b"}
-    assert dark.changes["a"] == pytest.approx(-dark.changes["b"], rel=1e-3)
+    assert (set(dark.changes), dark.changes["a"]) == ({"a", "b"}, pytest.approx(-dark.changes["b"], rel=1e-3))
     assert dark.singular_value < 1e-3
     step = np.array([dark.changes["a"], dark.changes["b"], 0.0])
     assert float(np.sum((J @ step) ** 2)) == pytest.approx(1.0, rel=0.05)
@@ -135,8 +129,7 @@ def test_pairs_and_partners() -> None:
     related = correlation(block_diag([[1.0, 0.95], [0.95, 1.0]], [[4.0, -1.6], [-1.6, 1.0]]))
     (pair,) = bars.worst_pairs(NAMES, related)
     assert (pair.first, pair.second, pair.correlation) == ("a", "b", pytest.approx(0.95))
-    assert bars.partners(NAMES, related, 0) == ("b",)
-    assert bars.partners(NAMES, related, 2) == ("d",)
+    assert (bars.partners(NAMES, related, 0), bars.partners(NAMES, related, 2)) == (("b",), ("d",))
 
 
 def judge(rows: np.ndarray, prior: list[float], *scales: list[float]) -> tuple[bars.Identifiability, ...]:
@@ -185,8 +178,7 @@ def repeated(slopes: np.ndarray, windows: int, times: int) -> np.ndarray:
     rng, (n, k) = np.random.default_rng(0), slopes.shape
     pull = np.linalg.inv(slopes.T @ slopes) @ slopes.T
     none = (np.empty((windows - 1, 0)), np.empty((windows - 1, 0, k)))
-    edges = tuple(range(0, n + 1, LENGTH))
-    found, told = [], []
+    edges, found, told = tuple(range(0, n + 1, LENGTH)), [], []
     for _ in range(times):
         walk = 0.3 * np.cumsum(rng.standard_normal((windows, LENGTH)), axis=1)
         noise = (walk + rng.standard_normal((windows, LENGTH))).reshape(-1, 1)
@@ -226,13 +218,11 @@ def test_no_variance_is_negative_however_short_pieces_are():
 
 def test_the_wider_of_two_stands():
     one, other = np.array([[1.0, 0.5], [0.5, 4.0]]), np.diag([9.0, 1.0])
-    wide = by.widened(one, other)
-    assert np.allclose(wide, [[9.0, 1.5], [1.5, 4.0]])
+    assert np.allclose(by.widened(one, other), [[9.0, 1.5], [1.5, 4.0]])
     assert np.array_equal(by.widened(one, np.diag([np.inf, np.nan])), one)
 
 
-COUNT, FLIGHTS = 6, 1500
-RNG = np.random.default_rng(7)
+COUNT, FLIGHTS, RNG = 6, 1500, np.random.default_rng(7)
 ROOT = RNG.standard_normal((COUNT, COUNT)) + 2.0 * np.eye(COUNT)
 DATA = 5.0 * ROOT @ ROOT.T  # information of the data, as they are weighted
 STD = np.array([0.3, 0.5, 0.2, 1.0, 0.4, 0.6])
@@ -242,16 +232,14 @@ COLORED = 2.5
 
 def fitted(truth: np.ndarray, scores: np.ndarray, wide: int = -1) -> tuple[np.ndarray, np.ndarray]:
     """Return estimates and information of a linear fit with priors about zero, one of them left out."""
-    prior = np.diag(np.where(np.arange(COUNT) == wide, 0.0, STD**-2.0))
-    information = DATA + prior
+    information = DATA + np.diag(np.where(np.arange(COUNT) == wide, 0.0, STD**-2.0))
     return np.linalg.solve(information, DATA @ truth + scores), information
 
 
 def judged(truth: np.ndarray, scores: np.ndarray) -> PriorTests:
     """Return the tests of the linear fit."""
     estimates, information = fitted(truth, scores)
-    inverse = np.linalg.inv(information)
-    names = [f"C{i}" for i in range(COUNT)]
+    inverse, names = np.linalg.inv(information), [f"C{i}" for i in range(COUNT)]
     stated = zip(names, STD.tolist(), strict=True)
     layout = SimpleNamespace(parameters=[Parameter(n, 0.0, -9.0, 9.0, True, s, "1") for n, s in stated])
     known = dict(zip(names, estimates.tolist(), strict=True))

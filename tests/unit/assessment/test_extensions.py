@@ -33,8 +33,7 @@ STEPS = {
     "pitch": maneuver(DURATION, ("elevator", "3-2-1-1", 1.0, 0.3, 0.12)),
     "roll": maneuver(DURATION, ("aileron", "doublet", 1.0, 0.5, 0.10), ("rudder", "2-1-1", 4.0, 0.6, 0.12)),
 }
-FORCES = ("CL", "CD", "CQ")
-WINDOWS = [Window(name, 0.0, DURATION) for name in STEPS]
+FORCES, WINDOWS = ("CL", "CD", "CQ"), [Window(name, 0.0, DURATION) for name in STEPS]
 
 
 def flights(truth: Vehicle, seed: int = 5) -> dict[str, Flight]:
@@ -71,8 +70,7 @@ def test_responses_are_those_of_simulations(name: str) -> None:
     before = done.problem.outputs(done.z, index)
     after = simulated(done.problem, done.z, vehicle, index)
     wanted = done.problem.weights.whiten((after - before) / one.step, np.ones(before.shape, dtype=bool))
-    error = np.linalg.norm(found.pieces[index][:, :, j] - wanted) / np.linalg.norm(wanted)
-    assert error < 0.05
+    assert np.linalg.norm(found.pieces[index][:, :, j] - wanted) / np.linalg.norm(wanted) < 0.05
 
 
 def test_right_model_lacks_nothing_and_keeps_its_error_bars() -> None:
@@ -91,8 +89,7 @@ def test_missing_lag_is_named_with_its_value_and_what_it_would_move() -> None:
     done = fitted(0.04)
     found = extension_tests(done, error_bars(done))
     best = found.found[0]
-    assert best.name == "controls.aileron.lag"
-    assert best.rivals[:1] == ("controls.aileron.delay",)
+    assert (best.name, best.rivals[:1]) == ("controls.aileron.lag", ("controls.aileron.delay",))
     assert best.value == pytest.approx(0.04, rel=0.25)
     assert {"Clp", "Claileron"} <= set(best.moves)
     assert all(abs(one.beside) < 5.0 for one in found.found[1:])
@@ -110,8 +107,7 @@ def test_what_priors_alone_say_of_the_mass_is_no_contradiction(monkeypatch: pyte
     done = fit(base.with_numbers(guesses), flights(base), WINDOWS, Options(seed=1))
     for limits, named in ((LIMITS, False), (replace(LIMITS, max_prior=np.inf), True)):
         monkeypatch.setattr(extensions, "LIMITS", limits)
-        found = extension_tests(done, error_bars(done)).found
-        assert ("mass.mass" in [one.name for one in found]) == named
+        assert ("mass.mass" in [one.name for one in extension_tests(done, error_bars(done)).found]) == named
 
 
 def test_what_is_known_of_a_held_number_does_not_contradict_it() -> None:
@@ -121,8 +117,7 @@ def test_what_is_known_of_a_held_number_does_not_contradict_it() -> None:
     for prior, contradicts in ((None, True), (0.2 * value, True), (0.5 * value, False)):
         held = vehicle.with_numbers({name: {"prior": prior, "free": False}})
         (number,) = (one for one in catalogue(held) if one.name == name)
-        assert number.believes(0.6 * value) == contradicts
-        assert number.believes(-0.6 * value) == contradicts
+        assert (number.believes(0.6 * value), number.believes(-0.6 * value)) == (contradicts, contradicts)
 
 
 SECONDS = 16.0
@@ -234,8 +229,7 @@ def test_a_lag_that_is_lacking_widens_what_it_moves() -> None:
     (said,) = (one for one in found.notices if one.code == "bars-widened")
     for name in ("Clp", "Claileron"):
         i = names.index(name)
-        off = abs(done.estimates[name] - right.estimates[name])
-        assert 3.0 * bars.std[i] < off < 3.0 * found.bars.std[i]
+        assert 3.0 * bars.std[i] < abs(done.estimates[name] - right.estimates[name]) < 3.0 * found.bars.std[i]
         assert any(text.startswith(name) for text in said.values["most"])
     assert np.all(found.bars.std >= bars.std)
     assert np.array_equal(found.bars.covariance, bars.covariance)
@@ -252,8 +246,7 @@ def test_no_number_becomes_less_known_than_its_prior_says(pitch: OutputErrorEsti
     std = np.append(bars.std[bars.free[own]], np.ones(np.count_nonzero(~own)))
     bound = np.array([0.5, 1.2, np.inf])[np.arange(len(std)) % 3]
     wide = replace(bars, priors=bound * std).with_model_error(2.0 * std**2)
-    expected = np.clip(bound, 1.0, np.sqrt(3.0))[own]
-    assert wide.std[bars.free[own]] / std[own] == pytest.approx(expected)
+    assert wide.std[bars.free[own]] / std[own] == pytest.approx(np.clip(bound, 1.0, np.sqrt(3.0))[own])
 
 
 def test_another_weighting_makes_no_number_less_known_than_its_prior_says(pitch: OutputErrorEstimate) -> None:
@@ -273,8 +266,7 @@ def test_another_weighting_makes_no_number_less_known_than_its_prior_says(pitch:
 
 def test_a_parameter_at_its_bound_makes_others_lean(wrong: Vehicle, flight: Flight) -> None:
     """CL0 held far from the truth: CLalpha takes its place, with an error bar that is only conditional."""
-    boxed = wrong.with_numbers({"CL0": {"value": 0.3, "bounds": (0.2, 0.35)}})
-    job = identify(boxed, flight, ["0:12"])
+    job = identify(wrong.with_numbers({"CL0": {"value": 0.3, "bounds": (0.2, 0.35)}}), flight, ["0:12"])
     bars = error_bars(job.estimate)
     assert bars.at_bound[[p.name for p in job.estimate.problem.layout.parameters].index("CL0")]
     assert "CLalpha" in bars.conditional

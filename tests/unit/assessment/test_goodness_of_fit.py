@@ -48,8 +48,7 @@ def test_against_the_definition_by_hand() -> None:
 
 @given(curve, st.floats(0.1, 10.0))
 def test_bounds_and_units(z: np.ndarray, factor: float) -> None:
-    assert theil(z, z) == 0.0
-    assert theil(z, -z) == (pytest.approx(1.0) if np.any(z) else 0.0)
+    assert (theil(z, z), theil(z, -z)) == (0.0, pytest.approx(1.0) if np.any(z) else 0.0)
     y = np.roll(z, 1) + 0.5
     assert 0.0 <= theil(z, y) <= 1.0 + 1e-12
     assert_allclose(theil(factor * z, factor * y), theil(z, y), rtol=1e-9)
@@ -114,8 +113,7 @@ def test_everything_stands_beside_the_baseline() -> None:
 
 RATE = 200.0
 TIME = np.arange(4000) / RATE
-MOTION = np.sin(2.0 * np.pi * 0.7 * TIME)
-SIGMA = 0.3
+MOTION, SIGMA = np.sin(2.0 * np.pi * 0.7 * TIME), 0.3
 
 
 def noise(seed: int) -> np.ndarray:
@@ -143,8 +141,7 @@ def test_a_perfect_model_of_a_calm_channel_is_below_its_noise_and_loses_to_no_la
 def test_a_model_that_explains_nothing_does_not_hide_behind_its_own_residuals() -> None:
     """The fit would take all motion for noise; the record's own noise does not."""
     measured = MOTION + 0.05 * noise(4)
-    left = float(np.std(measured))
-    found = channel_figures(measured, Match(0.0 * MOTION), RATE, Match(0.9 * MOTION), left)
+    found = channel_figures(measured, Match(0.0 * MOTION), RATE, Match(0.9 * MOTION), float(np.std(measured)))
     assert (found.below_noise, found.lost) == (False, True)
 
 
@@ -163,8 +160,7 @@ def test_slow_errors_that_the_better_of_model_and_lag_leaves_are_noise() -> None
 def test_what_is_sampled_slowly_or_held_has_no_more_noise_than_the_fit_says() -> None:
     slow = np.sin(TIME[::40])  # 5 Hz: differences hold the motion
     assert noise_floor(slow, 5.0, 0.01)[0] <= 0.01
-    held = np.repeat((np.sin(TIME) + noise(5))[::10], 10)
-    assert noise_floor(held, RATE, math.inf)[0] < SIGMA
+    assert noise_floor(np.repeat((np.sin(TIME) + noise(5))[::10], 10), RATE, math.inf)[0] < SIGMA
 
 
 def test_the_band_holds_95_percent_of_what_it_describes() -> None:
@@ -211,8 +207,7 @@ def test_by_hand() -> None:
     # n = 10 allows two lags: r1 = sum / 10 = -9/10, r2 = 8/10; Q = 10 * 12 * (0.81 / 9 + 0.64 / 8)
     found = whiteness(np.array([1.0, -1.0] * 5))
     assert (found.lags, found.autocorrelation) == (2, pytest.approx(-0.9))
-    assert found.statistic == pytest.approx(120.0 * (0.81 / 9.0 + 0.64 / 8.0))
-    assert found.verdict == "colored"
+    assert (found.statistic, found.verdict) == (pytest.approx(120.0 * (0.81 / 9.0 + 0.64 / 8.0)), "colored")
 
 
 def test_false_alarms_come_as_often_as_promised() -> None:
@@ -225,8 +220,7 @@ def test_false_alarms_come_as_often_as_promised() -> None:
 
 
 def test_a_slow_sensor_on_a_fast_grid_counts_the_lags_that_it_has() -> None:
-    random = np.random.default_rng(2)
-    residual = np.full(3000, np.nan)
+    random, residual = np.random.default_rng(2), np.full(3000, np.nan)
     residual[::10] = random.standard_normal(300)
     found = whiteness(residual)
     assert (found.lags, np.isnan(found.autocorrelation)) == (2, True)  # 10 and 20 of twenty
@@ -247,8 +241,7 @@ RATE_LAG = 100.0
 
 def commands(size: int, seed: int, count: int = 1) -> np.ndarray:
     random = np.random.default_rng(seed)
-    levels = random.normal(size=(size // 40 + 1, count))
-    return np.repeat(levels, 40, axis=0)[:size]
+    return np.repeat(random.normal(size=(size // 40 + 1, count)), 40, axis=0)[:size]
 
 
 def truth(tau: float = 0.2, delay: float = 0.05, gains: tuple[float, ...] = (3.0,)) -> Lag:
@@ -275,8 +268,7 @@ def test_answer_is_the_exact_solution_for_straight_commands(tau: float) -> None:
 
 
 def test_dead_time_holds_the_first_command() -> None:
-    u = commands(200, 1)
-    lag = truth(delay=0.1)
+    u, lag = commands(200, 1), truth(delay=0.1)
     late = np.concatenate([np.repeat(u[:1], 10, axis=0), u])[:200]
     assert_allclose(lag.respond(u, 0.4, 0.5), truth(delay=0.0).respond(late, 0.4, 0.5), atol=1e-12)
 
@@ -287,8 +279,7 @@ def test_a_lag_is_recovered(tau: float, delay: float) -> None:
     records = [record(lag, 500, 1), record(lag, 300, 2), record(lag, 400, 3, maneuver=1)]
     found = fit_lags([records], RATE_LAG)[0]
     assert found is not None
-    assert found.dead_time == pytest.approx(delay)
-    assert found.time_constant == pytest.approx(tau, rel=2e-3)
+    assert (found.dead_time, found.time_constant) == (pytest.approx(delay), pytest.approx(tau, rel=2e-3))
     assert_allclose(found.gains, lag.gains, rtol=2e-3)
     assert_allclose([found.biases[0], found.biases[1]], [0.4, -0.2], atol=5e-3)
     assert_allclose(found.initial, 0.5, atol=5e-3)
@@ -321,12 +312,10 @@ def segment(lags: dict[str, Lag], size: int, seed: int, maneuver: int) -> baseli
 
 def test_every_maneuver_gets_its_curves() -> None:
     lags = {"p": truth(gains=(3.0, 0.0, 0.0)), "beta": truth(gains=(0.5, 0.0, -2.0))}
-    parts = segment(lags, 400, 1, 0), segment(lags, 300, 2, 0)
-    other = segment(lags, 350, 3, 1)
+    parts, other = (segment(lags, 400, 1, 0), segment(lags, 300, 2, 0)), segment(lags, 350, 3, 1)
     both = [baseline.BaselineManeuver(r, p, RATE_LAG) for r, p in (("fit", parts), ("validation", (other,)))]
     first, second = baseline.baseline_matches(both, ["p", "beta", "V"])
-    assert set(first) == {"p", "beta"}
-    assert first["p"].simulated.shape == (701,)
+    assert (set(first), first["p"].simulated.shape) == ({"p", "beta"}, (701,))
     assert np.isnan(first["p"].simulated[400])
     assert theil(parts[0].measured["p"], first["p"].simulated[:400]) < 1e-3
     assert theil(other.measured["beta"], second["beta"].simulated) < 0.05
@@ -343,8 +332,7 @@ def test_every_channel_answers_to_the_command_of_its_axis_alone() -> None:
 
 def solved(J: np.ndarray, z: np.ndarray, prior: np.ndarray, keep: np.ndarray) -> np.ndarray:
     rows = keep & np.isfinite(z)
-    M = J[rows].T @ J[rows] + prior
-    return np.asarray(np.linalg.solve(M, J[rows].T @ z[rows]))
+    return np.asarray(np.linalg.solve(J[rows].T @ J[rows] + prior, J[rows].T @ z[rows]))
 
 
 @pytest.mark.parametrize("block", [1, 7, 20])
@@ -354,13 +342,11 @@ def test_equals_fitting_again_without_the_block(block: int) -> None:
     z = J @ random.standard_normal(5) + random.standard_normal((60, 2))
     z[10:13, 0] = np.nan
     everything, there = np.ones_like(z, dtype=bool), np.isfinite(z)
-    information = J[there].T @ J[there] + prior
-    found = left_out(z - J @ solved(J, z, prior, everything), J, information, block)
+    found = left_out(z - J @ solved(J, z, prior, everything), J, J[there].T @ J[there] + prior, block)
     for first in range(0, len(z), block):
         keep, part = everything.copy(), slice(first, first + block)
         keep[part] = False
-        expected = z[part] - J[part] @ solved(J, z, prior, keep)
-        assert_allclose(found[part], expected, rtol=1e-9, atol=1e-12)
+        assert_allclose(found[part], z[part] - J[part] @ solved(J, z, prior, keep), rtol=1e-9, atol=1e-12)
 
 
 def lag_record() -> tuple[LagRecord, Lag]:
@@ -389,8 +375,7 @@ def test_derivatives_of_the_lag_are_those_of_its_answer() -> None:
 
     step = 1e-6
     by_gain = (answer(gains=lag.gains + step) - answer(gains=lag.gains - step)) / (2 * step)
-    by_bias = answer(biases={0: lag.biases[0] + 1.0}) - answer()
-    tau = lag.time_constant
+    by_bias, tau = answer(biases={0: lag.biases[0] + 1.0}) - answer(), lag.time_constant
     by_tau = tau * (answer(time_constant=tau + step) - answer(time_constant=tau - step)) / (2 * step)
     later, sooner = answer(dead_time=lag.dead_time + 0.01), answer(dead_time=lag.dead_time - 0.01)
     expected = np.column_stack([by_gain, by_bias, by_tau, (later - sooner) / 2.0])

@@ -54,11 +54,9 @@ def test_an_oscillator_by_hand() -> None:
 def test_derivatives_of_eigenvalues_against_differences() -> None:
     random = np.random.default_rng(0)
     A, slopes = random.standard_normal((6, 6)), random.standard_normal((3, 6, 6))
-    found = Linearized(tuple("abcdef"), A, slopes)
-    h = 1e-6
+    found, h = Linearized(tuple("abcdef"), A, slopes), 1e-6
     for mode in modes_of(A, found.names):
-        gradient = found.gradient(mode.eigenvalue)
-        for slope, g in zip(slopes, gradient, strict=True):
+        for slope, g in zip(slopes, found.gradient(mode.eigenvalue), strict=True):
             ends = [np.linalg.eigvals(A + sign * h * slope) for sign in (1, -1)]
             upper, lower = (end[np.argmin(np.abs(end - mode.eigenvalue))] for end in ends)
             assert g == pytest.approx((upper - lower) / (2 * h), abs=1e-7)
@@ -127,8 +125,7 @@ def test_derivatives_of_the_matrix_against_trims_done_again(aircraft: Vehicle) -
 def test_intervals_against_a_monte_carlo_that_trims_every_draw(aircraft: Vehicle) -> None:
     found, values = of_aircraft(aircraft)
     sigma = np.array([0.03 * abs(v) for v in values.values()])
-    rho = 0.5 * np.ones((len(sigma), len(sigma))) + 0.5 * np.eye(len(sigma))
-    covariance = rho * np.outer(sigma, sigma)
+    covariance = (0.5 * np.ones((len(sigma), len(sigma))) + 0.5 * np.eye(len(sigma))) * np.outer(sigma, sigma)
     estimates = {m.name: m for m in mode_estimates(found, tuple(values), covariance)}
     draws = np.random.default_rng(1).multivariate_normal(list(values.values()), covariance, 250)
     flown: dict[str, list[complex]] = {}
@@ -141,8 +138,7 @@ def test_intervals_against_a_monte_carlo_that_trims_every_draw(aircraft: Vehicle
         s, one = np.array(flown[name]), estimates[name]
         assert len(s) == len(draws)
         assert one.real.std_error == pytest.approx(np.std(s.real), rel=0.15), name
-        inside = (one.real.ci95_lower < s.real) & (s.real < one.real.ci95_upper)
-        assert 0.91 <= np.mean(inside) <= 0.99, name
+        assert 0.91 <= np.mean((one.real.ci95_lower < s.real) & (s.real < one.real.ci95_upper)) <= 0.99, name
         if s[0].imag:
             assert one.frequency.std_error == pytest.approx(np.std(np.abs(s)), rel=0.15), name
             assert one.damping.std_error == pytest.approx(np.std(-s.real / np.abs(s)), rel=0.15), name
@@ -231,8 +227,7 @@ def test_what_cannot_be_told_is_said() -> None:
         assert codes & {"response-not-explained"} or np.isnan(found.frequency.estimate)
 
 
-FREQUENCY = np.geomspace(0.5, 40.0, 400)
-BAND = np.geomspace(0.5, 30.0, 40)
+FREQUENCY, BAND = np.geomspace(0.5, 40.0, 400), np.geomspace(0.5, 30.0, 40)
 
 
 def short_period_response(w: FloatArray, sign: float = -1.0, delay: float = 0.08) -> ComplexArray:
@@ -295,8 +290,7 @@ def test_errors_far_apart_are_independent() -> None:
 def test_the_response_is_scipys_and_delays_turn_its_phase() -> None:
     vehicle = load_vehicle("twin-boom").reduced("longitudinal")
     model = linearize(vehicle, trim(vehicle, 35.0))
-    found = transfer(model, BAND)
-    j, k = model.outputs.index("q"), model.inputs.index("elevator")
+    found, j, k = transfer(model, BAND), model.outputs.index("q"), model.inputs.index("elevator")
     with warnings.catch_warnings():  # its numerator begins with rounding errors
         warnings.simplefilter("ignore", signal.BadCoefficients)
         exact = signal.freqresp((model.A, model.B[:, [k]], model.C[[j]], model.D[[j]][:, [k]]), BAND)[1]
@@ -317,8 +311,7 @@ def test_the_band_follows_the_covariance_or_the_prior(variance: float) -> None:
     }
     matrix = np.diag([variance * gain**2, np.inf, 1e-8])
     other = NoiseCovariance((), np.empty((0, 0))), (), (), (), (), 0.0, 0.0, 0.0, 0, "lm", "converged"
-    known = Result(parameters, Covariance(tuple(parameters), matrix), *other)
-    found = uncertain_model(vehicle, point, known)
+    found = uncertain_model(vehicle, point, Result(parameters, Covariance(tuple(parameters), matrix), *other))
     one = found.responses(["elevator"], ["q"], at)["elevator", "q"]
     assert one.magnitude_half_width == pytest.approx(1.96 * 20.0 * np.log10(1.01), rel=0.25)
     assert [(n.code, n.values["parameters"]) for n in found.notices] == [("parameters-held", ("Cm0",))]

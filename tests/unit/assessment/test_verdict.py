@@ -115,8 +115,7 @@ def known(correlation: float = 0.0, **parameters: ParameterEstimate) -> Result:
 
 
 def missed(least: float) -> Result:
-    misfit = ResponseMisfit("aileron", "p", 3.0, 30.0, 0.9, least + 0.1, least)
-    return result(response_misfits=(misfit,))
+    return result(response_misfits=(ResponseMisfit("aileron", "p", 3.0, 30.0, 0.9, least + 0.1, least),))
 
 
 def cases() -> Iterator[tuple[str, Result, tuple[Use, ...], str, tuple[str, ...], set[str]]]:
@@ -125,8 +124,7 @@ def cases() -> Iterator[tuple[str, Result, tuple[Use, ...], str, tuple[str, ...]
     unknown = {n: ParameterEstimate(1.0, identifiable=False) for n in ("Clp", "CD0")}
     diverged, slight = GoodnessOfFit(1e131, 1.0, -1e99), dataclasses.replace(MATCHED, signal_to_noise=2.0)
     fault = notice("sensor-fault", "f", fault="p has the wrong sign")
-    whole, CD0 = result(), ParameterEstimate(0.03, 0.001)
-    worse = {"p": LOST, "V": LOST}
+    whole, CD0, worse = result(), ParameterEstimate(0.03, 0.001), {"p": LOST, "V": LOST}
     for subject, given, grade, justified, against in (
         ("no reservation", whole, "trusted", USED, set()),
         ("the search did not end", result(status="budget"), no, REFUSED, {"no-confirmed-optimum"}),
@@ -239,8 +237,7 @@ def test_reasons_name_what_they_are_of() -> None:
 
 
 def test_a_use_needs_its_parameters() -> None:
-    advice = (notice("advice-ground"),)
-    known = {"CD0": of.ParameterIdentifiability(0.01, 0.02, 0.9, advice=advice)}
+    known = {"CD0": of.ParameterIdentifiability(0.01, 0.02, 0.9, advice=(notice("advice-ground"),))}
     poor = {**result().parameters, "CD0": ParameterEstimate(0.03, 0.02)}
     given = result(parameters=poor, identifiability=of.IdentifiabilityAnalysis(parameters=known))
     found = verdict(given, USES)
@@ -259,11 +256,9 @@ def test_needs_of_an_aircraft_and_of_a_multirotor() -> None:
     twin, quad = resolve_vehicle("twin-boom"), resolve_vehicle("quad-x")
     control, simulation, performance = uses(twin)
     needs = {need.subject: need.parameters for need in (*control.needs, *performance.needs)}
-    assert needs["damping in roll"] == ("Clp",)
-    assert needs["static stability in pitch"] == ("Cmalpha",)
+    assert (needs["damping in roll"], needs["static stability in pitch"]) == (("Clp",), ("Cmalpha",))
     assert set(needs["control effectiveness in yaw"]) >= {"Cnrudder", "Cnaileron"}
-    assert needs["lift slope"] == ("CLalpha",)
-    assert needs["drag at the reference condition"] == ("CD0",)
+    assert (needs["lift slope"], needs["drag at the reference condition"]) == (("CLalpha",), ("CD0",))
     assert "inertia in roll" not in needs, "it counts in the ratio of each moment to it"
     assert control.channels == ("p", "q", "r")
     assert (len(simulation.channels), simulation.needs) == (12, ())

@@ -28,8 +28,7 @@ from stoop_studies.verify import closed_loop
 
 SIGMA = dict.fromkeys(("alpha", "beta", "p", "q", "r", "phi", "theta", "psi"), 0.002)
 NOISE = {"V": 0.1, "ax": 0.05, "ay": 0.05, "az": 0.05, **SIGMA}
-LATERAL_INPUTS = ("aileron", 2.0, 0.5), ("rudder", 7.0, 0.6)
-WINDOW = Window("sim", 0.0, 16.0)
+LATERAL_INPUTS, WINDOW = (("aileron", 2.0, 0.5), ("rudder", 7.0, 0.6)), Window("sim", 0.0, 16.0)
 PITCH = ("CL0", "CLalpha", "Cm0", "Cmalpha", "Cmq", "Cmelevator")
 OBSERVED = ("Clbeta", "Clp", "Clr", "Claileron", "Cnbeta", "Cnr", "Cnrudder")  #: well determined here
 
@@ -109,8 +108,7 @@ def test_readings_become_states_at_the_center_of_gravity_without_errors_of_the_s
     read = {c: y + vehicle.value(f"sensors.{c}.bias") for c, y in true.items()}
     read["beta"][50:60] = np.nan  # an output: a straight line there
     columns = dict(zip(vehicle.motion, motion_inputs(vehicle, read, 0.02).T, strict=True))
-    there = np.isfinite(read["beta"])
-    body = rigid_states(true)
+    there, body = np.isfinite(read["beta"]), rigid_states(true)
     for name in ("u", "w", "q"):
         np.testing.assert_allclose(columns[motion_input(name)][there], body[name][there], atol=1e-9)
     np.testing.assert_allclose(columns[motion_input("sin_theta")], np.sin(true["theta"]), atol=1e-12)
@@ -132,8 +130,7 @@ def test_a_lateral_model_in_gusts_under_an_autopilot() -> None:
 
 
 COEFFICIENTS = ("CL0", "CLalpha", "Cm0", "Cmalpha", "Cmq", "Cmelevator")
-TEN = Window("sim", 0.0, 10.0)
-FLIGHTS = 10
+TEN, FLIGHTS = Window("sim", 0.0, 10.0), 10
 INPUTS = ("elevator", "3-2-1-1", 0.5, 0.4, 0.05), ("elevator", "doublet", 5.0, 0.6, 0.04)
 MANEUVER = maneuver(10.0, *INPUTS, noise={"alpha": 0.015})
 BIASES = """

@@ -30,15 +30,13 @@ TWIN = load_vehicle("twin-boom")
 def late_problem(bounds: tuple[float, float]) -> Misfit:
     late = {"sensors.q.delay": {"free": True, "bounds": bounds}}
     vehicle = parse_vehicle(load_vehicle("twin-boom").text + LATE, "late").with_numbers(late)
-    flight = simulate_flight(vehicle, parse_maneuver(MANEUVER, "m"), name="sim")
-    return posed(vehicle, flight, 8.0)
+    return posed(vehicle, simulate_flight(vehicle, parse_maneuver(MANEUVER, "m"), name="sim"), 8.0)
 
 
 @pytest.mark.parametrize("samples", [-2.3, 0.5, 1.0, 3.7])
 def test_a_smooth_signal_is_read_where_it_will_be(samples: float) -> None:
     t = np.arange(400.0)
-    found = advanced(np.sin(0.2 * t) + 0.01 * t, samples)
-    later = t + samples
+    found, later = advanced(np.sin(0.2 * t) + 0.01 * t, samples), t + samples
     assert found[10:-10] == pytest.approx((np.sin(0.2 * later) + 0.01 * later)[10:-10], abs=2e-3)
 
 
@@ -69,8 +67,7 @@ def test_windows_move_readings_without_changing_them() -> None:
     piece, q = problem.pieces[0], problem.layout.vehicle.outputs.index("q")
     moved = aligned(problem, problem.layout.start).pieces[0]
     assert moved.moved[q] == round(0.03 / piece.dt)
-    n = round(0.1 / piece.dt)
-    back = np.roll(moved.measured[:, q], round(moved.moved[q]))
+    n, back = round(0.1 / piece.dt), np.roll(moved.measured[:, q], round(moved.moved[q]))
     assert np.isnan(back[:n]).all()
     assert np.array_equal(back[n:], piece.measured[n:, q])
     simulated = as_recorded(moved, np.arange(len(back))[:, None] * np.ones(len(moved.moved)))
@@ -101,8 +98,7 @@ def flown() -> Flight:
 
 def slowed(flight: Flight) -> Flight:
     """Return a flight as it is read from a log in which some sensors were read every tenth sample."""
-    time = flight.time[::EVERY]
-    slow = Channels("slow", time, {n: flight.column(n)[::EVERY] for n in SLOW})
+    slow = Channels("slow", flight.time[::EVERY], {n: flight.column(n)[::EVERY] for n in SLOW})
     others = set(flight.channels) - {*SLOW, "q0", "q1", "q2", "q3"}
     fast = Channels("log", flight.time, {n: flight.column(n) for n in sorted(others)})
     grid, data, sources = grid_channels([slow, fast], flight.rate, "test")
@@ -112,15 +108,12 @@ def slowed(flight: Flight) -> Flight:
 
 def test_a_residual_holds_nothing_interpolated(flown: Flight) -> None:
     whole, slow = (posed(TWIN, flown, 8.0).pieces[0], posed(TWIN, slowed(flown), 8.0).pieces[0])
-    outputs = load_vehicle("twin-boom").outputs
-    for i, channel in enumerate(outputs):
+    for i, channel in enumerate(load_vehicle("twin-boom").outputs):
         read = np.flatnonzero(np.isfinite(slow.measured[:, i]))
-        step = EVERY if channel in SLOW else 1
-        np.testing.assert_array_equal(read, np.arange(0, len(slow.time), step))
+        np.testing.assert_array_equal(read, np.arange(0, len(slow.time), EVERY if channel in SLOW else 1))
         assert slow.measured[read, i] == pytest.approx(whole.measured[read, i], abs=1e-9)
     assert np.isfinite(slow.whole).all()
-    part = slow.part(100, 200, slow.start)
-    np.testing.assert_array_equal(part.whole, slow.whole[100:200])
+    np.testing.assert_array_equal(slow.part(100, 200, slow.start).whole, slow.whole[100:200])
 
 
 def test_the_cost_is_that_of_the_readings_alone(flown: Flight) -> None:
@@ -179,8 +172,7 @@ def test_windows_are_read_or_say_what_to_write(flight: Flight) -> None:
 
 
 WIND = {"sensors.vn.bias": 2.0, "sensors.ve.bias": -1.0, "sensors.vd.bias": 0.2}
-ANGLES = (0.2, -0.1, 2.0)
-THROUGH_AIR = np.array([3.0, -1.0, 0.5])
+ANGLES, THROUGH_AIR = (0.2, -0.1, 2.0), np.array([3.0, -1.0, 0.5])
 
 
 @pytest.fixture(scope="module")
@@ -190,8 +182,7 @@ def quad() -> Vehicle:
 
 def drifting(vehicle: Vehicle) -> Prepared:
     """Return a piece of a flight whose every channel stands still, a motor that is off among them."""
-    t = np.arange(200) * 0.01
-    ground = rotation(*ANGLES) @ THROUGH_AIR + list(WIND.values())
+    t, ground = np.arange(200) * 0.01, rotation(*ANGLES) @ THROUGH_AIR + list(WIND.values())
     columns = dict(zip(("vn", "ve", "vd", "phi", "theta", "psi"), (*ground, *ANGLES), strict=True))
     columns |= {"p": 0.3, "q": -0.2, "r": 0.1, "ax": 0.0, "ay": 0.0, "az": -9.8, "altitude": 120.0}
     columns |= {f"motor_{i}": 0.2 * i for i in (1, 2, 3)} | {"motor_4": 0.0}

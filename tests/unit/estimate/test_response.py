@@ -46,8 +46,7 @@ def difference(local: RefitProblem, z: FloatArray, found: Responses, name: str) 
     extended = replace(replace(layout, vehicle=vehicle), parameters=layout.parameters)
     other = replace(local, problem=replace(local.problem, layout=extended))
     wanted = (other.residuals(z[None], 0) - local.residuals(z[None], 0))[0] / one.step
-    parts = [found.pieces[0], *found.gaps[:1]]
-    return [np.concatenate([part[:, :, j].ravel() for part in parts]), wanted]
+    return [np.concatenate([part[:, :, j].ravel() for part in [found.pieces[0], *found.gaps[:1]]]), wanted]
 
 
 def error(found: FloatArray, wanted: FloatArray) -> float:

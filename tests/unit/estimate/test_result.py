@@ -115,8 +115,7 @@ def test_every_part_survives() -> None:
 
 
 def test_what_is_no_result_is_refused_in_one_line(tmp_path: Path) -> None:
-    whole = json.loads(to_json(minimal()))
-    uneven = {"names": ["a"], "matrix": [[1], [1, 2]]}
+    whole, uneven = json.loads(to_json(minimal())), {"names": ["a"], "matrix": [[1], [1, 2]]}
     bad = [{"maneuvers": [{"role": "other"}]}, {"parameters": 3}, {"cost": "much"}, {"covariance": uneven}]
     schemas = ['{"schema": "stoop-result/2"}', '{"schema": "stoop-result/1"}']
     for text in ("", "{", "[1]", "[" * 100_000, *schemas, *(json.dumps(whole | one) for one in bad)):
@@ -141,5 +140,4 @@ def test_a_file_is_written_whole_or_not_at_all(tmp_path: Path, monkeypatch: pyte
     monkeypatch.setattr(Path, "replace", fail)
     with pytest.raises(OutputError, match="No space left"):
         minimal(cost=2.0).save(path)
-    assert results.read_result(path).cost == 1.0
-    assert list(tmp_path.iterdir()) == [path]
+    assert (results.read_result(path).cost, list(tmp_path.iterdir())) == (1.0, [path])

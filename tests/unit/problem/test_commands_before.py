@@ -74,8 +74,7 @@ def test_commands_are_known_back_to_a_hole(vehicle: Vehicle, flight: Flight) -> 
 
 def test_a_fit_of_such_a_window_finds_the_truth(vehicle: Vehicle, flight: Flight) -> None:
     window, textbook = f"{begun(flight)}:{scenes.DURATION}", Strategy.named("textbook")
-    done = search(vehicle, [flight], [window], strategy=textbook).estimate
-    truth = scenes.aircraft()
+    done, truth = search(vehicle, [flight], [window], strategy=textbook).estimate, scenes.aircraft()
     assert done.estimates["controls.elevator.delay"] == pytest.approx(DELAY, abs=0.005)
     assert done.estimates["Cmq"] == pytest.approx(truth.value("Cmq"), rel=0.1)
     again: Misfit = restored_problem(problem_document(done.problem), problem_arrays(done.problem))
@@ -125,8 +124,7 @@ def test_a_start_that_was_read_is_the_true_one(pitot: bool, flown: Flight) -> No
 
 def test_coefficients_hold_although_the_wind_was_wrong(flown: Flight) -> None:
     """The error bars contain the wind's error; a scale of the airspeed in its place is known too well, and wrong."""
-    wrong, truth = reconstructed(flown, ERROR), load_vehicle("twin-boom")
-    z = {}
+    wrong, truth, z = reconstructed(flown, ERROR), load_vehicle("twin-boom"), {}
     for name, sensors in (
         ("wind", "wind_error = [{value = 0.0, prior = 1.5}, {value = 0.0, prior = 1.5}, 0.0]"),
         ("scale", "V = { scale = {value = 1.0, prior = 0.08} }"),

@@ -101,8 +101,7 @@ def test_cost_by_hand(problem: Misfit, vehicle: Vehicle) -> None:
 def test_jacobian_is_the_slope_of_the_residuals(problem: Misfit) -> None:
     z = point(problem, 0.3)
     for rung in (0, len(problem.ladder) - 1):
-        r = problem.residuals(z[None, :], rung)[0]
-        found, spent = problem.jacobian(z, rung, r)
+        found, spent = problem.jacobian(z, rung, problem.residuals(z[None, :], rung)[0])
         J, h = found.dense(), 1e-5
         steps = h * np.eye(len(z))
         slope = (problem.residuals(z + steps, rung) - problem.residuals(z - steps, rung)).T / (2 * h)
@@ -148,8 +147,7 @@ def test_jacobian_at_a_bound_steps_inwards(problem: Misfit) -> None:
     r = problem.residuals(z[None, :], 0)[0]
     J = problem.jacobian(z, 0, r)[0].dense()
     for entry, step in ((0, -1e-5), (1, 1e-5)):
-        moved = z + step * np.eye(len(z))[entry]
-        slope = (problem.residuals(moved[None], 0)[0] - r) / step
+        slope = (problem.residuals((z + step * np.eye(len(z))[entry])[None], 0)[0] - r) / step
         np.testing.assert_allclose(J[:, entry], slope, rtol=1e-2, atol=1e-2 * np.abs(J[:, entry]).max())
 
 
@@ -157,16 +155,14 @@ def test_a_correlated_noise_covariance(problem: Misfit) -> None:
     """The cost is e' R^-1 e of the channels that were measured, R being their part of the covariance."""
     sigma = np.sqrt(np.diag(problem.weights.covariance))
     correlation = 0.4 ** np.abs(np.subtract.outer(np.arange(6), np.arange(6)))
-    full = problem.weighted(Weights.of(correlation * np.outer(sigma, sigma)))
-    X = points(problem, 3)
+    full, X = problem.weighted(Weights.of(correlation * np.outer(sigma, sigma))), points(problem, 3)
     Z = np.concatenate([X, np.zeros((3, problem.extra))], axis=1)
     expected = np.sum(full.layout.prior_residuals(Z) ** 2, axis=1)
     for i, p in enumerate(full.pieces):
         for b in range(3):
             for e in full.outputs(Z[b], i) - p.measured:
                 seen = np.flatnonzero(np.isfinite(e))
-                R = full.weights.covariance[np.ix_(seen, seen)]
-                expected[b] += e[seen] @ np.linalg.solve(R, e[seen])
+                expected[b] += e[seen] @ np.linalg.solve(full.weights.covariance[np.ix_(seen, seen)], e[seen])
     np.testing.assert_allclose(full.costs(X, len(full.ladder) - 1), expected, rtol=1e-10)
     assert full.weights.logdet == pytest.approx(np.linalg.slogdet(full.weights.covariance)[1])
     diagonal = problem.weighted(Weights.of(np.diag(sigma**2)))
@@ -175,9 +171,7 @@ def test_a_correlated_noise_covariance(problem: Misfit) -> None:
 
 def test_a_diverging_candidate_costs_infinity_and_disturbs_none(problem: Misfit) -> None:
     X = points(problem, 9)
-    before = problem.costs(X, 0)
-    names = [p.name for p in problem.layout.parameters]
-    wild = X.copy()
+    before, names, wild = problem.costs(X, 0), [p.name for p in problem.layout.parameters], X.copy()
     wild[4, names.index("Cmalpha")] = 4e3
     wild[4, names.index("Cmq")] = 1e3
     for p in (problem, problem.weighted(Weights.of(np.diag(problem.weights.covariance.diagonal()) + 1e-12))):
@@ -189,8 +183,7 @@ def test_a_diverging_candidate_costs_infinity_and_disturbs_none(problem: Misfit)
 
 def test_tied_biases_share_their_slope() -> None:
     tied = parse_vehicle(TWIN + '\n[sensors.az]\nbias = "=sensors.ax.bias"\n', "tied").reduced("longitudinal")
-    p = piece(tied, 0, 0.5, {})
-    free = tuple(q for q in tied.parameters if q.name == "CL0")
+    p, free = piece(tied, 0, 0.5, {}), tuple(q for q in tied.parameters if q.name == "CL0")
     layout = Layout(tied, free, (Nuisance("sensors.ax.bias", 0, None, 0.0, 0.2),))
     misfit = Misfit(layout, (p,), Weights.of(np.ones(6)), horizon_ladder((p,)))
     z = np.array([0.5, 0.0])
@@ -205,9 +198,7 @@ def test_angles_are_compared_around_the_circle() -> None:
     around = flown.outputs.copy()
     around[:, twin.outputs.index("psi")] += np.where(np.arange(len(around)) % 2, 2 * np.pi, 0.0)
     around[:, twin.outputs.index("phi")] -= 2 * np.pi
-    free = tuple(p for p in twin.parameters if p.name == "Cnbeta")
-    layout = Layout(twin, free, ())
-    costs = []
+    layout, costs = Layout(twin, tuple(p for p in twin.parameters if p.name == "Cnbeta"), ()), []
     for measured in (flown.outputs, around):
         p = Piece(0, flown.time, flown.inputs, measured, flown.trim.start, flown.trim.changes)
         misfit = Misfit(layout, (p,), Weights.of(np.ones(12)), horizon_ladder((p,)))
@@ -265,8 +256,7 @@ def test_observed_information_is_the_slope_of_the_gradient(problem: Misfit, righ
         return J.T @ r, J.T @ J
 
     free = np.delete(np.arange(len(z)), 3)  # one at a bound, say
-    normal = gradient(z)[1]
-    scales = problem.layout.scales[free]
+    normal, scales = gradient(z)[1], problem.layout.scales[free]
     factor = invert(normal[np.ix_(free, free)] / np.outer(scales, scales)).factor
     steps = np.zeros((factor.shape[1], len(z)))
     steps[:, free] = 0.01 * factor.T / scales
@@ -293,8 +283,7 @@ def test_a_positive_number_has_its_prior_in_the_logarithm() -> None:
     def pull(value: float) -> float:
         return float(layout.prior_residuals(at(value)[None])[0, own])
 
-    assert pull(2.0) == pytest.approx(0.0, abs=1e-12)
-    assert pull(4.0) == pytest.approx(np.log(2.0) / 0.4)
+    assert (pull(2.0), pull(4.0)) == (pytest.approx(0.0, abs=1e-12), pytest.approx(np.log(2.0) / 0.4))
     assert pull(1.0) == pytest.approx(-pull(4.0))
     per_value = layout.prior_jacobian(at(5.0))[own, place] / width
     assert per_value == pytest.approx((pull(5.001) - pull(4.999)) / 0.002, rel=1e-6)
@@ -307,8 +296,7 @@ def test_a_positive_number_has_its_prior_in_the_logarithm() -> None:
 
 
 def test_a_bias_is_shared_by_the_pieces_of_its_maneuver(problem: Misfit) -> None:
-    z = point(problem)
-    places = [(n.name, n.maneuver) for n in problem.layout.nuisances]
+    z, places = point(problem), [(n.name, n.maneuver) for n in problem.layout.nuisances]
     moved = z + 2.0 * np.eye(len(z))[problem.dimension + places.index(("sensors.q.bias", 0))]
     shift = 0.04 * (np.arange(6) == problem.layout.vehicle.outputs.index("q"))
     for i, of_maneuver in enumerate((1.0, 1.0, 0.0)):
@@ -327,8 +315,7 @@ def test_the_reference_is_a_model_that_says_nothing(problem: Misfit) -> None:
 def test_a_sample_that_lacks_channels_has_the_covariance_of_those_it_has() -> None:
     rng = np.random.default_rng(0)
     root = rng.standard_normal((4, 4))
-    covariance = root @ root.T + np.eye(4)
-    seen = rng.random((50, 4)) < 0.6
+    covariance, seen = root @ root.T + np.eye(4), rng.random((50, 4)) < 0.6
     error = rng.standard_normal((50, 4)) * seen
     each = zip(error, seen, strict=True)
     plain = sum(e[s] @ np.linalg.solve(covariance[np.ix_(s, s)], e[s]) for e, s in each)
@@ -358,8 +345,7 @@ def test_whitening_is_the_inverse_root_of_the_covariance(
     order: int, count: int, slow: float, seed: int
 ) -> None:
     """Of the stationary process, from its first reading on; the others are its transpose and its inverse."""
-    color = ChannelColor(np.append(1.0, 0.9 * slow ** np.arange(1, order + 1)))
-    one = np.eye(count)
+    color, one = ChannelColor(np.append(1.0, 0.9 * slow ** np.arange(1, order + 1))), np.eye(count)
     white = color.whiten(one)
     np.testing.assert_allclose(white @ process(color, count) @ white.T, one, atol=1e-9)
     assert np.all(np.triu(white, 1) == 0.0)
@@ -370,13 +356,11 @@ def test_whitening_is_the_inverse_root_of_the_covariance(
 
 def test_readings_that_are_missing_or_slow_are_no_neighbors() -> None:
     """After a gap a stretch begins anew; of a channel read every third sample, neighbors are three samples apart."""
-    color = ChannelColor(np.array([1.0, 0.8, 0.5]))
-    present = np.zeros((20, 3), dtype=bool)
+    color, present = ChannelColor(np.array([1.0, 0.8, 0.5])), np.zeros((20, 3), dtype=bool)
     present[:8, 0] = present[11:, 0] = present[::3, 1] = present[:, 2] = True
     rng = np.random.default_rng(1)
     residuals = rng.standard_normal((4, 20, 3)) * present
-    colors = Color((color, color, ChannelColor(np.ones(1))), (1, 3, 1))
-    weights = ColoredWeights(np.eye(3), np.eye(3), colors)
+    weights = ColoredWeights(np.eye(3), np.eye(3), Color((color, color, ChannelColor(np.ones(1))), (1, 3, 1)))
     white = weights.whiten(residuals, present)
     for lane, own in zip(white, residuals, strict=True):
         np.testing.assert_allclose(lane[:8, 0], color.whiten(own[:8, :1])[:, 0])

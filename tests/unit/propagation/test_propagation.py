@@ -31,8 +31,7 @@ def test_a_linear_expression_has_the_error_of_the_delta_method(aircraft: Vehicle
     values = np.random.default_rng(0).multivariate_normal([4.78, 0.06], covariance, 20_000)
     one = parse_expressions({"sum": "2*CLalpha - 30*CD0 + mass.inertia.yy/60"}, aircraft)["sum"]
     drawn = parameter_rows(aircraft, dict(zip(names, values.T, strict=True)), len(values))
-    rows = np.hstack([parameter_rows(aircraft), drawn])
-    found = figure("Expressions", one.samples(rows), names, values)
+    found = figure("Expressions", one.samples(np.hstack([parameter_rows(aircraft), drawn])), names, values)
     gradient = np.array([2.0, -30.0])
     std = float(np.sqrt(gradient @ covariance @ gradient))
     assert found.estimate == pytest.approx(2 * 4.78 - 30 * 0.06 + 2.0)
@@ -63,8 +62,7 @@ def test_bad_expressions_are_refused_in_one_line(aircraft: Vehicle) -> None:
     assert found.values(parameter_rows(aircraft)) == pytest.approx(100 * 189.40 + 47.6**2)
 
 
-WEIGHT = 1.5 * 9.80665
-HOVER = Domain((0.0, 6.0), 0.0, 0.0, SEA_LEVEL_DENSITY, speeds=(0.1, 3.0))
+WEIGHT, HOVER = 1.5 * 9.80665, Domain((0.0, 6.0), 0.0, 0.0, SEA_LEVEL_DENSITY, speeds=(0.1, 3.0))
 
 
 @pytest.fixture(scope="module")
@@ -119,8 +117,7 @@ def test_forward_flight_is_that_of_trim_and_speeds_faster_than_flown_are_marked(
 CRUISE = Domain((34.0, 36.0), 35.0, 200.0, DENSITY, (0.0, 0.2))
 #: a rudder that never moves determines no sum's parts
 UNKNOWN = ("CQ0", "Cl0", "Cn0", "CQrudder", "Clrudder", "Cnrudder")
-KNOWN = ("CLalpha", "Cmelevator", "Cmalpha")
-SINGLES = 60
+KNOWN, SINGLES = ("CLalpha", "Cmelevator", "Cmalpha"), 60
 
 
 @pytest.fixture(scope="module")
@@ -190,8 +187,7 @@ def test_conditional_draws_of_a_normal_distribution() -> None:
     assert np.cov(given[:, 1:].T) == pytest.approx(np.array([[2.0 - 0.64, 0.3], [0.3, 1.0]]), abs=0.05)
 
 
-GRAVITY = 9.80665
-LEVEL = Domain((30.0, 40.0), 35.0, 200.0, DENSITY, (-0.1, 0.2))
+GRAVITY, LEVEL = 9.80665, Domain((30.0, 40.0), 35.0, 200.0, DENSITY, (-0.1, 0.2))
 
 
 def spread(vehicle: Vehicle, names: tuple[str, ...], count: int, size: float = 0.05) -> Draws:
@@ -254,24 +250,20 @@ def test_static_margin_is_the_ratio_of_two_slopes_and_moves_with_the_moment_poin
     ):
         flow = {"V": np.array([35.0]), "alpha": np.array([alpha])}
         still = {c: np.zeros(1) for c in vehicle.controls}
-        found = static_margin(vehicle, parameter_rows(vehicle), flow, still)
-        assert found == pytest.approx(margin, rel=1e-6)
+        assert static_margin(vehicle, parameter_rows(vehicle), flow, still) == pytest.approx(margin, rel=1e-6)
 
 
 def test_best_glide_of_a_parabolic_polar() -> None:
     vehicle = polar_aircraft()
     draws = spread(vehicle, ("CD0", "CLalpha"), 100, 0.02)
-    domain = Domain((20.0, 60.0), 35.0, 200.0, DENSITY, (-0.1, 0.6))
-    found = propagate_draws(vehicle, draws, domain)
+    found = propagate_draws(vehicle, draws, Domain((20.0, 60.0), 35.0, 200.0, DENSITY, (-0.1, 0.6)))
     # (CL/CD)max = CLalpha / (2 sqrt(CD0 CDalpha2)) at alpha = sqrt(CD0 / CDalpha2)
-    best = 4.78 / (2.0 * math.sqrt(0.06 * 1.3))
-    weight = 189.40 * GRAVITY
+    best, weight = 4.78 / (2.0 * math.sqrt(0.06 * 1.3)), 189.40 * GRAVITY
     speed = speed_of(4.78 * math.sqrt(0.06 / 1.3), weight * math.cos(math.atan(1.0 / best)))
     assert found["best glide ratio"].estimate == pytest.approx(best, rel=1e-3)
     assert found["airspeed of the best glide"].estimate == pytest.approx(speed, rel=5e-3)
     # relative: d ln = d ln CLalpha - 1/2 d ln CD0
-    relative = math.hypot(0.02, 0.01)
-    assert found["best glide ratio"].std_error / best == pytest.approx(relative, rel=0.25)
+    assert found["best glide ratio"].std_error / best == pytest.approx(math.hypot(0.02, 0.01), rel=0.25)
     # CL^3/CD^2 is greatest where the induced drag is three times the other
     lift, drag = 4.78 * math.sqrt(3.0 * 0.06 / 1.3), 4.0 * 0.06
     flat = math.atan(drag / lift)
@@ -311,8 +303,7 @@ def test_lowest_airspeed_within_the_angles_flown_and_extrapolation_beyond_them()
 
 def test_draws_that_do_not_trim_are_counted_and_nothing_that_trims_is_an_error() -> None:
     vehicle = polar_aircraft()
-    slopes = np.repeat([4.78, 0.01], [40, 10])[:, None]
-    draws = Draws(("CLalpha",), slopes, "covariance")
+    draws = Draws(("CLalpha",), np.repeat([4.78, 0.01], [40, 10])[:, None], "covariance")
     found = propagate_draws(vehicle, draws, LEVEL)
     assert found["alpha"].failed == pytest.approx(0.2)
     assert {"propagate-no-trim", "propagate-figure-failed"} <= {n.code for n in found.notices}

@@ -32,8 +32,7 @@ from stoop.vehicle.builtin import builtin_vehicle
 from stoop.vehicle.defaults import wider_bounds
 from stoop.workflow.demo import MANEUVER
 
-INERTIA = "mass.inertia.yy"
-WINDOWS = [Window("flight", 0.0, 5.0)]
+INERTIA, WINDOWS = "mass.inertia.yy", [Window("flight", 0.0, 5.0)]
 
 
 @cache
@@ -86,8 +85,7 @@ def test_what_was_found_stands_where_wider_bounds_end_worse() -> None:
         return one
 
     kept = widen(setup, fitter)
-    assert len(calls) == 2
-    assert kept.estimate.estimates == calls[0].estimate.estimates
+    assert (len(calls), kept.estimate.estimates) == (2, calls[0].estimate.estimates)
     assert kept.estimate.trajectories == sum(one.estimate.trajectories for one in calls)
     assert not [n for n in kept.estimate.notices if n.code == "bounds-widened"]
 

@@ -34,10 +34,8 @@ from stoop.vehicle.extensions import catalogue
 from stoop.workflow.identification import search
 from stoop_studies.verify import scenes
 
-CONTROLS = ("elevator", "aileron", "rudder")
-NAMES = ("pitch", "roll")
-NUMBER = "controls.elevator.delay"
-WINDOWS = [Window(name, 0.0, scenes.DURATION) for name in NAMES]
+CONTROLS, NAMES = ("elevator", "aileron", "rudder"), ("pitch", "roll")
+NUMBER, WINDOWS = "controls.elevator.delay", [Window(name, 0.0, scenes.DURATION) for name in NAMES]
 
 
 @cache
@@ -232,8 +230,7 @@ def hovered(late: float) -> Flight:
 def test_the_delay_of_velocities_is_known_before_the_fit(method: str, late: float, free: bool) -> None:
     flights, windows = {"hover": hovered(late)}, (Window("hover", 0.0, 5.0),)
     quad, options = builtin_vehicle("quad-x"), Options(method=method)
-    setup = setup_of(Strategy.default(), quad, flights, windows, options=options)
-    change = sensor_delays.find_delay(setup)
+    change = sensor_delays.find_delay(setup_of(Strategy.default(), quad, flights, windows, options=options))
     assert change is not None
     (row,) = [one for one in change.setup.vehicle.parameters if one.name == "sensors.vn.delay"]
     assert row.free is free

@@ -42,8 +42,7 @@ def test_missing_lag_is_added(tmp_path: Path, held_back: bool) -> None:
     name = kept.subject
     assert job.parameters[name].estimate == pytest.approx(LAG, rel=0.1)
     assert not job.result.extensions.found
-    folder = job.save(tmp_path / "out")
-    assert name in {p.name for p in load_vehicle(folder / "vehicle.toml").parameters}
+    assert name in {p.name for p in load_vehicle(job.save(tmp_path / "out") / "vehicle.toml").parameters}
     for key in ("Clp", "Claileron"):
         one = job.parameters[key]
         assert abs(one.estimate - truth.value(key)) < 4.0 * one.std_error
@@ -81,8 +80,7 @@ def test_after_a_refusal_the_next_is_tried(monkeypatch: pytest.MonkeyPatch, impo
     for vehicle, codes in ((wanted, ["extension-kept"] * len(wanted)), (set(), refused)):
         found = extension.extend(setup)
         assert found is not None
-        assert found.setup.vehicle == vehicle
-        assert [n.code for n in found.setup.notices] == codes
+        assert (found.setup.vehicle, [n.code for n in found.setup.notices]) == (vehicle, codes)
         monkeypatch.setattr(extension, "penalized_rise", lambda before, after: -1.0)
 
 
@@ -94,7 +92,6 @@ def test_a_change_to_an_impossible_body_begins_nearer_the_present_value() -> Non
     change = next(c for c in (-0.9 * own, -0.9) if 0.0 < inertia.value(c) < 0.2 * own)
     with pytest.raises(VehicleError, match="principal moment"):
         with_entries(vehicle, inertia.free_entries(change))
-    begun = _freed(vehicle, inertia, change)
-    (xx,) = (p for p in begun.parameters if p.name == "mass.inertia.xx")
+    (xx,) = (p for p in _freed(vehicle, inertia, change).parameters if p.name == "mass.inertia.xx")
     assert xx.free
     assert 0.2 * own < xx.value < own

@@ -24,8 +24,7 @@ from stoop.workflow.outputs import with_values
 from stoop_studies.verify import scenes
 from stoop_studies.verify.closed_loop import quadrotor_scene
 
-HOLD = Strategy.only("held-numbers")
-PITCH = "mass.inertia.yy"
+HOLD, PITCH = Strategy.only("held-numbers"), "mass.inertia.yy"
 
 
 @cache
@@ -67,8 +66,7 @@ def test_an_inertia_of_no_body_is_held_and_the_written_vehicle_loads(prior: floa
     truth = scenes.aircraft().value(PITCH)
     vehicle = pitching(8.0, prior=prior and prior * truth)
     free = done(vehicle, Strategy.textbook()).estimate
-    assert is_body(free.identified_vehicle) == (prior is None)
-    assert free.unknowns[0].fixed == "bound"
+    assert (is_body(free.identified_vehicle), free.unknowns[0].fixed) == (prior is None, "bound")
     found = done(vehicle)
     assert PITCH not in found.estimate.estimates
     (said,) = (one for one in found.estimate.notices if one.code == "inertia-held")
@@ -102,8 +100,7 @@ def test_of_the_inertia_in_yaw_and_the_torque_of_rotors_a_flight_shows_the_ratio
     held = [one.subject for one in found.estimate.notices if one.code == "inertia-held"]
     assert held == ([name] if share < 0.5 else [])
     torque = found.estimate.estimates["rotors.torque_ratio"]
-    error = abs(torque - scene.truth["rotors.torque_ratio"] * (share if held else 1.0))
-    assert error < 0.1 * torque
+    assert abs(torque - scene.truth["rotors.torque_ratio"] * (share if held else 1.0)) < 0.1 * torque
 
 
 def held(value: float, known: float | None) -> Estimate:

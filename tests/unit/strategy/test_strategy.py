@@ -34,8 +34,7 @@ from stoop.vehicle.builtin import builtin_vehicle
 from stoop.vehicle.document import with_entries
 from stoop.workflow.identification import identify
 
-WINDOWS = (Window("a", 0.0, 5.0), Window("b", 0.0, 5.0))
-FREE = ("Cmalpha", "Cmq", "Cmelevator")
+WINDOWS, FREE = (Window("a", 0.0, 5.0), Window("b", 0.0, 5.0)), ("Cmalpha", "Cmq", "Cmelevator")
 OFF = ("recorded_motion", "held_numbers", "stuck_channels", "noise_shape", "maneuver_noise", "noise_color")
 PLAIN = Treatment(**dict.fromkeys(OFF, False))
 
@@ -104,8 +103,7 @@ def clean() -> Fitted:
 
 
 def test_clean_data_of_a_complete_vehicle_call_for_no_decision(clean: Fitted) -> None:
-    applied = {name for name, state in states(clean).items() if state == "applied"}
-    assert applied <= {"recorded-motion"}
+    assert {name for name, state in states(clean).items() if state == "applied"} <= {"recorded-motion"}
     assert states(clean)["extensions"] == "off"
     assert [one.name for one in clean.decisions] == [one.name for one in DECISIONS]
 
@@ -121,8 +119,7 @@ def test_a_decision_applies_where_the_data_call_for_it_and_its_switch_turns_it_o
     assert set(states(without).values()) == {"off"}
     assert with_it.estimate.estimates != without.estimate.estimates
     # what an estimator decides is a field of its estimate, not read back from notices, and saved with it
-    found = with_it.estimate
-    own, buffer = [record] if name != "faults" else [], io.BytesIO()
+    found, own, buffer = with_it.estimate, [record] if name != "faults" else [], io.BytesIO()
     assert [*found.prepared.decisions, *found.decisions] == own
     np.savez(buffer, **found.state())
     again = restore("output-error", dict(np.load(io.BytesIO(buffer.getvalue()))), "here").decisions
@@ -134,8 +131,7 @@ def test_textbook_is_output_error_to_the_last_bit(clean: Fitted) -> None:
     options = Options(seed=1, budget=4000.0)
     done = fit(Strategy.textbook(), known(), given, WINDOWS, options=options)
     alone = output_error(known(), given, WINDOWS, replace(options, method="output-error", treatment=PLAIN))
-    assert done.options.method == "output-error"
-    assert done.estimate.estimates == alone.estimates
+    assert (done.options.method, done.estimate.estimates) == ("output-error", alone.estimates)
     assert done.estimate.cost == alone.cost
     assert np.array_equal(done.estimate.z, alone.z)
 
@@ -187,8 +183,7 @@ def test_what_is_no_strategy_or_method_is_one_line_with_the_fix() -> None:
 def test_names_and_switches_choose_decisions() -> None:
     default, textbook = Strategy.default(), Strategy.textbook()
     assert (Strategy.named("textbook"), Strategy.named("default")) == (textbook, default)
-    assert Strategy.named(textbook) == textbook
-    assert default.without("bounds").including("bounds") == default
+    assert (Strategy.named(textbook), default.without("bounds").including("bounds")) == (textbook, default)
     assert Strategy.only("faults").names == default.only("faults").names == {"faults"}
     assert "extensions" not in default.names
     for words, names in (

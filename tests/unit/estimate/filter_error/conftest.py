@@ -17,8 +17,7 @@ MANEUVER = maneuver(15.0, ("elevator", "3-2-1-1", 1.0, 0.4, 0.06), ("elevator", 
 
 @pytest.fixture(scope="session")
 def gusty() -> Vehicle:
-    text = load_vehicle("twin-boom").text
-    return parse_vehicle(text + TABLE, "gusty").reduced("longitudinal")
+    return parse_vehicle(load_vehicle("twin-boom").text + TABLE, "gusty").reduced("longitudinal")
 
 
 @pytest.fixture(scope="session")
@@ -29,6 +28,5 @@ def gusty_flight(gusty: Vehicle) -> Flight:
 @pytest.fixture(scope="session")
 def gusty_start(gusty: Vehicle) -> Vehicle:
     """Ten coefficients, wrong by up to 60 %, and the intensities, half as strong as they are."""
-    wrong = misled(gusty, 4)
-    names = [f"turbulence.{axis}.intensity" for axis in "uw"]
+    wrong, names = misled(gusty, 4), [f"turbulence.{axis}.intensity" for axis in "uw"]
     return wrong.with_numbers({n: {"value": 0.5 * gusty.value(n), "free": True} for n in names})

@@ -62,8 +62,7 @@ def test_calm_air_shows_no_gusts_whatever_the_sensors_are_off(numbers):
 def shaken():
     """Flights whose controls all move, in calm air and in light turbulence; three seeds."""
     vehicle = parse_vehicle(fixed_wing(), "all moved")
-    light = scenes.in_turbulence(vehicle, 15.0 * KNOT)
-    out = {}
+    light, out = scenes.in_turbulence(vehicle, 15.0 * KNOT), {}
     for seed in range(3):
         (maneuver, *_) = wing_maneuvers(np.random.default_rng(seed)).values()
         for name, truth in (("calm", vehicle), ("light", light)):

@@ -84,8 +84,7 @@ class Kinked(SimpleNamespace):
         return float(np.abs(z[0]))
 
     def score(self, z: np.ndarray) -> Any:
-        gradient = np.array([np.sqrt(2.0 * self.left)])
-        return SimpleNamespace(gradient=gradient, information=np.eye(1))
+        return SimpleNamespace(gradient=np.array([np.sqrt(2.0 * self.left)]), information=np.eye(1))
 
 
 @pytest.mark.parametrize(("share", "ending"), [(0.5, "converged"), (2.0, "stalled")])
@@ -97,8 +96,7 @@ def test_a_search_that_no_step_improves_has_converged_where_little_seems_left(sh
 def system(seed: int, n: int = 5, ny: int = 3, count: int = 4) -> tuple[np.ndarray, ...]:
     rng = np.random.default_rng(seed)
     F = np.eye(n) + 0.05 * rng.standard_normal((count, n, n))
-    H = rng.standard_normal((count, ny, n))
-    G = 0.1 * rng.standard_normal((count, n, n))
+    H, G = rng.standard_normal((count, ny, n)), 0.1 * rng.standard_normal((count, n, n))
     return F, H, G @ np.swapaxes(G, 1, 2), 10.0 ** rng.uniform(-2.0, 2.0, (count, ny))
 
 
@@ -106,8 +104,7 @@ def system(seed: int, n: int = 5, ny: int = 3, count: int = 4) -> tuple[np.ndarr
 @settings(max_examples=40, deadline=None)
 def test_equals_scipy(seed: int) -> None:
     F, H, Q, R = system(seed)
-    found = steady_covariance(F, H, Q, 1.0 / R)
-    for f, h, q, r, P in zip(F, H, Q, R, found, strict=True):
+    for f, h, q, r, P in zip(F, H, Q, R, steady_covariance(F, H, Q, 1.0 / R), strict=True):
         assert np.allclose(P, solve_discrete_are(f.T, h.T, q, np.diag(r)), rtol=1e-6, atol=1e-9)
 
 

@@ -60,8 +60,7 @@ def test_instruments_are_undone_and_terms_of_the_file_do_not_count(full: Vehicle
     off = replace(noisy, data=noisy.data.assign({c: noisy.data[c] + b for c, b in biases.items()}))
     fewer = full.text.replace("CL0 = 0.385", "CL0 = false").replace("Cmq = -47.6", "Cmq = false")
     thrust = {"propulsion.thrust": {"value": full.value("propulsion.thrust")}}
-    bare = parse_vehicle(fewer, "bare").with_numbers(thrust)
-    plain = of(full, noisy)
+    bare, plain = parse_vehicle(fewer, "bare").with_numbers(thrust), of(full, noisy)
     for vehicle, flight in ((aligned, turned(*angles)(noisy)), (crooked, off), (bare, noisy)):
         found = of(vehicle, flight)
         for coefficient, flown in plain.coefficients.items():
@@ -93,8 +92,7 @@ def test_a_lag_answers_a_ramp_as_its_formula_says() -> None:
     np.testing.assert_allclose(first_order_lag(t, lag, 0.02), t - lag * (1.0 - np.exp(-t / lag)), atol=1e-12)
 
 
-DT = 0.01
-TRUTH = {"rotors.T2": 7.0, "rotors.inflow": 0.3, "rotors.drag": 0.1}
+DT, TRUTH = 0.01, {"rotors.T2": 7.0, "rotors.inflow": 0.3, "rotors.drag": 0.1}
 WOBBLE = 0.06  #: rad/s, of the gyros' noise
 
 
@@ -111,8 +109,7 @@ def flown(
     inputs[:, motors] = 0.6 + common[:, None] + own
     rows = parameter_rows(vehicle, truth)
     start = initial_states(vehicle, {"u": 3.0, "v": -1.0, "w": 0.5, "h": 50.0}, rows, inputs[0])
-    out = vehicle.kernel().trajectories(rows, start, inputs, DT)[0]
-    told = inputs.copy()
+    out, told = vehicle.kernel().trajectories(rows, start, inputs, DT)[0], inputs.copy()
     if mixed:
         told[:, motors] -= 2.0 * own  # what the log holds turns the vehicle the other way
     columns = dict(zip(vehicle.outputs, out.T, strict=True))

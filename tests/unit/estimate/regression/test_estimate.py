@@ -28,8 +28,7 @@ from stoop.problem.evidence import Evidence, unknowns_of
 from stoop.problem.prepare import Prepared
 from stoop.problem.windows import Window
 
-WINDOW = [Window("noisy", 0.0, 25.0)]
-DOMAINS = [TimeDomain(), FrequencyDomain(0.04, 1.5)]
+WINDOW, DOMAINS = [Window("noisy", 0.0, 25.0)], [TimeDomain(), FrequencyDomain(0.04, 1.5)]
 FREE = Priors(np.zeros(3), np.full(3, np.inf))
 
 
@@ -52,12 +51,10 @@ def test_every_term_is_found_without_noise(full: Vehicle, clean: Flight, domain:
 def test_a_tie_joins_two_coefficients(full: Vehicle) -> None:
     """One number in two equations: the joint fit weighs both by their residuals."""
     rng = np.random.default_rng(0)
-    x = rng.standard_normal((200, 2))
-    X = np.zeros((2, 200, 3))
+    x, X = rng.standard_normal((200, 2)), np.zeros((2, 200, 3))
     X[0, :, 0], X[0, :, 1] = x[:, 0], x[:, 1]
     X[1, :, 0], X[1, :, 2] = x[:, 1], x[:, 0]
-    truth = np.array([2.0, -1.0, 0.5])
-    noise = rng.standard_normal((2, 200)) * [[0.01], [1.0]]
+    truth, noise = np.array([2.0, -1.0, 0.5]), rng.standard_normal((2, 200)) * [[0.01], [1.0]]
     blocks = [Rows(c, X[i] @ truth + noise[i], X[i], 0.02) for i, c in enumerate("ab")]
     solved = solve(blocks, FREE)
     assert (np.abs(solved.values - truth) < 5.0 * np.sqrt(np.diag(solved.covariance))).all()
@@ -83,8 +80,7 @@ def test_what_no_row_tells_apart_has_no_error_bar(apart: float) -> None:
     rng = np.random.default_rng(0)
     x, other, off = rng.standard_normal((3, 400))
     X = np.column_stack([x, 2.0 * x + apart * off, other])
-    y = X @ [1.0, 0.5, 1.0] + 0.1 * rng.standard_normal(400)
-    solved = solve([Rows("Cm", y, X, 0.02)], FREE)
+    solved = solve([Rows("Cm", X @ [1.0, 0.5, 1.0] + 0.1 * rng.standard_normal(400), X, 0.02)], FREE)
     assert np.isnan(np.diag(solved.covariance)).tolist() == [True, True, False]
     assert solved.values[0] + 2.0 * solved.values[1] == pytest.approx(2.0, abs=0.05)
     assert np.abs(solved.values).max() < 2.0
@@ -107,8 +103,7 @@ def test_error_bars_are_the_scatter(domain: ls.Domain, memory: float) -> None:
     X = X if domain.keeps_constants else X[:, 1:]
     truth, k = truth[-X.shape[1] :], X.shape[1]
     rho, none, white = np.exp(-dt / memory) if memory else 0.0, np.zeros((k, k)), not domain.colored
-    free = Priors(np.zeros(k), np.full(k, np.inf))
-    names = ("CL0", "CLalpha", "Cm0", "Cmalpha")[-k:]
+    free, names = Priors(np.zeros(k), np.full(k, np.inf)), ("CL0", "CLalpha", "Cm0", "Cmalpha")[-k:]
     vehicle = load_vehicle("twin-boom").reduced("longitudinal")
     own = vehicle.with_numbers({p.name: {"free": p.name in names} for p in vehicle.parameters})
     misfit = Misfit(Layout.of(own, ()), (), Weights.of(np.ones(len(own.outputs))), ())
@@ -174,13 +169,11 @@ NAMES = ("CLalpha", "Cmalpha", "Cmq", "Clp", "Cnbeta", "Cmelevator", "Claileron"
 
 @pytest.fixture(scope="module", params=["equation-error", "frequency-domain"])
 def fit(request: pytest.FixtureRequest, full: Vehicle, noisy: Flight) -> Estimate:
-    freed = full.with_numbers({"CLalpha": {"prior": 0.5}})
-    return fit_by(request.param, freed, {"noisy": noisy}, WINDOW)
+    return fit_by(request.param, full.with_numbers({"CLalpha": {"prior": 0.5}}), {"noisy": noisy}, WINDOW)
 
 
 def test_the_bootstrap_agrees_with_the_corrected_errors(fit: Estimate) -> None:
-    assessment = Bootstrap(300, Given(ThreadPoolExecutor(1)))
-    found = assessment(fit, error_bars(fit), 0, lambda _: None).intervals
+    found = Bootstrap(300, Given(ThreadPoolExecutor(1)))(fit, error_bars(fit), 0, lambda _: None).intervals
     std = dict(zip(fit.estimates, error_bars(fit).std, strict=False))
     ratios = [found.parameters[name].std_error / std[name] for name in NAMES]
     assert np.median(ratios) == pytest.approx(1.0, abs=0.15)
@@ -204,8 +197,7 @@ def test_press_is_the_error_of_refits_without_each_second(fit: Estimate) -> None
         A = np.concatenate([J[kept].reshape(-1, len(free)), *(j for _, j in others), priors])
         y = np.concatenate([e[kept].ravel(), *(r for r, _ in others), np.zeros(len(priors))])
         size = np.linalg.norm(A, axis=0)
-        step = np.linalg.lstsq(A / size, y, rcond=None)[0] / size
-        missed.append(e[~kept] - J[~kept] @ step)
+        missed.append(e[~kept] - J[~kept] @ (np.linalg.lstsq(A / size, y, rcond=None)[0] / size))
     # the estimates are the optimum of the old weights: what is left of the gradient is the naive refit's alone
     naive = np.sqrt(np.mean(np.concatenate(missed) ** 2, axis=0)) * list(problem.deviations.values())
     assert found.values["press"] == pytest.approx(naive.tolist(), rel=1e-3)

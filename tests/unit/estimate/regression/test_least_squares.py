@@ -110,8 +110,7 @@ def test_chance_alone_brings_in_a_term_as_seldom_as_is_said() -> None:
 def test_products_and_powers_stand_on_their_variables() -> None:
     known = {"alpha", "beta", "q", "elevator", "rudder"}
     plain = ("alpha^3", "alpha", "elevator", "alpha*elevator", "beta^2", "abs(alpha)", "2*alpha")
-    names = (*plain, "rudder*elevator")
-    found = structure.parents([terms.parse(name, known, "test") for name in names])
+    found = structure.parents([terms.parse(name, known, "test") for name in (*plain, "rudder*elevator")])
     assert found == ((1,), (), (), (1, 2), (), (), (), (2,))
 
 

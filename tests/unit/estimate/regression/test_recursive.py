@@ -59,8 +59,7 @@ def test_the_end_is_that_of_the_batch(full: Vehicle, noisy: Flight) -> None:
     well = [(found[n], value, std) for n, value, std in each if n in found and std < 0.01 * abs(value)]
     assert len(well) >= 6
     for one, value, std in well:
-        assert one.value == pytest.approx(value, rel=0.02)
-        assert one.std_error == pytest.approx(std, rel=0.3)
+        assert (one.value, one.std_error) == (pytest.approx(value, rel=0.02), pytest.approx(std, rel=0.3))
 
 
 def with_servo(full: Vehicle, servo: str) -> Vehicle:
@@ -78,8 +77,7 @@ def test_lags_and_delays_of_controls_are_those_of_the_batch(full: Vehicle, noisy
 
 
 def test_a_servo_is_followed_sample_by_sample(full: Vehicle, noisy: Flight) -> None:
-    slow = with_servo(full, "rate_limit = 0.1\ndead_zone = 0.02\ndelay = 0.02\n")
-    found = flown(slow, noisy, 400)
+    found = flown(with_servo(full, "rate_limit = 0.1\ndead_zone = 0.02\ndelay = 0.02\n"), noisy, 400)
     moved = rate_limited(play(noisy.column("elevator"), 0.02), 0.1 / noisy.rate)
     assert np.abs(moved - noisy.column("elevator")).max() > 0.02, "it shows"
     followed = replace(noisy, data=noisy.data.assign(elevator=("time", moved)))

@@ -27,8 +27,7 @@ class Quadratic:
         self.curved = self.rng.normal(size=(rows, size, size))
         # a window's readings and gap depend on its own state only, and a gap on the next
         for w in range(count):
-            others = [self.state(k) for k in range(1, count) if k != w]
-            for at in others:
+            for at in [self.state(k) for k in range(1, count) if k != w]:
                 self.linear[self.readings(w), at] = 0.0
                 self.curved[self.readings(w), at] = self.curved[self.readings(w), :, at] = 0.0
                 if w + 1 < count:
@@ -57,8 +56,7 @@ class Quadratic:
     def shots(self) -> list[Shot]:
         out = []
         for w in range(self.count):
-            own = self.state(w) if w else slice(0, 0)
-            by_state = np.zeros((READINGS, 1, STATES))
+            own, by_state = self.state(w) if w else slice(0, 0), np.zeros((READINGS, 1, STATES))
             gap_by_state = np.zeros((STATES, STATES))[: STATES * (w + 1 < self.count)]
             read, gap = self.readings(w), self.gap(w) if w + 1 < self.count else slice(0, 0)
             if w:
@@ -71,8 +69,7 @@ class Quadratic:
 
     def problem(self) -> Any:
         def whitened(z: np.ndarray, nodes: list[np.ndarray]) -> list[tuple[np.ndarray, np.ndarray]]:
-            values = self.values(self.whole(z, nodes[0]))
-            cut = READINGS * self.count
+            values, cut = self.values(self.whole(z, nodes[0])), READINGS * self.count
             return [(values[:cut, None], values[cut:].reshape(-1, STATES))]
 
         def iterate(z: np.ndarray, nodes: list[np.ndarray]) -> Iterate:
@@ -86,8 +83,7 @@ class Quadratic:
 def first_step(case: Quadratic) -> tuple[Any, Iterate, list[Shot], list[Weighted], Step]:
     """Return a problem, its origin, the windows there, and the Gauss-Newton step from it."""
     problem = case.problem()
-    at = problem.iterate(np.zeros(UNKNOWNS), [np.zeros((STATES, case.count))])
-    linear = case.shots()
+    at, linear = problem.iterate(np.zeros(UNKNOWNS), [np.zeros((STATES, case.count))]), case.shots()
     weighted = [
         Weighted(s.products, s.by_state, s.gap, s.gap_by_unknown, s.gap_by_state, closing[: len(s.gap)])
         for s, closing in zip(linear, case.closing, strict=True)
@@ -108,8 +104,7 @@ def test_a_step_and_its_bend_are_those_of_the_whole_system(count: int) -> None:
     gained = np.sum(case.rest**2) - np.sum((case.linear @ x + case.rest) ** 2)
     assert left.gain - left.gradient @ step.z == pytest.approx(gained, rel=1e-8)
     found = bent(problem, at, [linear], [weighted], step)
-    second = np.einsum("rij,i,j->r", case.curved, x, x)
-    x = x - 0.5 * np.linalg.lstsq(case.linear, second, rcond=None)[0]
+    x = x - 0.5 * np.linalg.lstsq(case.linear, np.einsum("rij,i,j->r", case.curved, x, x), rcond=None)[0]
     assert case.whole(found.z, found.nodes[0]) == pytest.approx(x, rel=1e-6, abs=1e-8)
     assert found.cost == pytest.approx(np.sum(case.values(x) ** 2))
 

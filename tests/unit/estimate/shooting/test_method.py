@@ -153,8 +153,7 @@ def test_a_stable_aircraft_is_found_as_by_output_error(wrong, aircraft):
     assert np.abs(deviations(one, many.estimates)).max() < 0.05
 
 
-WHOLE = [Window("sim", 0.0, 16.0)]
-WIND = (2.0, -1.0, 0.0)
+WHOLE, WIND = [Window("sim", 0.0, 16.0)], (2.0, -1.0, 0.0)
 INPUTS = (
     ("roll", "doublet", 1.0, 0.15, 8.0), ("pitch", "doublet", 2.0, 0.15, 8.0), ("yaw", "doublet", 3.0, 0.4, 1.5),
     ("heave", "3-2-1-1", 4.0, 0.25, 2.0), ("north", "doublet", 6.0, 2.0, 2.5), ("east", "doublet", 8.0, 2.0, 2.5),
@@ -222,8 +221,7 @@ def test_a_hopeless_start_is_searched_for(begun, flown, monkeypatch, resumed):
         numbers[name] = {"value": far, "free": True, "bounds": bounds}
     args = (begun.with_numbers(numbers), {"sim": flown}, [Window("sim", 0.0, 8.0)], Options(budget=900.0))
     fit = resumed(multiple_shooting.fit, *args)
-    assert fit.outcome.optimizer == "ps-gde-lm"
-    assert fit.estimates["rotors.T2"] == pytest.approx(6.0, rel=0.02)
+    assert (fit.outcome.optimizer, fit.estimates["rotors.T2"]) == ("ps-gde-lm", pytest.approx(6.0, rel=0.02))
     assert "global-start" in [n.code for n in fit.notices]
 
 
