@@ -37,8 +37,7 @@ def main() -> int:
     parser.add_argument("store", type=Path)
     parser.add_argument("table", type=Path)
     add_options(parser, (shared_options()["workers"], shared_options()["scheduler"]))
-    arguments = parser.parse_args()
-    cases = ((seed, stop) for seed in range(TASKS) for stop in STOPS)
+    arguments, cases = parser.parse_args(), ((seed, stop) for seed in range(TASKS) for stop in STOPS)
     runs = tuple(
         Run(f"{seed:03d}/{stop}", "campaign_case:walk", {"seed": seed}, stop) for seed, stop in cases
     )

@@ -35,8 +35,7 @@ def captured() -> Vehicle:
 
 def pose_of(flight: stoop.Flight, folder: Path) -> stoop.Flight:
     """Write what motion capture and the radio know, with noise of 1 mm and 0.3 deg, and read it."""
-    rng = np.random.default_rng(5)
-    sizes = dict.fromkeys(POSITION, 0.001) | dict.fromkeys(EULER, 0.005)
+    rng, sizes = np.random.default_rng(5), dict.fromkeys(POSITION, 0.001) | dict.fromkeys(EULER, 0.005)
     inputs = [n for n in ("elevator", "aileron", "rudder", "throttle") if n in flight.names]
     columns = {c: flight.column(c) + s * rng.standard_normal(len(flight.time)) for c, s in sizes.items()}
     columns |= {n: flight.column(n) for n in inputs}

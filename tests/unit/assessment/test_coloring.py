@@ -94,8 +94,7 @@ def test_the_double_sum_done_naively() -> None:
     prior = np.diag([0.3**-2.0] + [0.0] * 7)
     inverse = invert(data_information(segments) + prior)
     color = ColoredNoise(np.array([[0.6], [-0.4]]), np.array([[1.0, 0.5], [0.5, 2.0]]))
-    stationary = color.innovation / (1 - np.outer([0.6, -0.4], [0.6, -0.4]))
-    middle = np.zeros_like(prior)
+    stationary, middle = color.innovation / (1 - np.outer([0.6, -0.4], [0.6, -0.4])), np.zeros_like(prior)
     for jacobian in (first, second):
         for i, left in enumerate(jacobian):
             for j, right in enumerate(jacobian):

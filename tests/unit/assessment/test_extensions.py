@@ -67,8 +67,7 @@ def test_responses_are_those_of_simulations(name: str) -> None:
     found = simulation_responses(done.problem, done.z)
     (j, one), index = next((j, e) for j, e in enumerate(found.extensions) if e.name == name), 1
     vehicle = with_entries(done.problem.layout.vehicle, one.entries(one.value(one.step)))
-    before = done.problem.outputs(done.z, index)
-    after = simulated(done.problem, done.z, vehicle, index)
+    before, after = done.problem.outputs(done.z, index), simulated(done.problem, done.z, vehicle, index)
     wanted = done.problem.weights.whiten((after - before) / one.step, np.ones(before.shape, dtype=bool))
     assert np.linalg.norm(found.pieces[index][:, :, j] - wanted) / np.linalg.norm(wanted) < 0.05
 
@@ -176,8 +175,7 @@ def test_lag_is_named_in_gusts_and_a_right_aircraft_lacks_nothing() -> None:
     right = scenes.turbulent_aircraft()
     best = lacking_in_gusts(with_entries(right, {("controls", "aileron", "lag"): 0.04})).found[0]
     assert best.name in ("controls.aileron.lag", "controls.aileron.delay")
-    assert best.value == pytest.approx(0.04, rel=0.3)
-    assert lacking_in_gusts(right).found == ()
+    assert (best.value, lacking_in_gusts(right).found) == (pytest.approx(0.04, rel=0.3), ())
 
 
 def test_gusts_that_a_method_assumes_are_extended_with_the_vehicle() -> None:

@@ -252,8 +252,7 @@ def test_a_pure_lag_with_delay(sign: float) -> None:
 
 
 def test_equivalent_systems_come_back() -> None:
-    w = np.geomspace(1.0, 20.0, 40)
-    short = {"delay": 0.08, "zero": 1.5, "frequency": 5.0, "damping": 0.6}
+    w, short = np.geomspace(1.0, 20.0, 40), {"delay": 0.08, "zero": 1.5, "frequency": 5.0, "damping": 0.6}
     roll = np.asarray(7.0 * np.exp(-0.05j * w) / (0.25j * w + 1.0))
     for response, control, rate, expected in (
         (short_period_response(w, 1.0), "elevator", "q", short | {"gain": 20.0}),

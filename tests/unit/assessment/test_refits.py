@@ -57,8 +57,7 @@ def drawn(X: np.ndarray, y: np.ndarray, sigma: float) -> tuple[Optimum, ColoredB
 @pytest.mark.parametrize("rho", [0.0, 0.95], ids=["white", "AR(1) 0.95"])
 def test_standard_errors_are_those_of_the_noise_that_made_the_data(rho: float) -> None:
     """The truth is the sandwich with the autocovariance that generated the noise; plain Cramer-Rao fails at 0.95."""
-    X, sigma = design(), 0.02
-    lags = np.abs(np.subtract.outer(np.arange(SAMPLES), np.arange(SAMPLES)))
+    X, sigma, lags = design(), 0.02, np.abs(np.subtract.outer(np.arange(SAMPLES), np.arange(SAMPLES)))
     inverse = np.linalg.inv(X.T @ X)
     truth = np.sqrt(np.diag(inverse @ X.T @ (sigma**2 * rho**lags) @ X @ inverse))
     plain, found = sigma * np.sqrt(np.diag(inverse)), []
@@ -168,8 +167,7 @@ def test_a_linear_model_has_the_interval_of_the_normal_distribution() -> None:
     random = np.random.default_rng(0)
     X = np.column_stack([np.ones(60), np.linspace(-1.0, 1.0, 60), random.normal(size=60)])
     y = X @ np.array([0.5, 0.4, 0.6]) + 0.05 * random.normal(size=60)
-    best = np.linalg.lstsq(X, y, rcond=None)[0]
-    sigma = 0.05 * np.sqrt(np.diag(np.linalg.inv(X.T @ X)))
+    best, sigma = np.linalg.lstsq(X, y, rcond=None)[0], 0.05 * np.sqrt(np.diag(np.linalg.inv(X.T @ X)))
     optimum = linearize(line(X, y, 0.05), best, np.arange(3))
     for entry, factor in ((0, 1.0), (1, 2.5), (2, 0.7)):
         found, half = ProfileLikelihood(optimum, entry, factor), NORMAL_95 * factor * sigma[entry]
@@ -331,8 +329,7 @@ def chained(bend: float) -> Target:
 def test_a_banana_in_48_dimensions_has_its_standard_deviations() -> None:
     """The kurtosis of y, 8.3, leaves 2 % of error to the standard deviation of 4000 independent draws."""
     chains = converged(hamiltonian, chained(1.0))
-    spread = SIGMA * np.tile([1.0, 0.1 * np.sqrt(3.0)], SIZE // 2)
-    found = chains.draws.reshape(-1, SIZE)
+    spread, found = SIGMA * np.tile([1.0, 0.1 * np.sqrt(3.0)], SIZE // 2), chains.draws.reshape(-1, SIZE)
     assert chains.converged
     assert np.sqrt(np.mean((found.std(axis=0) / spread - 1.0) ** 2)) < 0.03
     assert_allclose((found.mean(axis=0) - 0.5) / spread, 0.0, atol=0.1)

@@ -92,8 +92,7 @@ def test_what_was_not_recorded_is_held_and_told(full: Vehicle, flight: Flight) -
     assert np.ptp(problem.pieces[0].inputs[:, at]) > 0.01
     assert not problem.pieces[1].inputs[:, at].any()
     again, _ = unpack(pack(SimulationProblem(problem), {}))
-    z = np.append(problem.layout.start, np.zeros(problem.extra))[None]
-    rung = len(problem.prices) - 1
+    z, rung = np.append(problem.layout.start, np.zeros(problem.extra))[None], len(problem.prices) - 1
     assert np.array_equal(again.residuals(z, rung), problem.residuals(z, rung))
 
 

@@ -220,8 +220,7 @@ def negative_log_likelihood(x: FloatArray, r: FloatArray) -> float:
 @pytest.mark.parametrize(("share", "width"), [(0.02, 10.0), (0.003, 80.0), (0.2, 4.0)])
 def test_em_finds_what_direct_maximization_finds(share: float, width: float) -> None:
     r = 0.3 * contaminated(0, share, width)
-    found = model.fit_mixture(r)
-    start = [np.log(0.3), np.log(share / (1 - share)), np.log(0.3 * width)]
+    found, start = model.fit_mixture(r), [np.log(0.3), np.log(share / (1 - share)), np.log(0.3 * width)]
     fine = {"xatol": 1e-8, "fatol": 1e-8}
     best = minimize(negative_log_likelihood, start, (r,), "Nelder-Mead", options=fine)
     assert -float(np.sum(found.log_density(r))) == pytest.approx(best.fun, abs=0.05)

@@ -63,8 +63,7 @@ def test_a_file_of_an_older_version_is_read() -> None:
     for key in ("press", "theil_shares", "whiteness", "baseline"):
         del document["maneuvers"][0]["channels"]["q"][key]
     again = from_json(json.dumps(document))
-    assert repr(again.maneuvers[0].channels["q"]) == repr(channel)
-    assert again.modes == ()
+    assert (repr(again.maneuvers[0].channels["q"]), again.modes) == (repr(channel), ())
     assert not again.repeatability.parameters
     varying = ProcessNoise("varying", ("w", "q"), (0.3, 0.1))
     told = {"filter-error-ekf": varying, "output-error": ProcessNoise()}

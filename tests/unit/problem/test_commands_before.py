@@ -112,8 +112,7 @@ def flown() -> Flight:
 @pytest.mark.parametrize("pitot", [False, True])
 def test_a_start_that_was_read_is_the_true_one(pitot: bool, flown: Flight) -> None:
     scale = "V = { scale = 1.0 }" if pitot else ""
-    vehicle = vehicle_with(f"wind_error = {ERROR.tolist()}\n{scale}")
-    wrong = reconstructed(flown, ERROR)
+    vehicle, wrong = vehicle_with(f"wind_error = {ERROR.tolist()}\n{scale}"), reconstructed(flown, ERROR)
     read = {n: wrong.column(n)[::50] for n in (*AIR, *RATES, *EULER)}
     if pitot:
         read["V"] = flown.column("V")[::50]

@@ -127,8 +127,7 @@ def test_products_and_gradient_are_those_of_residuals_and_jacobian(problem: Misf
     z[0] = 1.0
     for rung in (0, len(problem.ladder) - 1):
         r = problem.residuals(z[None, :], rung)[0]
-        left = generator.standard_normal(len(r))
-        Z = z + 1e-3 * generator.standard_normal((3, len(z)))
+        left, Z = generator.standard_normal(len(r)), z + 1e-3 * generator.standard_normal((3, len(z)))
         R = problem.residuals(Z, rung)
         size = np.abs(R) @ np.abs(left)
         assert problem.products(Z, rung, left) / size == pytest.approx(R @ left / size, abs=1e-13)
@@ -185,8 +184,7 @@ def test_tied_biases_share_their_slope() -> None:
     tied = parse_vehicle(TWIN + '\n[sensors.az]\nbias = "=sensors.ax.bias"\n', "tied").reduced("longitudinal")
     p, free = piece(tied, 0, 0.5, {}), tuple(q for q in tied.parameters if q.name == "CL0")
     layout = Layout(tied, free, (Nuisance("sensors.ax.bias", 0, None, 0.0, 0.2),))
-    misfit = Misfit(layout, (p,), Weights.of(np.ones(6)), horizon_ladder((p,)))
-    z = np.array([0.5, 0.0])
+    misfit, z = Misfit(layout, (p,), Weights.of(np.ones(6)), horizon_ladder((p,))), np.array([0.5, 0.0])
     J = misfit.jacobian(z, 0, misfit.residuals(z[None, :], 0)[0])[0].dense()
     slope = J[: misfit.ladder[0][0] * 6, 1].reshape(-1, 6)
     assert slope == pytest.approx(np.tile([0.0, 0.0, 0.0, 0.0, 0.2, 0.2], (len(slope), 1)))

@@ -224,8 +224,7 @@ def test_draws_are_those_of_one_at_a_time(name: str, request: pytest.FixtureRequ
     for i, values in enumerate(draws.values):
         one = vehicle.with_numbers({n: {"value": float(v)} for n, v in zip(names, values, strict=True)})
         point = trim(one, speed, 200.0, 0.0, DENSITY)
-        theirs = linearize(one, point)
-        angles = {n: point.start[n] for n in ("alpha", "theta", "phi")}
+        theirs, angles = linearize(one, point), {n: point.start[n] for n in ("alpha", "theta", "phi")}
         assert {n: at.start[n][i] for n in angles} == pytest.approx(angles, abs=1e-8)
         assert {n: at.deflections[n][i] for n in point.deflections} == pytest.approx(
             point.deflections, abs=1e-8

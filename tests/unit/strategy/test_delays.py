@@ -208,8 +208,7 @@ def test_likelihoods_of_two_methods_are_not_compared(asks_for_a_delay: list, gai
 
 @cache
 def hovered(late: float) -> Flight:
-    vehicle, rng = builtin_vehicle("quad-x"), np.random.default_rng(2)
-    t = np.arange(0.0, 60.0, 0.02)
+    vehicle, rng, t = builtin_vehicle("quad-x"), np.random.default_rng(2), np.arange(0.0, 60.0, 0.02)
     slow = [np.convolve(rng.standard_normal(t.size), np.hanning(150), "same") for _ in range(6)]
     motion = [one / np.std(one) for one in slow]
     velocity, angles = np.column_stack(motion[:3]), 0.2 * np.column_stack(motion[3:])

@@ -51,8 +51,7 @@ def rolling(**told: dict[str, object]) -> Vehicle:
 
 
 def done(vehicle: Vehicle, strategy: Strategy = HOLD, name: str = "pitch") -> Fitted:
-    windows = [Window(name, 0.0, scenes.DURATION)]
-    options = Options(budget=3000.0, method="output-error")
+    windows, options = [Window(name, 0.0, scenes.DURATION)], Options(budget=3000.0, method="output-error")
     return fit(strategy, vehicle, {name: flight(name)}, windows, options=options)
 
 
@@ -112,8 +111,7 @@ def test_a_held_moment_widens_error_bars_as_a_free_one_does(share: float) -> Non
     """By its prior, or by what the flight leaves of that."""
     truth = scenes.aircraft().value(PITCH)
     free = done(pitching(1.0, prior=share * truth), Strategy.textbook()).estimate
-    held_there = held(free.estimates[PITCH], share * truth)
-    alone = held(free.estimates[PITCH], None)
+    held_there, alone = held(free.estimates[PITCH], share * truth), held(free.estimates[PITCH], None)
     for name in ("Cmalpha", "Cmq"):
         assert std(held_there, name) == pytest.approx(std(free, name), rel=0.02)
     assert std(held_there, "Cmalpha") > 1.02 * std(alone, "Cmalpha")

@@ -43,8 +43,7 @@ def batch_of(vehicle: Vehicle, flight: Flight, stop: float = DURATION) -> tuple[
 @pytest.mark.parametrize("memory", [np.inf, 1.0])
 def test_the_growing_transform_is_the_transform(memory: float) -> None:
     """Of signals that fade into the past, where there is a memory."""
-    signals = np.random.default_rng(0).standard_normal((300, 3))
-    frequencies = 0.2 + 0.1 * np.arange(15)
+    signals, frequencies = np.random.default_rng(0).standard_normal((300, 3)), 0.2 + 0.1 * np.arange(15)
     growing = RecursiveTransform(frequencies, 3, 0.02, memory)
     for row in signals:
         growing.update(row)

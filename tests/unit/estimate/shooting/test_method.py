@@ -22,8 +22,7 @@ from stoop.simulation.maneuver import parse_maneuver
 from stoop.vehicle import parse_vehicle
 from stoop.workflow import demo, identify
 
-DT = 0.02
-FREE = ("CL0", "CLalpha", "CLelevator", "CD0", "CDalpha", "Cm0", "Cmalpha", "Cmq", "Cmelevator")
+DT, FREE = 0.02, ("CL0", "CLalpha", "CLelevator", "CD0", "CDalpha", "Cm0", "Cmalpha", "Cmq", "Cmelevator")
 MANEUVER = maneuver(15.0, ("elevator", "3-2-1-1", 1.0, 0.5, 0.04), ("elevator", "3-2-1-1", 7.0, 0.5, -0.05))
 
 
