@@ -14,7 +14,6 @@ LOG, TASKS, STOPS = "STOOP_TEST_LOG", 400, (100_000, 200_000)
 
 
 def walk(arguments: Mapping[str, Any], stops: Sequence[int]) -> list[Any]:
-    """Write down that this is executed, then walk."""
     with Path(os.environ[LOG]).open("a") as log:
         log.write(f"{arguments['seed']}\n")
     x, step, results = 0.1 + arguments["seed"] / 1000.0, 0, []

@@ -32,7 +32,6 @@ class Campaign:
         self.ends: list[tuple[int, set[str]]] = []  #: executions and committed tasks when a driver was killed
 
     def start(self) -> psutil.Popen:
-        """Return the running driver, started if need be."""
         if self.process is None or self.process.poll() is not None:
             words = [sys.executable, self.code / CASE.name, "store.sqlite", "table.csv", "--workers", "2"]
             environment = {**os.environ, LOG: str(self.folder / "log"), "PYTHONPATH": str(self.code)}
@@ -58,7 +57,6 @@ class Campaign:
         return done
 
     def finish(self) -> bytes:
-        """Let the driver come to its end; return the table."""
         assert self.start().wait() == 0, (self.folder / "driver.err").read_text()
         return (self.folder / "table.csv").read_bytes()
 
@@ -85,7 +83,6 @@ class Campaign:
         self.ends.append((len(self.executed()), self.committed()))
 
     def kill_worker(self, chance: random.Random) -> None:
-        """Kill a worker process, be it at work or just starting."""
         workers: list[psutil.Process] = []
         while not workers and self.start().poll() is None:
             for child in self.start().children():
@@ -107,7 +104,6 @@ def code(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @contextmanager
 def campaign(folder: Path, code: Path) -> Iterator[Campaign]:
-    """Leave no process behind, whatever happens."""
     one = Campaign(folder, code)
     try:
         yield one

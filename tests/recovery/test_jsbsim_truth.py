@@ -44,7 +44,6 @@ def flown(folder: Path, name: str, maneuver: Maneuver, seed: int, model: Path) -
 
 
 def errors(folder: Path) -> tuple[np.ndarray, np.ndarray]:
-    """Return differences from the truth and standard errors of a result."""
     found = json.loads((folder / "result.json").read_text())["parameters"]
     both = [(found[n]["estimate"] - TRUTH.value(n), found[n]["std_error"]) for n in NAMES]
     off, sigma = np.array(both, dtype=float).T

@@ -59,7 +59,6 @@ def vehicles(name: str, gusts: float) -> tuple[Vehicle, Vehicle]:
 
 
 def misled(vehicle: Vehicle, seed: int) -> tuple[Vehicle, dict[str, float]]:
-    """Return a start up to 20 % off, and the truth."""
     rng, inertia = np.random.default_rng(seed + 100), [f"mass.inertia.{a}" for a in ("xx", "yy", "zz")]
     own = [p.name for p in vehicle.parameters if p.free and not p.name.startswith("sensors.")]
     free = (*own, "rotors.lag", "rotors.delay", "rotor.m3.factor", *CENTER, *inertia)

@@ -29,7 +29,6 @@ OTHER = maneuver(
 
 @cache
 def captured() -> Vehicle:
-    """Return the twin-boom aircraft in still air, its position measured."""
     return with_entries(parse_vehicle(load_vehicle("twin-boom").text, "twin-boom"), PLACES)
 
 

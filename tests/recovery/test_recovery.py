@@ -48,7 +48,6 @@ def held(vehicle: Vehicle) -> Vehicle:
 
 
 def spoiled(vehicle: Vehicle, seed: int, reach: float = 0.4) -> Vehicle:
-    """Return the vehicle with every free number wrong by up to 40 %."""
     rng = np.random.default_rng(1000 + seed)
     free = [p for p in vehicle.parameters if p.free and not p.name.endswith(".bias")]
     wrong = {p.name: np.clip(p.value * rng.uniform(1 - reach, 1 + reach), p.lower, p.upper) for p in free}
@@ -56,13 +55,11 @@ def spoiled(vehicle: Vehicle, seed: int, reach: float = 0.4) -> Vehicle:
 
 
 def freed(vehicle: Vehicle, numbers: Mapping[str, tuple[float, float]]) -> Vehicle:
-    """Return the vehicle with these numbers free within bounds, and no others."""
     closed = vehicle.with_numbers({p.name: {"free": False} for p in vehicle.parameters if "." not in p.name})
     return closed.with_numbers({name: {"free": True, "bounds": bounds} for name, bounds in numbers.items()})
 
 
 def scores(found: Estimate, truth: Vehicle) -> dict[str, float]:
-    """Return (estimate - truth) / standard error of every parameter."""
     problem, rung = found.problem, len(found.problem.prices) - 1
     J = problem.jacobian(found.z, rung, problem.residuals(found.z[None, :], rung)[0])[0].dense()
     sigma = np.sqrt(np.diag(np.linalg.inv(J.T @ J)))[: problem.dimension] * problem.layout.width
@@ -77,14 +74,12 @@ def recover(truth: Vehicle, start: Vehicle, flown: Maneuver, seed: int) -> Estim
 
 @pytest.fixture(scope="module")
 def aircraft() -> Vehicle:
-    """Return the paper's aircraft, with all 32 coefficients different from zero."""
     vehicle = parse_vehicle(TEXT, "twin-boom")
     return held(vehicle.with_numbers({name: {"value": value} for name, value in LEFT_OUT.items()}))
 
 
 @pytest.fixture(scope="module")
 def pitching(aircraft: Vehicle) -> tuple[Vehicle, Flight]:
-    """Return the longitudinal equations and a flight of them."""
     vehicle = aircraft.reduced("longitudinal")
     return vehicle, simulate_flight(vehicle, maneuver(16.0, *PITCH), seed=8, name="sim")
 
@@ -128,7 +123,6 @@ def test_separate_maneuvers_have_their_own_starts_and_biases(aircraft: Vehicle) 
 
 
 def test_mass_inertia_and_center_of_gravity() -> None:
-    """With the coefficients known, what the aircraft weighs, how it turns and where it balances."""
     text = TEXT.replace("[mass]\n", "[mass]\ncenter_of_gravity = [0.03, 0.0, 0.0]\n")
     text = text.replace("alpha = 0.0\n", "alpha = 0.0\nmoment_point = [0.0, 0.0, 0.0]\n")
     truth = held(parse_vehicle(text, "truth").reduced("longitudinal"))
@@ -205,7 +199,6 @@ def test_delays_lags_positions_and_scales() -> None:
 
 
 def test_a_prior_is_weighed_against_the_data(pitching: tuple[Vehicle, Flight]) -> None:
-    """A narrow wrong prior holds the estimate, a wide one does not."""
     vehicle, flight = pitching
     start = freed(vehicle, {n: BOUNDS[n] for n in ("Cmq", "Cmalpha")})
     for prior, expected in ((1e-3, pytest.approx(-40.0, abs=0.01)), (100.0, pytest.approx(-47.6, abs=2.0))):
@@ -278,7 +271,6 @@ def truth(tables: str) -> Vehicle:
 
 
 def prompt(more: str = "") -> Vehicle:
-    """Return a vehicle whose delays are numbers, all zero."""
     return truth("".join(f"[sensors.{channel}]\ndelay = 0.0\n" for channel in DELAYS) + more)
 
 
@@ -298,7 +290,6 @@ def flight(vehicle: Vehicle, seed: int, late: dict[str, float]) -> Flight:
 
 
 def spoiled_late(vehicle: Vehicle, seed: int) -> Vehicle:
-    """Free the coefficients, wrong by up to 40 %."""
     rng = np.random.default_rng([seed, 2])
     return vehicle.with_numbers({
         n: {"value": vehicle.value(n) * rng.uniform(0.6, 1.4), "bounds": b, "free": True} for n, b in FREE.items()
@@ -308,7 +299,6 @@ def spoiled_late(vehicle: Vehicle, seed: int) -> Vehicle:
 def recovered(
     method: str, vehicle: Vehicle, seed: int, added: dict[str, float]
 ) -> tuple[Estimate, np.ndarray]:
-    """Fit coefficients and what else is unknown; return the fit and all errors in standard errors."""
     unknown = {n: {"value": UNKNOWN[n][0], "bounds": UNKNOWN[n][1], "free": True} for n in added}
     flown = {"sim": flight(vehicle, seed, DELAYS if added is LATE else {})}
     found = fit_by(method, spoiled_late(vehicle, seed).with_numbers(unknown), flown, WINDOW)

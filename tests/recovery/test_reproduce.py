@@ -9,7 +9,6 @@ from stoop.cli.main import main
 
 
 def reproduce(folder: Path, name: str, runs: int, workers: int = 1) -> list[dict[str, str]]:
-    """Run an experiment and return its table."""
     assert main(["reproduce", name, "-o", str(folder), "--runs", str(runs), "--workers", str(workers)]) == 0
     with (folder / f"{name}.csv").open(newline="", encoding="utf-8") as file:
         return list(csv.DictReader(file))

@@ -37,13 +37,10 @@ INPUTS = [
 
 @dataclass(frozen=True, eq=False)
 class Log:
-    """A flight at the rate of its simulation."""
-
     vehicle: Vehicle
     flown: Flight
 
     def at(self, rate: float) -> Flight:
-        """Return what is read of a log whose motors came at a rate, Hz, and all else at 250 Hz."""
         parts, names = [], [*map(str, self.flown.data.data_vars)]
         for stream, step in (("motion", 2), ("motors", round(FINE / rate))):
             own = [c for c in names if c.startswith("motor_") == (stream == "motors")]
@@ -53,7 +50,6 @@ class Log:
         return Flight("log", None, dataset(grid.time, data), grid.rate, sources)
 
     def off(self, rate: float, method: str) -> float:
-        """Return how far the moments of inertia are off, of their size; the larger."""
         begun = self.vehicle.with_numbers({name: {"free": True, "bounds": (1e-3, 1.0)} for name in INERTIA})
         found = fit_by(method, begun, {"log": self.at(rate)}, [Window("log", 0.2, SECONDS - 0.2)])
         return max(abs(found.estimates[n] / self.vehicle.value(n) - 1.0) for n in INERTIA)
@@ -61,7 +57,6 @@ class Log:
 
 @pytest.fixture(scope="module")
 def log() -> Log:
-    """Return a flight of doublets whose motors are shaken about two axes."""
     keys = {"shape": "multisine", "start": 0.0, "duration": SECONDS, "amplitude": SHAKEN, "band": 200.0}
     shaken = [{"control": c, "first": 601 + i, "stride": 7, **keys} for i, c in enumerate(("roll", "pitch"))]
     doublets = maneuver(SECONDS, *INPUTS).model_dump(mode="json", exclude_defaults=True)["input"]

@@ -45,7 +45,6 @@ def test_what_is_not_counted_does_not_count() -> None:
 
 
 def test_taking_the_prior_out_gives_what_the_data_alone_say() -> None:
-    """Where the prior knows more, or nothing is known, nothing is counted."""
     data, error, mean, prior = 2.0, 0.4, 1.0, 0.6
     weight = error**-2 + prior**-2
     both, spread = (data / error**2 + mean / prior**2) / weight, weight**-0.5
@@ -152,7 +151,6 @@ def method(std: float, low: float = 1.96, high: float = 1.96, **figures: float) 
 
 
 def repeated(scale: float, seed: int, count: int = 40) -> Repeatability:
-    """Return parameters whose three maneuvers scatter by so many error bars."""
     drawn = scale * 0.1 * np.random.default_rng(seed).standard_normal((count, 3))
     each = {f"p{i}": scatter(singles((1.0 + row).tolist(), [0.1] * 3)) for i, row in enumerate(drawn)}
     return Repeatability((0, 1, 2), each)

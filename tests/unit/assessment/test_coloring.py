@@ -83,7 +83,6 @@ def sensitivities(size: int, seed: int = 0) -> np.ndarray:
 
 
 def noise(size: int, rho: float, random: np.random.Generator) -> np.ndarray:
-    """Return (n, ny) stationary AR(1) noise of variance 1."""
     white = random.normal(size=(size + 400, CHANNELS))
     return np.asarray(lfilter([np.sqrt(1 - rho**2)], [1.0, -rho], white, axis=0)[400:])
 
@@ -115,7 +114,6 @@ def judged(jacobian: np.ndarray, measured: np.ndarray, *edges: int) -> tuple[np.
 
 
 def test_bands_frequency_by_frequency() -> None:
-    """Of colored noise whose channels cohere differently in two bands."""
     coherency = np.stack([np.eye(CHANNELS, dtype=np.complex128)] * 2)
     coherency[0, 0, 1], coherency[0, 1, 0] = 0.3 + 0.4j, 0.3 - 0.4j
     coefficients = np.array([[0.6, 0.1], [-0.4, 0.2]])
@@ -218,7 +216,6 @@ def seen_by(clusters: int, seed: int) -> list[np.ndarray]:
 def linear_fit(
     jacobians: list[np.ndarray], noise: list[np.ndarray], prior: np.ndarray
 ) -> tuple[Coloring, np.ndarray]:
-    """Return a linear fit to noise (n,) of each maneuver, with a prior of mean zero, and its estimates."""
     pieces = [PieceEvidence(v[:, None], J) for v, J in zip(noise, jacobians, strict=True)]
     information = data_information(pieces) + prior
     score = sum(J[:, 0].T @ v for v, J in zip(noise, jacobians, strict=True))
@@ -271,7 +268,6 @@ def test_common_excess_and_chance() -> None:
 def test_intervals_of_effects_that_differ_between_maneuvers(
     clusters: int, excess: float, low: float, high: float
 ) -> None:
-    """Parameters that are a little different in each maneuver: intervals hold their mean, and plain ones do not."""
     random, holds, plain = np.random.default_rng(3), [], []
     prior = np.diag([0.0] * SHARED + [25.0] * (clusters * OWN))
     for seed in range(150):

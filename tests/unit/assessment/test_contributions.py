@@ -49,7 +49,6 @@ def test_in_white_noise_it_is_the_square_root_of_wald_s_statistic() -> None:
 
 
 def test_a_sine_is_compared_with_the_residuals_of_its_frequency() -> None:
-    """A sine has two independent samples."""
     count, cycles = 4000, 40
     jacobian = np.zeros((count, 12, 1))
     jacobian[:, 4, 0] = np.sin(2.0 * np.pi * cycles * np.arange(count) / count)

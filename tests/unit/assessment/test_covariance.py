@@ -133,7 +133,6 @@ def test_pairs_and_partners() -> None:
 
 
 def judge(rows: np.ndarray, prior: list[float], *scales: list[float]) -> tuple[bars.Identifiability, ...]:
-    """Return what is known of two numbers with the priors, boxes and sizes."""
     information = rows.T @ rows + np.diag(np.array(prior) ** -2.0)
     inverse, (box, size) = invert(information), scales
     each = enumerate(zip(size, box, prior, strict=True))
@@ -237,7 +236,6 @@ def fitted(truth: np.ndarray, scores: np.ndarray, wide: int = -1) -> tuple[np.nd
 
 
 def judged(truth: np.ndarray, scores: np.ndarray) -> PriorTests:
-    """Return the tests of the linear fit."""
     estimates, information = fitted(truth, scores)
     inverse, names = np.linalg.inv(information), [f"C{i}" for i in range(COUNT)]
     stated = zip(names, STD.tolist(), strict=True)

@@ -48,7 +48,6 @@ def fitted(lag: float) -> Estimate:
 
 
 def simulated(problem: Misfit, z: FloatArray, vehicle: Vehicle, index: int) -> FloatArray:
-    """Return the readings (n, n_y) of another vehicle with the estimates of a fit."""
     layout = problem.layout
     found = zip(layout.parameters, layout.physical(z[None])[0].tolist(), strict=True)
     changed = replace(layout, vehicle=vehicle.with_numbers({p.name: {"value": v} for p, v in found}))
@@ -194,7 +193,6 @@ def test_variances_of_extensions_that_share_nothing() -> None:
 
 
 def test_variances_of_greatest_evidence() -> None:
-    """No other variances explain scores of extensions that resemble each other better."""
     rng = np.random.default_rng(4)
     V = rng.standard_normal((60, 5)) + 1.5 * rng.standard_normal((60, 1))
     G = V.T @ V

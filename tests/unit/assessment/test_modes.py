@@ -28,7 +28,6 @@ from stoop.simulation.steady_flight import neighbors
 
 
 def short_period(w: float, zeta: float, *variances: float) -> ModeEstimate:
-    """Return the mode of the given variances of w and zeta; nothing moves the phugoid."""
     A, by_w, by_zeta = np.zeros((3, 4, 4))
     A[1:3, 1:3] = [[0.0, 1.0], [-(w**2), -2.0 * zeta * w]]
     A[np.ix_([0, 3], [0, 3])] = [[-0.02, -9.81], [0.01, 0.0]]

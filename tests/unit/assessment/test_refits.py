@@ -47,7 +47,6 @@ TRUTH = np.array([0.5, 0.4, 0.3])
 
 
 def drawn(X: np.ndarray, y: np.ndarray, sigma: float) -> tuple[Optimum, ColoredBlocks]:
-    """Return the optimum of a linear model, and noise like its residuals."""
     z = np.linalg.lstsq(X, y, rcond=None)[0]
     v = ((y - X @ z) / sigma)[:, None]
     found = estimate_uncertainty([PieceEvidence(v, X[:, None, :] / sigma)], np.zeros((3, 3)))
@@ -231,7 +230,6 @@ def test_a_better_optimum_is_reported() -> None:
 def posterior(
     problem: Fitted, z: np.ndarray, covariance: np.ndarray | None = None
 ) -> tuple[Target, Chains, np.ndarray]:
-    """Return the target, the chains, and all their draws."""
     optimum = linearize(problem, z, np.arange(len(z)))
     target = Target(optimum, np.eye(optimum.shared))
     if covariance is not None:
@@ -241,7 +239,6 @@ def posterior(
 
 
 def straight(extra: int = 0) -> tuple[Fitted, np.ndarray, np.ndarray]:
-    """Return a linear problem, its optimum, and the exact covariance of its parameters."""
     random = np.random.default_rng(1)
     X = np.column_stack([np.ones(80), np.linspace(-1, 1, 80), np.exp(-np.linspace(0, 3, 80))])
     y, information = X @ np.array([0.5, 0.4, 0.5]) + 0.02 * random.normal(size=80), X.T @ X / 0.0004
@@ -303,7 +300,6 @@ SIZE, SIGMA = 48, 0.02
 
 
 def converged(sampler: Callable[..., Any], target: Target) -> Chains:
-    """Return the first chains that have converged, else the last."""
     for chains in sampler(target, coordinates(target), 0, print):
         if chains.converged:
             break

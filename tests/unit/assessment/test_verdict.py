@@ -63,13 +63,11 @@ def codes(found: Verdict) -> list[str]:
 
 
 def held_back(*, fitted: Mapping[str, GoodnessOfFit] | None = None, **channels: GoodnessOfFit) -> Result:
-    """Return a result of two fitted maneuvers and of one held back, with the figures of channels in either."""
     first = [maneuver(start, "fit", **fitted or {}) for start in (0.0, 5.0)]
     return result(maneuvers=(*first, maneuver(10.0, "validation", **channels)))
 
 
 def twice(given: Result) -> Result:
-    """Return the result with its last window held back twice."""
     return dataclasses.replace(given, maneuvers=(*given.maneuvers, given.maneuvers[-1]))
 
 
@@ -85,7 +83,6 @@ def lacking(statistic: float = 50.0, beside: float | None = None, **changes: Any
 
 
 def contradicted(name: str, change: float) -> Result:
-    """Return a result in which one test contradicts a fixed number of 2 and moves nothing else."""
     found = dataclasses.replace(LAG, name=name, kind="number", value=2.0 + change, change=change)
     return result(extensions=ExtensionTests(100, 0.01, (found,)))
 
@@ -97,7 +94,6 @@ def in_gusts(figures: InnovationFigures) -> Result:
 
 
 def scattering(count: int) -> Result:
-    """Return a result of 20 parameters of which some scatter between maneuvers."""
     each = {
         f"C{i}": of.ParameterRepeatability((), chi_square=1.0, degrees=1, verdict="scatter" if i < count else "agree")
         for i in range(20)
@@ -106,7 +102,6 @@ def scattering(count: int) -> Result:
 
 
 def known(correlation: float = 0.0, **parameters: ParameterEstimate) -> Result:
-    """Return a result with such estimates, of which the first two are correlated."""
     sigma = np.array([p.std_error for p in parameters.values()])
     related = np.eye(len(sigma))
     related[0, 1] = related[1, 0] = correlation

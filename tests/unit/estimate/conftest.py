@@ -15,8 +15,6 @@ Resumed = Callable[..., Estimate]
 
 @pytest.fixture
 def resumed(tmp_path: Path) -> Resumed:
-    """Return a function that interrupts a fit early, halfway and at its end, resumes it from a file, and compares."""
-
     def check(fit: Callable[..., Estimate], *arguments: Any) -> Estimate:
         trials: list[optimize.Progress] = []
         whole = fit(*arguments, trials.append, None)

@@ -24,12 +24,10 @@ def fit_by(
 
 
 def deviations(found: Estimate, truth: Mapping[str, float]) -> FloatArray:
-    """Return the errors of the estimates of these numbers over their standard errors."""
     std = dict(zip(found.estimates, error_bars(found).std.tolist(), strict=False))
     return np.array([(found.estimates[n] - true) / std[n] for n, true in truth.items()])
 
 
 def posed(vehicle: Vehicle, flight: Flight, stop: float | None = None) -> Misfit:
-    """Return the problem of a flight, until a time."""
     windows = [Window(flight.name, 0.0, float(flight.time[-1]) if stop is None else stop)]
     return estimation_problem(vehicle, {flight.name: flight}, windows, Options())[0]

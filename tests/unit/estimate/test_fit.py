@@ -179,7 +179,6 @@ def test_optimizers_of_every_kind_reach_the_same_place(wrong: Vehicle, flight: F
 def test_an_interrupted_search_keeps_its_best_and_ends_where_an_undisturbed_one_does(
     wrong: Vehicle, flight: Flight
 ) -> None:
-    """Also one whose budget ends: weights do not depend on it."""
     states: list[optimize.State] = []
 
     def interrupt(progress: optimize.Progress) -> None:

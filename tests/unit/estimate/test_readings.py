@@ -97,7 +97,6 @@ def flown() -> Flight:
 
 
 def slowed(flight: Flight) -> Flight:
-    """Return a flight as it is read from a log in which some sensors were read every tenth sample."""
     slow = Channels("slow", flight.time[::EVERY], {n: flight.column(n)[::EVERY] for n in SLOW})
     others = set(flight.channels) - {*SLOW, "q0", "q1", "q2", "q3"}
     fast = Channels("log", flight.time, {n: flight.column(n) for n in sorted(others)})
@@ -201,7 +200,6 @@ def test_the_wind_is_taken_off_and_the_attitude_undone(quad: Vehicle) -> None:
 
 
 def test_nuisances(quad: Vehicle) -> None:
-    """The wind is one of them, and no parameter of the search."""
     found = {n.name: n for n in nuisances(quad, drifting(quad))}
     assert [n for n in found if not found[n].is_bias] == [
         "u", "v", "w", "p", "q", "r", "phi", "theta", "psi", "m1.lag", "m2.lag", "m3.lag", "m4.lag",

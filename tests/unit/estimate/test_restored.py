@@ -39,7 +39,6 @@ Problem = tuple[Vehicle, dict[str, Flight], list[Window]]
 
 @pytest.fixture(scope="module")
 def aircraft() -> Problem:
-    """Return two flights with a late vane and outliers of a gyro."""
     late = parse_vehicle(load_vehicle("twin-boom").text + "[sensors.alpha]\ndelay = 0.033\n", "late")
     vehicle, out = with_few_free(late.reduced("longitudinal"), FREE), {}
     for seed, name in enumerate(("a", "b")):
@@ -59,7 +58,6 @@ def quadrotor() -> Problem:
 
 
 def same(one: Any, other: Any) -> None:
-    """Check arrays, and sequences and mappings of them, for equal bits."""
     if isinstance(one, Mapping):
         assert list(one) == list(other)
         same(list(one.values()), list(other.values()))
@@ -72,14 +70,12 @@ def same(one: Any, other: Any) -> None:
 
 
 def saved(found: Estimate) -> dict[str, Any]:
-    """Return the arrays as a file keeps them."""
     file = io.BytesIO()
     np.savez_compressed(file, **found.state())
     return read_arrays(file, 2**28)
 
 
 def compared(found: Estimate) -> list[Any]:
-    """Return what assessments read of an estimate."""
     bars, evidence = error_bars(found), found.evidence
     observed = bars.uncertainty.coloring.observed
     return [
@@ -115,7 +111,6 @@ def test_an_estimate_comes_back_with_the_same_bits(
 
 
 def changed(arrays: Mapping[str, Any], **entries: Any) -> dict[str, Any]:
-    """Return the arrays with other entries of the problem in their head."""
     head = json.loads(arrays["head"].tobytes())
     head["problem"] |= entries
     return {**arrays, "head": np.frombuffer(json.dumps(head).encode(), np.uint8)}
@@ -156,7 +151,6 @@ def problem() -> tuple[Vehicle, Flight]:
 
 
 def lost(found: Any) -> Any:
-    """Return arrays of the same shapes without a finite number."""
     return tuple(map(lost, found)) if isinstance(found, tuple) else np.full_like(found, np.nan)
 
 
@@ -182,7 +176,6 @@ def fitted(method: str, vehicle: Vehicle, flight: Flight) -> Estimate:
 
 
 def ends_as_a_value(method: str, vehicle: Vehicle, flight: Flight) -> None:
-    """Check that a fit ends with an estimate that has a status, or with one line of advice."""
     try:
         found = fitted(method, vehicle, flight)
     except StoopError as error:

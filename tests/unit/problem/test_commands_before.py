@@ -43,7 +43,6 @@ def flight() -> Flight:
 
 
 def begun(flight: Flight) -> float:
-    """Return a time at which the elevator has moved just before."""
     moved = np.abs(np.diff(flight.column("elevator"))) > 0.0
     return float(flight.time[np.flatnonzero(moved)[0] + round(0.5 * DELAY * flight.rate)])
 

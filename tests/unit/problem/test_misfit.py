@@ -73,7 +73,6 @@ def points(problem: Misfit, count: int) -> np.ndarray:
 
 
 def point(problem: Misfit, nuisances: float = 0.0, seed: int = 2) -> np.ndarray:
-    """Return all unknowns near the middle, nuisances of a size."""
     extra = nuisances * np.random.default_rng(seed).standard_normal(problem.extra)
     return np.concatenate([points(problem, 1)[0], extra])
 

@@ -204,7 +204,6 @@ def polar_aircraft() -> Vehicle:
 
 
 def speed_of(lift: float, weight: float = 189.40 * GRAVITY) -> float:
-    """Return the airspeed at which a lift coefficient carries a weight."""
     return math.sqrt(2.0 * weight / (DENSITY * 2.8667 * lift))
 
 

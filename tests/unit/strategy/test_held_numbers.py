@@ -108,7 +108,6 @@ def held(value: float, known: float | None) -> Estimate:
 
 @pytest.mark.parametrize("share", [0.03, 0.3])
 def test_a_held_moment_widens_error_bars_as_a_free_one_does(share: float) -> None:
-    """By its prior, or by what the flight leaves of that."""
     truth = scenes.aircraft().value(PITCH)
     free = done(pitching(1.0, prior=share * truth), Strategy.textbook()).estimate
     held_there, alone = held(free.estimates[PITCH], share * truth), held(free.estimates[PITCH], None)
@@ -118,7 +117,6 @@ def test_a_held_moment_widens_error_bars_as_a_free_one_does(share: float) -> Non
 
 
 def test_the_prior_of_a_moment_that_the_flight_contradicts_counts_whole() -> None:
-    """As refits with another moment say."""
     truth = scenes.aircraft().value(PITCH)
     prior, wrong = 0.03 * truth, 1.03 * truth
     below, above = (held(wrong + sign * prior, None).estimates["Cmalpha"] for sign in (-1.0, 1.0))

@@ -160,7 +160,6 @@ def switched(words: str) -> Strategy:
 
 
 def test_what_is_no_strategy_or_method_is_one_line_with_the_fix() -> None:
-    """Types are disregarded on purpose."""
     default: Any = Strategy.default()
     of_class: Any = Strategy
     for call, given, advice in (

@@ -28,7 +28,6 @@ WINDOW = Window("sim", 0.0, 15.0)
 
 
 def errors(vehicle, flight, method, **options):
-    """The fit, errors of what was free, and their standard errors."""
     found = fit_by(method, vehicle, {"sim": flight}, [WINDOW], **options)
     truth, std = json.loads(flight.data.attrs["truth"]), error_bars(found).std
     off = np.array([found.estimates[p.name] - truth[p.name] for p in found.problem.layout.parameters])
@@ -137,7 +136,6 @@ def flights(gusty: Vehicle) -> list[Flight]:
 
 
 def ahead_of(vehicle: Vehicle, *flights: Flight) -> Prediction:
-    """Return predictions with the noise of the vehicle file, as a fit that found the truth would make them."""
     sigma = np.array([getattr(vehicle.file.sensors, c).sigma for c in vehicle.outputs])
     noise = NoiseCovariance(vehicle.outputs, np.diag(sigma**2))
     known = FittedFilter.of_result(vehicle, noise, ProcessNoise("steady"))
@@ -156,7 +154,6 @@ def correlations(ahead: Prediction) -> FloatArray:
 def test_innovations_of_the_truth_are_white_and_as_large_as_expected_and_of_a_wrong_model_not(
     gusty: Vehicle, flights: list[Flight]
 ) -> None:
-    """Of 18 curves."""
     ahead = ahead_of(gusty, *flights)
     rms, r = np.array([np.sqrt(np.mean(v**2, axis=0)) for v in ahead.innovations or ()]), correlations(ahead)
     assert np.all(np.abs(rms - 1.0) < 0.1)
