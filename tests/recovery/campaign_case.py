@@ -37,9 +37,7 @@ def main() -> int:
     parser.add_argument("table", type=Path)
     add_options(parser, (shared_options()["workers"], shared_options()["scheduler"]))
     arguments, cases = parser.parse_args(), ((seed, stop) for seed in range(TASKS) for stop in STOPS)
-    runs = tuple(
-        Run(f"{seed:03d}/{stop}", "campaign_case:walk", {"seed": seed}, stop) for seed, stop in cases
-    )
+    runs = tuple(Run(f"{n:03d}/{stop}", "campaign_case:walk", {"seed": n}, stop) for n, stop in cases)
     results = run_campaign(arguments, Plan("walks", {}, runs), arguments.store)
     write_text_atomic(arguments.table, "".join(f"{key},{r['x']!r}\n" for key, r in results.items()))
     return 0

@@ -34,7 +34,6 @@ def test_a_vehicle_is_found_from_its_outputs(case: str) -> None:
 
 TRUTH = load_vehicle("twin-boom")
 NAMES = [p.name for p in TRUTH.parameters if p.free and p.value]
-BEFORE = (("elevator", 2.0), ("aileron", 7.0), ("rudder", 12.0))
 
 
 def flown(folder: Path, name: str, maneuver: Maneuver, seed: int, model: Path) -> Path:
@@ -58,7 +57,7 @@ def test_the_loop_from_log_to_a_better_model(tmp_path: Path) -> None:
         text, count = re.subn(rf"^{name} = .*$", number, text, flags=re.M)
         assert count == 1, name
     model.write_text(text)
-    pilot = [(control, "doublet", start, 1.0, 0.01) for control, start in BEFORE]
+    pilot = [(c, "doublet", t, 1.0, 0.01) for c, t in (("elevator", 2.0), ("aileron", 7.0), ("rudder", 12.0))]
     before = flown(tmp_path, "before.ulg", maneuver(20.0, *pilot, rate=100.0, airspeed=35.0), 1, model)
     known = ["--vehicle", str(model), "--maneuver", "0.2:19.8"]
     assert main(["identify", str(before), *known, "-o", str(tmp_path / "first")]) == 0

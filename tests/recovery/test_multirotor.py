@@ -33,7 +33,8 @@ AIR: tuple[tuple[str, float, Flights, float, float], ...] = (
 )
 """Air; m/s; seeds, none twice, for of one seed gusts are alike whatever flies through them; most of |z|, of a mean square."""
 CENTER = ("mass.center_of_gravity.x", "mass.center_of_gravity.y")
-GUSTS = "\n[turbulence]\nairspeed = 5.0\n" + "".join(
+BLOWN = "\n[turbulence]\nairspeed = 5.0\n"
+GUSTS = BLOWN + "".join(
     f"{a} = {{{{ intensity = {{0}}, length = {length} }}}}\n"
     for a, length in (("u", 50.0), ("v", 50.0), ("w", 20.0))
 )
@@ -73,9 +74,8 @@ def misled(vehicle: Vehicle, seed: int) -> tuple[Vehicle, dict[str, float]]:
 
 def flown(name: str, gusts: float, seed: int) -> np.ndarray:
     true, calm = vehicles(name, gusts)
-    flight = simulate_flight(
-        true, maneuver(SECONDS, *LEGS, rate=100.0, wind=[2.0, -1.0, 0.0]), seed=seed, name="sim"
-    )
+    legs = maneuver(SECONDS, *LEGS, rate=100.0, wind=[2.0, -1.0, 0.0])
+    flight = simulate_flight(true, legs, seed=seed, name="sim")
     start, truth = misled(calm, seed)
     found = fit(start, {"sim": flight}, [Window("sim", 0.0, SECONDS)], Options(seed=seed))
     assert found.outcome.status == "converged"
@@ -99,9 +99,7 @@ def test_error_bars_are_right(air: str, gusts: float, flights: Flights, worst: f
     assert 0.90 < np.mean(np.abs(pooled) < NORMAL_95) < 0.98
 
 
-GUSTS_ROTORS = "\n[turbulence]\nairspeed = 5.0\n" + "".join(
-    f"{a} = {{ intensity = 0.3, length = 5.0 }}\n" for a in "uvw"
-)
+GUSTS_ROTORS = BLOWN + "".join(f"{a} = {{ intensity = 0.3, length = 5.0 }}\n" for a in "uvw")
 WRONG_SMALL = {
     "rotors.T1": 0.8, "rotors.lag": 0.5, "rotors.torque_ratio": 1.3, "mass.inertia.xx": 1.4, "mass.inertia.yy": 0.7,
 }  # fmt: skip

@@ -22,9 +22,7 @@ MANEUVER = maneuver(
     12.0, ("elevator", "3-2-1-1", 1.0, 0.4, 0.06), ("aileron", "doublet", 5.0, 0.5, 0.08), ("rudder", "doublet", 8.0, 0.7, 0.10),
     rate=100.0,
 )  # fmt: skip
-OTHER = maneuver(
-    8.0, ("aileron", "3-2-1-1", 1.0, 0.4, -0.05), ("elevator", "doublet", 4.0, 0.8, 0.05), rate=100.0
-)
+OTHER = maneuver(8.0, ("aileron", "3-2-1-1", 1.0, 0.4, -0.05), ("elevator", "doublet", 4.0, 0.8, 0.05), rate=100.0)  # fmt: skip
 
 
 @cache

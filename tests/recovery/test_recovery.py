@@ -6,6 +6,7 @@ should be exact: pooled over seeds, squares of (estimate - truth) / standard err
 
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -296,9 +297,7 @@ def spoiled_late(vehicle: Vehicle, seed: int) -> Vehicle:
     })  # fmt: skip
 
 
-def recovered(
-    method: str, vehicle: Vehicle, seed: int, added: dict[str, float]
-) -> tuple[Estimate, np.ndarray]:
+def recovered(method: str, vehicle: Vehicle, seed: int, added: dict[str, float]) -> tuple[Estimate, Any]:
     unknown = {n: {"value": UNKNOWN[n][0], "bounds": UNKNOWN[n][1], "free": True} for n in added}
     flown = {"sim": flight(vehicle, seed, DELAYS if added is LATE else {})}
     found = fit_by(method, spoiled_late(vehicle, seed).with_numbers(unknown), flown, WINDOW)

@@ -13,18 +13,12 @@ from stoop.assessment.draws import draws_of, from_covariance, truncated_normal
 from stoop.assessment.uncertainty import agreement, method_agreement, scatter, without_prior
 from stoop.base.notices import notice
 from stoop.errors import StoopError
+from stoop.results import uncertainty as of
 from stoop.results.result import Covariance, ManeuverResult, NoiseCovariance, ParameterEstimate, Result
-from stoop.results.uncertainty import (
-    Interval,
-    MethodIntervals,
-    ParameterRepeatability,
-    Repeatability,
-    SingleEstimate,
-)
 
 
-def singles(values: list[float], errors: list[float]) -> list[SingleEstimate]:
-    return [SingleEstimate(v, e, counted=True) for v, e in zip(values, errors, strict=True)]
+def singles(values: list[float], errors: list[float]) -> list[of.SingleEstimate]:
+    return [of.SingleEstimate(v, e, counted=True) for v, e in zip(values, errors, strict=True)]
 
 
 def test_by_hand() -> None:
@@ -37,7 +31,7 @@ def test_by_hand() -> None:
 
 
 def test_what_is_not_counted_does_not_count() -> None:
-    some = [*singles([1.0, 1.1], [0.1, 0.1]), SingleEstimate(9.0, 0.1, counted=False)]
+    some = [*singles([1.0, 1.1], [0.1, 0.1]), of.SingleEstimate(9.0, 0.1, counted=False)]
     found, alone, nobody = scatter(some), scatter(some[1:]), scatter(some[2:])
     assert (found.mean, found.degrees, len(found.singles)) == (pytest.approx(1.05), 1, 3)
     assert (alone.mean, alone.degrees, alone.verdict) == (1.1, 0, "")
@@ -52,32 +46,30 @@ def test_taking_the_prior_out_gives_what_the_data_alone_say() -> None:
     assert found.counted
     assert (found.estimate, found.std_error) == pytest.approx((data, error))
     assert not without_prior(1.0, 0.5, 0.8, 1.0, 0.55).counted
-    assert without_prior(1.0, 0.5, 0.0, nan, nan) == SingleEstimate(1.0, 0.5, counted=True)
+    assert without_prior(1.0, 0.5, 0.0, nan, nan) == of.SingleEstimate(1.0, 0.5, counted=True)
     assert not without_prior(1.0, math.inf, 0.0, nan, nan).counted
 
 
-def result(
-    estimates: dict[str, float], error: float, flight: str, prior: float = nan, **changes: object
-) -> Result:
+def result(at: dict[str, float], error: float, flight: str, prior: float = nan, **changes: object) -> Result:
     """Return a result of one maneuver whose every estimate has the same standard error, the prior's part included."""
     empty = np.empty((0, 0))
     given = {
-        "parameters": {n: ParameterEstimate(v, error, prior_mean=0.0, prior_std=prior) for n, v in estimates.items()},
+        "parameters": {n: ParameterEstimate(v, error, prior_mean=0.0, prior_std=prior) for n, v in at.items()},
         "covariance": Covariance((), empty), "noise_covariance": NoiseCovariance((), empty),
         "initial_states": (), "biases": (), "wind": (), "cost": 1.0, "trajectories": 1.0, "seconds": 1.0, "seed": 0,
         "optimizer": "", "status": "converged", "inputs": {f"{flight}.nc": flight},
         "maneuvers": (ManeuverResult(flight, 0.0, 10.0, "fit", (), {}),),
-        "uncertainty": {"cramer_rao": MethodIntervals({n: Interval(error) for n in estimates})},
+        "uncertainty": {"cramer_rao": of.MethodIntervals({n: of.Interval(error) for n in at})},
     }  # fmt: skip
     return Result(**{**given, **changes})  # type: ignore[arg-type]
 
 
 def test_the_scatter_ratio_is_the_root_of_chi_square_over_degrees_of_freedom() -> None:
     compared = {
-        verdict: ParameterRepeatability((), chi_square=square, degrees=degrees, verdict=verdict)
+        verdict: of.ParameterRepeatability((), chi_square=square, degrees=degrees, verdict=verdict)
         for square, degrees, verdict in ((4.0, 2, "agree"), (8.0, 4, "scatter"), (99.0, 0, ""))
     }
-    assert Repeatability(parameters=compared).scatter_ratio == pytest.approx(math.sqrt(12.0 / 6.0))
+    assert of.Repeatability(parameters=compared).scatter_ratio == pytest.approx(math.sqrt(12.0 / 6.0))
 
 
 @pytest.mark.parametrize("prior", [nan, 0.5])
@@ -134,7 +126,7 @@ def test_what_cannot_be_compared_is_refused_or_not_counted() -> None:
 
 
 def test_one_maneuver_takes_the_scatter_that_the_maneuvers_of_another_result_show() -> None:
-    both = {m: MethodIntervals({"a": Interval(0.1)}) for m in ("cramer_rao", "conditional")}
+    both = {m: of.MethodIntervals({"a": of.Interval(0.1)}) for m in ("cramer_rao", "conditional")}
     several = result({"a": 1.0}, 0.3, "one", uncertainty=both)
     found = agreement({"one": several, "two": result({"a": 1.5}, 0.2, "two")})
     assert [one.std_error for one in found.parameters["a"].singles] == pytest.approx([0.3, 0.6])
@@ -145,15 +137,15 @@ def test_one_maneuver_takes_the_scatter_that_the_maneuvers_of_another_result_sho
 ONE = {"a": ParameterEstimate(1.0, 0.1), "b": ParameterEstimate(2.0, 0.1)}
 
 
-def method(std: float, low: float = 1.96, high: float = 1.96, **figures: float) -> MethodIntervals:
-    at = {n: Interval(std, p.estimate - low * std, p.estimate + high * std) for n, p in ONE.items()}
-    return MethodIntervals(at, figures)
+def method(std: float, low: float = 1.96, high: float = 1.96, **figures: float) -> of.MethodIntervals:
+    at = {n: of.Interval(std, p.estimate - low * std, p.estimate + high * std) for n, p in ONE.items()}
+    return of.MethodIntervals(at, figures)
 
 
-def repeated(scale: float, seed: int, count: int = 40) -> Repeatability:
+def repeated(scale: float, seed: int, count: int = 40) -> of.Repeatability:
     drawn = scale * 0.1 * np.random.default_rng(seed).standard_normal((count, 3))
     each = {f"p{i}": scatter(singles((1.0 + row).tolist(), [0.1] * 3)) for i, row in enumerate(drawn)}
-    return Repeatability((0, 1, 2), each)
+    return of.Repeatability((0, 1, 2), each)
 
 
 COLORED = {"corrected": method(0.1), "cramer_rao": method(0.025)}
@@ -191,7 +183,7 @@ def test_what_methods_say_decides_which_one_is_trusted() -> None:
         ({"posterior": method(0.1, 1.0, 3.0, rhat=1.001)}, "posterior-skewed", "", {}),
         ({"posterior": method(0.3, rhat=1.001)}, "posterior-disagrees", "a and b", {}),
         ({"posterior": method(0.1, rhat=1.2)}, "agreement-no-posterior", "", {}),
-        ({"profile": MethodIntervals({"a": Interval(nan, nan, 1.4)})}, "profiles-open", "a", {}),
+        ({"profile": of.MethodIntervals({"a": of.Interval(nan, nan, 1.4)})}, "profiles-open", "a", {}),
         ({"conditional": None}, "agreement-one-maneuver", "", {}),
     ):
         given = {name: one for name, one in {**agreeing, **methods}.items() if one}
@@ -258,7 +250,7 @@ def test_what_cannot_be_drawn_from_is_refused_with_the_way_out() -> None:
     figures = {"rhat": 1.3, "sample_size": 20.0, "std_error": 0.2}
     failed = notice("posterior-not-converged", **figures, max_rhat=1.01, needed=400.0, max_std_error=0.03)
     plain = fitted(KNOWN, np.array([[0.01]]))
-    stuck = replace(plain, uncertainty={"posterior": MethodIntervals({}, {"rhat": 1.3}, (failed,))})
+    stuck = replace(plain, uncertainty={"posterior": of.MethodIntervals({}, {"rhat": 1.3}, (failed,))})
     unknown = fitted({"a": ParameterEstimate(1.0)}, np.array([[np.inf]]))
     for fit, source, advice in (
         (stuck, None, r"not converged \(R-hat 1.300\); take --source covariance"),
@@ -278,7 +270,7 @@ def test_draws_of_a_posterior_file(tmp_path: Path) -> None:
     xr, values = pytest.importorskip("xarray"), np.random.default_rng(0).normal(size=(4, 500))
     data = xr.Dataset({"a": (("chain", "draw"), values)})
     data.to_netcdf(tmp_path / "posterior.nc", group="posterior", engine="h5netcdf")
-    fit = replace(fitted(KNOWN, np.array([[0.01]])), uncertainty={"posterior": MethodIntervals({}, {})})
+    fit = replace(fitted(KNOWN, np.array([[0.01]])), uncertainty={"posterior": of.MethodIntervals({}, {})})
     found = draws_of(fit, (tmp_path / "posterior.nc").read_bytes(), 1000)
     assert (found.source, found.values.shape) == ("posterior", (1000, 1))
     assert found.values[:, 0].std() == pytest.approx(values.std(), rel=0.05)

@@ -265,17 +265,12 @@ def test_common_excess_and_chance() -> None:
 
 @pytest.mark.parametrize(("excess", "low", "high"), [(0.0, 0.93, 0.995), (0.4, 0.90, 0.98)])
 @pytest.mark.parametrize("clusters", [2, 5])
-def test_intervals_of_effects_that_differ_between_maneuvers(
-    clusters: int, excess: float, low: float, high: float
-) -> None:
-    random, holds, plain = np.random.default_rng(3), [], []
+def test_intervals_of_effects_that_differ(clusters: int, excess: float, low: float, high: float) -> None:
+    normal, holds, plain = np.random.default_rng(3).normal, [], []
     prior = np.diag([0.0] * SHARED + [25.0] * (clusters * OWN))
     for seed in range(150):
         jacobians = seen_by(clusters, seed)
-        noise = [
-            random.normal(size=SAMPLES) + J[:, 0, :SHARED] @ (excess * random.normal(size=SHARED))
-            for J in jacobians
-        ]
+        noise = [normal(size=SAMPLES) + J[:, 0, :SHARED] @ (excess * normal(size=SHARED)) for J in jacobians]
         fit, estimates = linear_fit(jacobians, noise, prior)
         off = np.abs(estimates / np.sqrt(np.diag(fit.inverse.matrix)))[:SHARED]
         scatter = cluster_scatter(fit, WHITE, list(range(clusters)), SHARED)

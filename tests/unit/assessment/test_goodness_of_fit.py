@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from hypothesis.extra import numpy as hnp
 from naive.whiteness import naive_ljung_box
 from numpy.testing import assert_allclose
 from scipy.integrate import solve_ivp
@@ -17,18 +16,7 @@ from scipy.stats import chi2
 from stoop.assessment import baseline
 from stoop.assessment import goodness_of_fit as fit
 from stoop.assessment.baseline import Lag, LagRecord, fit_lags
-from stoop.assessment.goodness_of_fit import (
-    Match,
-    channel_figures,
-    left_out,
-    noise_floor,
-    r2,
-    rmse,
-    theil,
-    whiteness,
-)
-
-curve = hnp.arrays(np.float64, st.integers(2, 30), elements=st.integers(-999, 999).map(float))
+from stoop.assessment.goodness_of_fit import Match, channel_figures, noise_floor, r2, rmse, theil, whiteness
 
 
 def pair(size: int = 400) -> tuple[np.ndarray, np.ndarray]:
@@ -44,14 +32,7 @@ def test_against_the_definition_by_hand() -> None:
     figures = channel_figures(z, Match(y), 1.0)
     assert figures.fit_percent == pytest.approx(100.0 * (1.0 - math.sqrt(1.0 / 0.5)))
     assert math.isnan(fit.fit_percent(math.nan))
-
-
-@given(curve, st.floats(0.1, 10.0))
-def test_bounds_and_units(z: np.ndarray, factor: float) -> None:
-    assert (theil(z, z), theil(z, -z)) == (0.0, pytest.approx(1.0) if np.any(z) else 0.0)
-    y = np.roll(z, 1) + 0.5
-    assert 0.0 <= theil(z, y) <= 1.0 + 1e-12
-    assert_allclose(theil(factor * z, factor * y), theil(z, y), rtol=1e-9)
+    assert (theil(z, z), theil(z, -z), theil(0.0 * z, 0.0 * z)) == (0.0, pytest.approx(1.0), 0.0)
 
 
 def test_shares_add_up_and_name_the_fault() -> None:
@@ -342,7 +323,7 @@ def test_equals_fitting_again_without_the_block(block: int) -> None:
     z = J @ random.standard_normal(5) + random.standard_normal((60, 2))
     z[10:13, 0] = np.nan
     everything, there = np.ones_like(z, dtype=bool), np.isfinite(z)
-    found = left_out(z - J @ solved(J, z, prior, everything), J, J[there].T @ J[there] + prior, block)
+    found = fit.left_out(z - J @ solved(J, z, prior, everything), J, J[there].T @ J[there] + prior, block)
     for first in range(0, len(z), block):
         keep, part = everything.copy(), slice(first, first + block)
         keep[part] = False

@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose
 from scipy import signal
 from scipy.signal import lfilter
 
-from stoop import Vehicle, load_vehicle, trim
+from stoop import load_vehicle, trim
 from stoop.assessment.covariance import NORMAL_95
 from stoop.assessment.free_response import free_response, measured_mode
 from stoop.assessment.frequency import ModelResponse, transfer, uncertain_model
@@ -88,49 +88,39 @@ def test_what_the_data_cannot_tell_makes_the_mode_unknown() -> None:
     assert (remark.code, remark.values["parameters"]) == ("mode-depends-on-unknown", ("zeta",))
 
 
-@pytest.fixture(scope="module")
-def aircraft() -> Vehicle:
-    return load_vehicle("twin-boom")
-
-
-def changed(vehicle: Vehicle, numbers: dict[str, float]) -> Vehicle:
-    return vehicle.with_numbers({name: {"value": value} for name, value in numbers.items()})
-
-
+TWIN = load_vehicle("twin-boom")
 FREE = ("CL0", "CLalpha", "CD0", "Cmalpha", "Cmq", "Clp", "Clbeta", "Cnbeta", "Cnr", "mass.inertia.yy")
+VALUES = {name: TWIN.value(name) for name in FREE}
 
 
-def of_aircraft(vehicle: Vehicle) -> tuple[Linearized, dict[str, float]]:
-    values = {name: vehicle.value(name) for name in FREE}
-    scales = {name: abs(value) for name, value in values.items()}
-    return differentiated(vehicle, neighbors(trim(vehicle, 36.0)), values, scales), values
+def of_aircraft() -> Linearized:
+    scales = {name: abs(value) for name, value in VALUES.items()}
+    return differentiated(TWIN, neighbors(trim(TWIN, 36.0)), VALUES, scales)
 
 
-def test_derivatives_of_the_matrix_against_trims_done_again(aircraft: Vehicle) -> None:
-    found, values = of_aircraft(aircraft)
+def trimmed(numbers: dict[str, float]) -> tuple[tuple[str, ...], np.ndarray]:
+    vehicle = TWIN.with_numbers({name: {"value": value} for name, value in numbers.items()})
+    return state_matrix(vehicle, trim(vehicle, 36.0))
 
-    def again(name: str, value: float) -> np.ndarray:
-        vehicle = changed(aircraft, {name: value})
-        names, A = state_matrix(vehicle, trim(vehicle, 36.0))
-        kept = [names.index(n) for n in found.names]
-        return A[np.ix_(kept, kept)]
 
-    for name, value, derivative in zip(values, values.values(), found.derivative, strict=True):
+def test_derivatives_of_the_matrix_against_trims_done_again() -> None:
+    found = of_aircraft()
+    for (name, value), derivative in zip(VALUES.items(), found.derivative, strict=True):
         step = 1e-4 * abs(value)
-        expected = (again(name, value + step) - again(name, value - step)) / (2.0 * step)
+        (names, upper), (_, lower) = (trimmed({name: x}) for x in (value + step, value - step))
+        kept = [names.index(n) for n in found.names]
+        expected = (upper - lower)[np.ix_(kept, kept)] / (2.0 * step)
         np.testing.assert_allclose(derivative, expected, rtol=0.0, atol=1e-5 * np.abs(expected).max())
 
 
-def test_intervals_against_a_monte_carlo_that_trims_every_draw(aircraft: Vehicle) -> None:
-    found, values = of_aircraft(aircraft)
-    sigma = np.array([0.03 * abs(v) for v in values.values()])
+def test_intervals_against_a_monte_carlo_that_trims_every_draw() -> None:
+    sigma = np.array([0.03 * abs(v) for v in VALUES.values()])
     covariance = (0.5 * np.ones((len(sigma), len(sigma))) + 0.5 * np.eye(len(sigma))) * np.outer(sigma, sigma)
-    estimates = {m.name: m for m in mode_estimates(found, tuple(values), covariance)}
-    draws = np.random.default_rng(1).multivariate_normal(list(values.values()), covariance, 250)
+    estimates = {m.name: m for m in mode_estimates(of_aircraft(), FREE, covariance)}
+    draws = np.random.default_rng(1).multivariate_normal(list(VALUES.values()), covariance, 250)
     flown: dict[str, list[complex]] = {}
     for draw in draws:
-        vehicle = changed(aircraft, dict(zip(values, map(float, draw), strict=True)))
-        names, A = state_matrix(vehicle, trim(vehicle, 36.0))
+        names, A = trimmed(dict(zip(VALUES, map(float, draw), strict=True)))
         for mode in modes_of(A, names):
             flown.setdefault(mode.name, []).append(mode.eigenvalue)
     for name in ("short period", "phugoid", "Dutch roll", "roll", "spiral"):
@@ -197,9 +187,8 @@ def test_what_is_no_single_oscillation_widens_the_error() -> None:
         control, channels = record(3.0, 0.2, 0.005, seed)
         t = np.maximum(TIME - 2.0, 0.0)
         other = {n: y + 0.08 * np.exp(-2.5 * t) * np.cos(7.0 * t) for n, y in channels.items()}
-        pure, mixed = (
-            measured_mode("Dutch roll", 0, free_response(TIME, control, c), 3.0) for c in (channels, other)
-        )
+        both = (free_response(TIME, control, c) for c in (channels, other))
+        pure, mixed = (measured_mode("Dutch roll", 0, one, 3.0) for one in both)
         off += [(mixed.frequency.estimate - 3.0) / mixed.frequency.std_error]
         off += [(mixed.damping.estimate - 0.2) / mixed.damping.std_error]
         widths.append(mixed.damping.std_error / pure.damping.std_error)

@@ -84,9 +84,7 @@ def test_refits_of_a_curved_problem_are_those_of_scipy() -> None:
     optimum = linearize(Fitted(lambda Z: (curve(Z) - y) / 0.05, 2), best, np.arange(2))
     noise = random.normal(size=(20, 60))
     wanted = [solution(curve(best) + 0.05 * e, best) for e in noise]
-    assert_allclose(
-        refit(optimum, -optimum.residual - noise).z, wanted, atol=3e-4
-    )  # a standard error over 1000
+    assert_allclose(refit(optimum, -optimum.residual - noise).z, wanted, atol=3e-4)  # 1e-3 of an error
 
 
 def test_a_refit_stays_in_its_box() -> None:
@@ -180,14 +178,6 @@ def michaelis(z: np.ndarray) -> np.ndarray:
     return np.asarray(2.0 * z[..., :1] * T / (z[..., 1:2] + T))
 
 
-@pytest.fixture(scope="module")
-def bent() -> tuple[Fitted, np.ndarray, np.ndarray]:
-    y = michaelis(np.array([0.4, 0.3])) + 0.06 * np.random.default_rng(3).normal(size=len(T))
-    problem = Fitted(lambda Z: (michaelis(Z) - y) / 0.06, 2)
-    z = least_squares(lambda z: michaelis(z) - y, [0.4, 0.3], xtol=1e-14, ftol=1e-14, gtol=1e-14).x
-    return problem, z, y
-
-
 def brute(y: np.ndarray, best: float, value: float) -> float:
     """Return the likelihood-ratio statistic of b = value: a is linear, so its best is known exactly."""
     basis = 2.0 * T / (value + T)
@@ -195,10 +185,10 @@ def brute(y: np.ndarray, best: float, value: float) -> float:
     return float(np.sum((a * basis - y) ** 2)) / 0.06**2 - best
 
 
-def test_a_curved_problem_has_the_interval_found_by_brute_force(
-    bent: tuple[Fitted, np.ndarray, np.ndarray],
-) -> None:
-    problem, z, y = bent
+def test_a_curved_problem_has_the_interval_found_by_brute_force() -> None:
+    y = michaelis(np.array([0.4, 0.3])) + 0.06 * np.random.default_rng(3).normal(size=len(T))
+    problem = Fitted(lambda Z: (michaelis(Z) - y) / 0.06, 2)
+    z = least_squares(lambda z: michaelis(z) - y, [0.4, 0.3], xtol=1e-14, ftol=1e-14, gtol=1e-14).x
     best = float(np.sum(problem.residuals(z[None], 0) ** 2))
     lower = brentq(lambda b: brute(y, best, b) - NORMAL_95**2, 0.01, z[1])
     upper = brentq(lambda b: brute(y, best, b) - NORMAL_95**2, z[1], 1.0)
@@ -227,9 +217,7 @@ def test_a_better_optimum_is_reported() -> None:
     assert ProfileLikelihood(linearize(problem, np.array([0.6, 0.45]), np.arange(2)), 0).better > 0.1
 
 
-def posterior(
-    problem: Fitted, z: np.ndarray, covariance: np.ndarray | None = None
-) -> tuple[Target, Chains, np.ndarray]:
+def posterior(problem: Fitted, z: np.ndarray, covariance: Any = None) -> tuple[Target, Chains, np.ndarray]:
     optimum = linearize(problem, z, np.arange(len(z)))
     target = Target(optimum, np.eye(optimum.shared))
     if covariance is not None:

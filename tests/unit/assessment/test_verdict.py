@@ -241,9 +241,8 @@ def test_a_use_needs_its_parameters() -> None:
     (one,) = found.against
     assert (one.code, one.values["parameter"]) == ("verdict-need-inaccurate", "CD0")
     assert one.values["error"] == pytest.approx(2.0 / 3.0)
-    assert [str(one) for one in found.advice] == [
-        "To determine CD0: Measure it on the ground, and fix it or narrow its prior"
-    ]
+    (told,) = found.advice
+    assert str(told) == "To determine CD0: Measure it on the ground, and fix it or narrow its prior"
     assert str(found.headline) == "Trusted for control design and simulation; not for performance"
 
 

@@ -1,6 +1,6 @@
 """Fits by the name of a method, and how far their estimates are from the truth."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -15,9 +15,7 @@ from stoop.problem import Misfit
 from stoop.problem.windows import Window
 
 
-def fit_by(
-    method: str, vehicle: Vehicle, flights: Mapping[str, Flight], windows: Sequence[Window], **options: Any
-) -> Estimate:
+def fit_by(method: str, vehicle: Vehicle, flights: Any, windows: Any, **options: Any) -> Estimate:
     fitter, state = methods.find(method).fitter(), options.pop("state", None)
     found: Estimate = fitter(vehicle, flights, windows, Options(method=method, **options), None, state)
     return found

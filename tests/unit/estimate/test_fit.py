@@ -30,7 +30,7 @@ from stoop.vehicle import parse_vehicle
 from stoop.workflow.demo import MANEUVER, TABLE_1
 from stoop_studies.optimizers.compositions import ps_gde
 
-WINDOW = [Window("sim", 0.0, 30.0)]
+WINDOW, Patch = [Window("sim", 0.0, 30.0)], pytest.MonkeyPatch
 
 
 def test_start_is_guessed_from_the_first_measurements(aircraft: Vehicle) -> None:
@@ -52,9 +52,7 @@ def test_start_is_guessed_from_the_first_measurements(aircraft: Vehicle) -> None
     assert (first_complete(late), first_complete({"r": np.full(4, np.nan)})) == (1, 0)
 
 
-def test_what_cannot_be_fitted_is_refused_with_advice(
-    wrong: Vehicle, flight: Flight, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_cannot_be_fitted_is_refused(wrong: Vehicle, flight: Flight, monkeypatch: Patch) -> None:
     held = wrong.with_numbers({p.name: {"free": False} for p in wrong.parameters})
     late = replace(flight, data=flight.data.copy(deep=True))
     late.data["V"][:-1] = np.nan
@@ -105,9 +103,7 @@ def test_budget_holds_for_the_refinement_too(wrong: Vehicle, flight: Flight) -> 
         assert found.notices or found.outcome.status != "converged"
 
 
-def test_ctrl_c_before_the_search_keeps_the_first_dive(
-    wrong: Vehicle, flight: Flight, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_ctrl_c_early_keeps_the_first_dive(wrong: Vehicle, flight: Flight, monkeypatch: Patch) -> None:
     calls, residuals = itertools.count(1), Misfit.residuals
 
     def interrupt(self: Misfit, Z: np.ndarray, rung: int) -> np.ndarray:
@@ -176,9 +172,7 @@ def test_optimizers_of_every_kind_reach_the_same_place(wrong: Vehicle, flight: F
         assert one.estimates == pytest.approx(best, rel=2e-3, abs=1e-4), one.outcome.optimizer
 
 
-def test_an_interrupted_search_keeps_its_best_and_ends_where_an_undisturbed_one_does(
-    wrong: Vehicle, flight: Flight
-) -> None:
+def test_an_interrupted_search_ends_where_an_undisturbed_one_does(wrong: Vehicle, flight: Flight) -> None:
     states: list[optimize.State] = []
 
     def interrupt(progress: optimize.Progress) -> None:

@@ -21,15 +21,12 @@ from stoop.simulation.maneuver import parse_maneuver
 from stoop.vehicle import parse_vehicle
 from stoop.workflow.demo import MANEUVER
 
-LATE = "[sensors.q]\ndelay = 0.03\n[sensors.psi]\ndelay = 0.015\n"
-
-
-TWIN = load_vehicle("twin-boom")
+LATE, TWIN = "[sensors.q]\ndelay = 0.03\n[sensors.psi]\ndelay = 0.015\n", load_vehicle("twin-boom")
 
 
 def late_problem(bounds: tuple[float, float]) -> Misfit:
     late = {"sensors.q.delay": {"free": True, "bounds": bounds}}
-    vehicle = parse_vehicle(load_vehicle("twin-boom").text + LATE, "late").with_numbers(late)
+    vehicle = parse_vehicle(TWIN.text + LATE, "late").with_numbers(late)
     return posed(vehicle, simulate_flight(vehicle, parse_maneuver(MANEUVER, "m"), name="sim"), 8.0)
 
 
@@ -93,7 +90,7 @@ EVERY = 10  #: samples of the grid
 
 @pytest.fixture(scope="module")
 def flown() -> Flight:
-    return simulate_flight(load_vehicle("twin-boom"), parse_maneuver(MANEUVER, "m"), name="sim", seed=3)
+    return simulate_flight(TWIN, parse_maneuver(MANEUVER, "m"), name="sim", seed=3)
 
 
 def slowed(flight: Flight) -> Flight:
@@ -107,7 +104,7 @@ def slowed(flight: Flight) -> Flight:
 
 def test_a_residual_holds_nothing_interpolated(flown: Flight) -> None:
     whole, slow = (posed(TWIN, flown, 8.0).pieces[0], posed(TWIN, slowed(flown), 8.0).pieces[0])
-    for i, channel in enumerate(load_vehicle("twin-boom").outputs):
+    for i, channel in enumerate(TWIN.outputs):
         read = np.flatnonzero(np.isfinite(slow.measured[:, i]))
         np.testing.assert_array_equal(read, np.arange(0, len(slow.time), EVERY if channel in SLOW else 1))
         assert slow.measured[read, i] == pytest.approx(whole.measured[read, i], abs=1e-9)
@@ -130,8 +127,7 @@ def test_the_cost_is_that_of_the_readings_alone(flown: Flight) -> None:
 
 
 def test_late_readings_stay_readings(flown: Flight) -> None:
-    text = load_vehicle("twin-boom").text + "[sensors.alpha]\ndelay = 0.04\n[sensors.q]\ndelay = 0.04\n"
-    vehicle = parse_vehicle(text, "late")
+    vehicle = parse_vehicle(TWIN.text + "[sensors.alpha]\ndelay = 0.04\n[sensors.q]\ndelay = 0.04\n", "late")
     problem = posed(vehicle, slowed(flown), 8.0)
     alpha, before = vehicle.outputs.index("alpha"), problem.pieces[0]
     moved = round(0.04 / before.dt)

@@ -72,9 +72,8 @@ def test_innovations_respond_as_the_frozen_filter_does(gain: Steady | Varying) -
 
 def test_windows_respond_as_their_own_simulation_does() -> None:
     """About the optimum of a flight without noise; states are eliminated by a dense projection: the naive twin."""
-    text = load_vehicle("quad-x").text.replace(
-        "lag = 0.05", "lag = { value = 0.05, free = true, bounds = [0.01, 0.2] }"
-    )
+    free = "lag = { value = 0.05, free = true, bounds = [0.01, 0.2] }"
+    text = load_vehicle("quad-x").text.replace("lag = 0.05", free)
     problem = problem_of(parse_vehicle(text, "quad"), ROTORS, noise=False)
     shooting = replace(ShootingProblem.of(problem, 1.0), strictness=1.0)
     z = np.concatenate([problem.layout.start, np.zeros(problem.extra)])

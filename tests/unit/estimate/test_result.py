@@ -15,15 +15,7 @@ from stoop.errors import OutputError, StoopError
 from stoop.estimate.filter_gains import STATED
 from stoop.results import result as results
 from stoop.results.modes import ConditionModes, DerivedValue, MeasuredMode, ModeEstimate, StateEquations
-from stoop.results.result import (
-    GoodnessOfFit,
-    ManeuverResult,
-    ParameterEstimate,
-    ProcessNoise,
-    Result,
-    from_json,
-    to_json,
-)
+from stoop.results.result import GoodnessOfFit, ManeuverResult, ParameterEstimate, Result, from_json, to_json
 from stoop.results.uncertainty import ParameterRepeatability, Repeatability, SingleEstimate
 
 
@@ -65,9 +57,9 @@ def test_a_file_of_an_older_version_is_read() -> None:
     again = from_json(json.dumps(document))
     assert (repr(again.maneuvers[0].channels["q"]), again.modes) == (repr(channel), ())
     assert not again.repeatability.parameters
-    varying = ProcessNoise("varying", ("w", "q"), (0.3, 0.1))
-    told = {"filter-error-ekf": varying, "output-error": ProcessNoise()}
-    told["stabilized-output-error"] = ProcessNoise("steady", share=STATED)
+    varying = results.ProcessNoise("varying", ("w", "q"), (0.3, 0.1))
+    told = {"filter-error-ekf": varying, "output-error": results.ProcessNoise()}
+    told["stabilized-output-error"] = results.ProcessNoise("steady", share=STATED)
     for method, noise in told.items():  # then by a notice
         found = notice("process-noise", states=noise.states, intensities=noise.intensities)
         said = (notice("filter-error"), found)[: 1 + bool(noise.states)]

@@ -43,9 +43,8 @@ def vehicle() -> Vehicle:
 
 def piece(vehicle: Vehicle, maneuver: int, start: float, changes: dict[str, float]) -> Piece:
     flown = fly(vehicle, flown_by(2.0, ("elevator", "doublet", start, 0.3, 0.05)))
-    measured = flown.outputs + sigmas(vehicle) * np.random.default_rng(maneuver).standard_normal(
-        flown.outputs.shape
-    )
+    noise = np.random.default_rng(maneuver).standard_normal(flown.outputs.shape)
+    measured = flown.outputs + sigmas(vehicle) * noise
     return Piece(maneuver, flown.time, flown.inputs, measured, flown.trim.start, changes)
 
 
@@ -309,16 +308,6 @@ def test_the_reference_is_a_model_that_says_nothing(problem: Misfit) -> None:
     assert problem.reference(len(problem.ladder) - 1) == pytest.approx(total, rel=1e-12)
 
 
-def test_a_sample_that_lacks_channels_has_the_covariance_of_those_it_has() -> None:
-    rng = np.random.default_rng(0)
-    root = rng.standard_normal((4, 4))
-    covariance, seen = root @ root.T + np.eye(4), rng.random((50, 4)) < 0.6
-    error = rng.standard_normal((50, 4)) * seen
-    each = zip(error, seen, strict=True)
-    plain = sum(e[s] @ np.linalg.solve(covariance[np.ix_(s, s)], e[s]) for e, s in each)
-    assert np.sum(Weights.of(covariance).whiten(error, seen) ** 2) == pytest.approx(plain)
-
-
 @pytest.mark.parametrize("covariance", [np.array([4.0, 9.0, 1.0]), np.eye(3) + 0.5])
 def test_coloring_undoes_whitening(covariance: np.ndarray) -> None:
     rng, weights = np.random.default_rng(1), Weights.of(covariance)
@@ -338,9 +327,7 @@ def process(color: ChannelColor, count: int) -> np.ndarray:
 
 @given(st.integers(1, 6), st.integers(1, 30), st.floats(0.0, 0.98), st.integers(0, 2**32 - 1))
 @settings(max_examples=50, deadline=None)
-def test_whitening_is_the_inverse_root_of_the_covariance(
-    order: int, count: int, slow: float, seed: int
-) -> None:
+def test_whitening_is_an_inverse_root_of_covariance(order: int, count: int, slow: float, seed: int) -> None:
     """Of the stationary process, from its first reading on; the others are its transpose and its inverse."""
     color, one = ChannelColor(np.append(1.0, 0.9 * slow ** np.arange(1, order + 1))), np.eye(count)
     white = color.whiten(one)
@@ -371,9 +358,7 @@ def test_readings_that_are_missing_or_slow_are_no_neighbors() -> None:
     np.testing.assert_allclose(weights.colored(white[0], present), residuals[0], atol=1e-12)
 
 
-def test_slow_errors_of_the_sensors_are_weighed_by_their_color(
-    aircraft: Vehicle, wrong: Vehicle, flight: Flight
-) -> None:
+def test_slow_errors_are_weighed_by_their_color(aircraft: Vehicle, wrong: Vehicle, flight: Flight) -> None:
     """Estimates are nearer the truth, and error bars hold both weightings."""
     rng, data = np.random.default_rng(5), flight.data
     for channel in ("p", "q", "r", "alpha", "beta", "phi", "theta"):

@@ -53,10 +53,8 @@ def test_after_a_refusal_the_next_is_tried(monkeypatch: pytest.MonkeyPatch, impo
     """Of two defects the stronger is refused while the other is not there yet; or its method refuses it: a filter needs
     delays that are known. Vehicles are the sets of extensions that they have.
     """
-    tests = [
-        ExtensionTest(name, "scale", 1.08, 0.01, "1", t, 0.0, 1.0, name, change=0.08)
-        for name, t in (("one", 9.0), ("two", 6.0))
-    ]
+    each = (("one", 9.0), ("two", 6.0))
+    tests = [ExtensionTest(n, "scale", 1.08, 0.01, "1", t, 0.0, 1.0, n, change=0.08) for n, t in each]
 
     def fitted(setup: object, vehicle: set[str]) -> SimpleNamespace:
         if impossible and "one" in vehicle:

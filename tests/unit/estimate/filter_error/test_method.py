@@ -151,9 +151,7 @@ def correlations(ahead: Prediction) -> FloatArray:
     return np.array(each) * np.sqrt(750)
 
 
-def test_innovations_of_the_truth_are_white_and_as_large_as_expected_and_of_a_wrong_model_not(
-    gusty: Vehicle, flights: list[Flight]
-) -> None:
+def test_innovations_of_the_truth_are_white_and_as_large_as_expected_and_of_a_wrong_model_not(gusty, flights):
     ahead = ahead_of(gusty, *flights)
     rms, r = np.array([np.sqrt(np.mean(v**2, axis=0)) for v in ahead.innovations or ()]), correlations(ahead)
     assert np.all(np.abs(rms - 1.0) < 0.1)
@@ -164,9 +162,7 @@ def test_innovations_of_the_truth_are_white_and_as_large_as_expected_and_of_a_wr
         assert np.max(np.abs(correlations(ahead_of(wrong, flights[2])))) > 4.0, name
 
 
-def test_the_likelihood_of_a_window_in_gusts_is_that_of_its_innovations(
-    gusty: Vehicle, flights: list[Flight]
-) -> None:
+def test_the_likelihood_of_a_window_in_gusts_is_that_of_its_innovations(gusty, flights):
     """It tells a wrong control derivative by many standard errors, where a simulation in gusts can not."""
     wrong = gusty.with_numbers({"Cmelevator": {"value": 1.2 * gusty.value("Cmelevator")}})
     found, simulated = [], []

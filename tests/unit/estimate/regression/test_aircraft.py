@@ -96,9 +96,7 @@ DT, TRUTH = 0.01, {"rotors.T2": 7.0, "rotors.inflow": 0.3, "rotors.drag": 0.1}
 WOBBLE = 0.06  #: rad/s, of the gyros' noise
 
 
-def flown(
-    vehicle: Vehicle, mixed: bool, truth: dict[str, float], noise: dict[str, np.ndarray] | None = None
-) -> Flight:
+def flown(vehicle: Vehicle, mixed: bool, truth: dict[str, float], **noise: np.ndarray) -> Flight:
     """Return seconds of a quadrotor under commands that swing; mixed hides which of its motors was which."""
     t = DT * np.arange(400)
     common = 0.12 * np.sin(6.0 * t) + 0.06 * np.sin(17.0 * t)
@@ -113,7 +111,7 @@ def flown(
     if mixed:
         told[:, motors] -= 2.0 * own  # what the log holds turns the vehicle the other way
     columns = dict(zip(vehicle.outputs, out.T, strict=True))
-    columns |= {name: columns[name] + x for name, x in (noise or {}).items()}
+    columns |= {name: columns[name] + x for name, x in noise.items()}
     recorded = {c: told[:, i] for i, c in enumerate(vehicle.inputs) if c.startswith("motor")}
     return from_columns("quad", t, columns | recorded | {"altitude": np.full(len(t), 50.0)})
 
@@ -144,7 +142,7 @@ def test_gyros_and_accelerometers_are_enough() -> None:
     still = {p.name: {"value": 0.0} for p in vehicle.parameters if p.name.startswith(none)}
     vehicle = vehicle.with_numbers({**still, **{n: {"free": True} for n in truth}})
     noise = {c: 0.01 * np.random.default_rng(i).standard_normal(400) for i, c in enumerate(("ax", "ay"))}
-    whole = flown(vehicle, False, truth, noise)  # without drag they would read zero, as a dead sensor does
+    whole = flown(vehicle, False, truth, **noise)  # without drag they would read zero, as a dead sensor does
     sensed = replace(whole, data=whole.data.drop_vars(["vn", "ve", "vd", "phi", "theta", "psi"]))
     values, solved = solved_for(vehicle, sensed, tuple(truth))
     assert values == {name: pytest.approx(value, rel=0.02) for name, value in truth.items()}

@@ -253,8 +253,8 @@ def test_motors_off_and_rates_that_lack_are_no_flight(begun, flown):
     off = {f"motor_{i}": np.where(flown.time < 12.0, 0.01 * i, 0.6 + 0.01 * i) for i in range(1, 5)}
     blank = dict.fromkeys("pqr", np.full(len(flown.time), np.nan))
     for columns, advice in (
-        (blank, r"none of the rates p, q, r was recorded.*\[variables\]"),
-        (off, r"motors are off in 75% .*rotors\.idle"),
+        (blank, r"none of the rates p.*\[variables\]"),
+        (off, r"off in 75% .*rotors\.idle"),
     ):
         with pytest.raises(IdentificationError, match=advice):
             estimation_problem(begun, {"sim": changed(flown, **columns)}, WHOLE, Options())
