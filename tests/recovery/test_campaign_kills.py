@@ -18,7 +18,6 @@ from recovery.campaign_case import LOG, STOPS, TASKS
 import stoop
 
 CASE = Path(__file__).with_name("campaign_case.py")
-KINDS = ["startup"] * 2 + ["driver"] * 3 + ["worker"] * 3
 AGAIN = 5  #: executions that one kill may cost: what is under way or on its way to the store
 
 
@@ -116,7 +115,7 @@ def campaign(folder: Path, code: Path) -> Iterator[Campaign]:
 
 
 def test_a_killed_campaign_ends_with_the_undisturbed_table(tmp_path: Path, code: Path) -> None:
-    chance, kinds = random.Random(1), list(KINDS)  # noqa: S311
+    chance, kinds = random.Random(1), ["startup"] * 2 + ["driver"] * 3 + ["worker"] * 3  # noqa: S311
     chance.shuffle(kinds)
     with campaign(tmp_path / "undisturbed", code) as plain:
         undisturbed = plain.finish()

@@ -49,6 +49,8 @@ LEGS = [
         ("down", "doublet", 5.5, 2.0, 1.0), ("heading", "doublet", 6.0, 1.5, 0.6),
     )
 ]  # fmt: skip
+LEGS_ROTORS = (("roll", "3-2-1-1", 4.0, 0.15, 10.0), ("north", "doublet", 10.0, 3.0, 2.0))
+WINDY = maneuver(25.0, *LEGS_ROTORS, rate=100.0, altitude=100.0, wind=[2.0, -1.0, 0.0])
 
 
 def vehicles(name: str, gusts: float) -> tuple[Vehicle, Vehicle]:
@@ -212,10 +214,6 @@ def test_near_the_ground_less_command_holds_the_vehicle_and_far_above_as_much_as
     x, quarter2 = near.inputs[columns[0]], (0.127 / 4) ** 2
     sea_level = 4 * (2.5 * x + 6.0 * x * x) * (1.0 + ROTOR * quarter2 / (0.2**2 + quarter2))
     assert sea_level == pytest.approx(1.5 * 9.80665, rel=1e-3)
-
-
-LEGS_ROTORS = (("roll", "3-2-1-1", 4.0, 0.15, 10.0), ("north", "doublet", 10.0, 3.0, 2.0))
-WINDY = maneuver(25.0, *LEGS_ROTORS, rate=100.0, altitude=100.0, wind=[2.0, -1.0, 0.0])
 
 
 def with_factor(factor: float) -> Vehicle:

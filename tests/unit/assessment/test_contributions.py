@@ -21,6 +21,10 @@ from stoop.workflow.demo import MANEUVER
 
 NAMES = ("CLelevator", "Cmelevator", "Cmalpha", "Cmq")
 SLOW = 0.98  #: of an autoregression
+COLORED = ColoredNoise(np.full((12, 1), SLOW), (1.0 - SLOW**2) * np.eye(12))
+T = np.linspace(0.0, 10.0, 1000)
+ELEVATOR = np.sign(np.sin(2.0 * T)) * 0.05
+RATE = np.convolve(ELEVATOR, np.exp(-T[:200] * 4.0), mode="full")[:1000] * 0.01
 
 
 def evidence(jacobian: FloatArray, estimates: FloatArray, white: bool = False) -> Evidence:
@@ -33,9 +37,6 @@ def evidence(jacobian: FloatArray, estimates: FloatArray, white: bool = False) -
 def judged(data: Evidence, noise: ColoredNoise) -> Contribution:
     found = contributions(load_vehicle("twin-boom"), data, data_information(data.pieces), noise)
     return next(one for one in found if one.variable == "elevator")
-
-
-COLORED = ColoredNoise(np.full((12, 1), SLOW), (1.0 - SLOW**2) * np.eye(12))
 
 
 def test_in_white_noise_it_is_the_square_root_of_wald_s_statistic() -> None:
@@ -88,11 +89,6 @@ def test_small_deflections_are_doubted_only_where_residuals_could_fake_them(
         assert (np.std(flight.column("elevator")) > np.radians(0.2)) == doubted, "the angle does not decide"
     off = abs(found.estimates["Cmelevator"] / aircraft.value("Cmelevator") - 1.0)
     assert (off > 0.5) == doubted, "what is doubted is wrong"
-
-
-T = np.linspace(0.0, 10.0, 1000)
-ELEVATOR = np.sign(np.sin(2.0 * T)) * 0.05
-RATE = np.convolve(ELEVATOR, np.exp(-T[:200] * 4.0), mode="full")[:1000] * 0.01
 
 
 def term(name: str, variables: set[str], value: float, flown_advice: np.ndarray) -> Term:

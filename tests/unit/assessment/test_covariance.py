@@ -21,6 +21,7 @@ from stoop.problem.evidence import PieceEvidence, Unknown, invert, invert_rows
 from stoop.vehicle.vehicle import Parameter
 
 NAMES, ROWS = ("a", "b", "c", "d"), np.random.default_rng(0).normal(size=(400, 2))
+LENGTH = 40
 
 
 @given(st.integers(0, 99), st.integers(1, 8))
@@ -163,9 +164,6 @@ def test_a_number_that_is_not_the_data_s_is_called_so() -> None:
     values, units = bars.scaled_singular_values, np.outer(*2 * [[1e6, 1e-3]])
     assert_allclose(values(ROWS.T @ ROWS * units), values(ROWS.T @ ROWS))
     assert values(np.diag([4.0, 9.0])).tolist() == [1.0, 1.0]
-
-
-LENGTH = 40
 
 
 def repeated(slopes: np.ndarray, windows: int, times: int) -> np.ndarray:

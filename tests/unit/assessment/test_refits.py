@@ -32,6 +32,11 @@ from stoop.vehicle import parse_vehicle
 from stoop.workflow import identify
 
 SAMPLES = 800
+TRUTH = np.array([0.5, 0.4, 0.3])
+T = np.linspace(0.0, 1.0, 25)
+SIZE, SIGMA = 48, 0.02
+DELAY, FREE = "sensors.alpha.delay", ("CLalpha", "Cmalpha", "Cmq", "Cmelevator")
+MANEUVER = maneuver(10.0, ("elevator", "3-2-1-1", 0.5, 0.4, 0.05), ("elevator", "doublet", 5.0, 0.6, 0.04))
 
 
 def design(size: int = SAMPLES) -> np.ndarray:
@@ -41,9 +46,6 @@ def design(size: int = SAMPLES) -> np.ndarray:
 
 def ar1(size: int, rho: float, random: np.random.Generator) -> np.ndarray:
     return np.asarray(lfilter([np.sqrt(1.0 - rho**2)], [1.0, -rho], random.normal(size=size + 500))[500:])
-
-
-TRUTH = np.array([0.5, 0.4, 0.3])
 
 
 def drawn(X: np.ndarray, y: np.ndarray, sigma: float) -> tuple[Optimum, ColoredBlocks]:
@@ -155,9 +157,6 @@ def test_percentiles_are_corrected_for_bias() -> None:
     _, _, upper = percentiles(np.array([np.exp(0.5)]), values)
     assert upper[0] == pytest.approx(np.exp(2.0 * 0.5 + 1.96), rel=0.05)
     assert np.isnan(percentiles(np.array([1.0]), values[:39])[0][0])
-
-
-T = np.linspace(0.0, 1.0, 25)
 
 
 def test_a_linear_model_has_the_interval_of_the_normal_distribution() -> None:
@@ -284,9 +283,6 @@ def test_a_curved_posterior_is_that_of_quadrature(monkeypatch: pytest.MonkeyPatc
     assert np.quantile(draws[:, 1], 0.975) == pytest.approx(upper, abs=0.1 * std[1])
 
 
-SIZE, SIGMA = 48, 0.02
-
-
 def converged(sampler: Callable[..., Any], target: Target) -> Chains:
     for chains in sampler(target, coordinates(target), 0, print):
         if chains.converged:
@@ -380,10 +376,6 @@ def test_walkers_stand_in_where_nutpie_is_not_installed(monkeypatch: pytest.Monk
     monkeypatch.setitem(sys.modules, "emcee", None)
     with pytest.raises(IdentificationError, match=r"pip install '\.\[posterior\]'"):
         libraries()
-
-
-DELAY, FREE = "sensors.alpha.delay", ("CLalpha", "Cmalpha", "Cmq", "Cmelevator")
-MANEUVER = maneuver(10.0, ("elevator", "3-2-1-1", 0.5, 0.4, 0.05), ("elevator", "doublet", 5.0, 0.6, 0.04))
 
 
 @pytest.fixture(scope="module", params=["filter-error", "multiple-shooting"])

@@ -35,6 +35,7 @@ OUTSIDE = dataclasses.replace(MATCHED, inside=0.4)
 STILL = dataclasses.replace(LOST, r2=-3.0, signal_to_noise=0.7)
 USED = ("control design", "simulation", "performance")
 REFUSED: tuple[str, ...] = ()
+LAG = ExtensionTest("controls.aileron.lag", "lag", 0.04, 0.004, "s", 10.0, 1e-9, 50.0, "line")
 
 
 def maneuver(start: float, role: Any, **channels: GoodnessOfFit) -> results.ManeuverResult:
@@ -69,9 +70,6 @@ def held_back(*, fitted: Mapping[str, GoodnessOfFit] | None = None, **channels: 
 
 def twice(given: Result) -> Result:
     return dataclasses.replace(given, maneuvers=(*given.maneuvers, given.maneuvers[-1]))
-
-
-LAG = ExtensionTest("controls.aileron.lag", "lag", 0.04, 0.004, "s", 10.0, 1e-9, 50.0, "line")
 
 
 def lacking(statistic: float = 50.0, beside: float | None = None, **changes: Any) -> Result:

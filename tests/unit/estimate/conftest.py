@@ -10,11 +10,9 @@ import pytest
 from stoop import optimize
 from stoop.estimate.estimate import Estimate
 
-Resumed = Callable[..., Estimate]
-
 
 @pytest.fixture
-def resumed(tmp_path: Path) -> Resumed:
+def resumed(tmp_path: Path) -> Callable[..., Estimate]:
     def check(fit: Callable[..., Estimate], *arguments: Any) -> Estimate:
         trials: list[optimize.Progress] = []
         whole = fit(*arguments, trials.append, None)

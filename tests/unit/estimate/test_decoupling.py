@@ -31,46 +31,42 @@ NOISE = {"V": 0.1, "ax": 0.05, "ay": 0.05, "az": 0.05, **SIGMA}
 LATERAL_INPUTS, WINDOW = (("aileron", 2.0, 0.5), ("rudder", 7.0, 0.6)), Window("sim", 0.0, 16.0)
 PITCH = ("CL0", "CLalpha", "Cm0", "Cmalpha", "Cmq", "Cmelevator")
 OBSERVED = ("Clbeta", "Clp", "Clr", "Claileron", "Cnbeta", "Cnr", "Cnrudder")  #: well determined here
+FULL = load_vehicle("twin-boom")
 
 
 @pytest.fixture(scope="module")
-def full() -> Vehicle:
-    return load_vehicle("twin-boom")
-
-
-@pytest.fixture(scope="module")
-def flight(full: Vehicle) -> Flight:
+def flight() -> Flight:
     """An aileron and a rudder input while an elevator pulse changes the speed by 2 to 3 m/s."""
     pulse = {"control": "elevator", "shape": "pulse", "start": 0.5, "duration": 3.0, "amplitude": 0.06}
     more = {"shape": "3-2-1-1", "amplitude": 0.04}
     inputs = [pulse, *({"control": c, "start": s, "step": d, **more} for c, s, d in LATERAL_INPUTS)]
     maneuver = Maneuver.model_validate({"duration": 16.0, "rate": 50.0, "input": inputs, "noise": NOISE})
-    return simulate_flight(full, maneuver, seed=1, name="sim")
+    return simulate_flight(FULL, maneuver, seed=1, name="sim")
 
 
 @pytest.mark.parametrize("half", ["lateral", "longitudinal"])
-def test_a_half_is_right_while_the_other_moves(full: Vehicle, flight: Flight, half: str) -> None:
+def test_a_half_is_right_while_the_other_moves(flight: Flight, half: str) -> None:
     """With the speed held, errors of a lateral model were 5 to 26 %, up to 13 standard errors."""
     assert np.ptp(flight.column("V")) > 2.0
-    found, lateral = fit_by("output-error", full.reduced(half), {"sim": flight}, [WINDOW]), half == "lateral"
+    found, lateral = fit_by("output-error", FULL.reduced(half), {"sim": flight}, [WINDOW]), half == "lateral"
     measured = ("V", "alpha", "q", "theta") if lateral else ("beta", "p", "r", "phi")
     assert found.problem.layout.vehicle.measured == measured
-    truth = {n: full.value(n) for n in (OBSERVED if lateral else PITCH)}
+    truth = {n: FULL.value(n) for n in (OBSERVED if lateral else PITCH)}
     assert np.all(np.abs(deviations(found, truth)) < 3.0)
     share = {n: found.estimates[n] / true - 1.0 for n, true in truth.items()}
     assert max(map(abs, share.values())) < (0.02 if lateral else 0.03), share
 
 
 @pytest.mark.parametrize("method", ["filter-error", "multiple-shooting", "equation-error"])
-def test_every_method_takes_the_record(full: Vehicle, flight: Flight, method: str) -> None:
-    found = fit_by(method, full.reduced("lateral"), {"sim": flight}, [WINDOW])
+def test_every_method_takes_the_record(flight: Flight, method: str) -> None:
+    found = fit_by(method, FULL.reduced("lateral"), {"sim": flight}, [WINDOW])
     assert found.problem.layout.vehicle.measured
-    bias = {n: found.estimates[n] / full.value(n) - 1.0 for n in ("Clbeta", "Clp", "Claileron", "Cnbeta")}
+    bias = {n: found.estimates[n] / FULL.value(n) - 1.0 for n in ("Clbeta", "Clp", "Claileron", "Cnbeta")}
     assert max(map(abs, bias.values())) < (0.05 if method == "equation-error" else 0.02), bias
 
 
-def test_what_was_not_recorded_is_held_and_told(full: Vehicle, flight: Flight) -> None:
-    longitudinal, lateral, motion = full.reduced("longitudinal"), ("beta", "p", "r", "phi"), {}
+def test_what_was_not_recorded_is_held_and_told(flight: Flight) -> None:
+    longitudinal, lateral, motion = FULL.reduced("longitudinal"), ("beta", "p", "r", "phi"), {}
     for lost in (lateral, ("phi",), ()):
         blind = replace(flight, data=flight.data.drop_vars(list(lost)))
         problem, prepared = estimation_problem(longitudinal, {"sim": blind}, [WINDOW], Options())
@@ -78,16 +74,16 @@ def test_what_was_not_recorded_is_held_and_told(full: Vehicle, flight: Flight) -
         told = [n.values["channels"] for n in prepared.notices if n.code == "motion-not-recorded"]
         assert told == ([lost] if lost else []), lost
     assert motion == {lateral: (), ("phi",): ("beta", "p", "r"), (): lateral}
-    coupled = full.reduced("lateral").coupled_to(("V",))
-    assert coupled.coupled_to(()).structure == full.reduced("lateral").structure
-    assert coupled.reduced("full").structure == full.structure
+    coupled = FULL.reduced("lateral").coupled_to(("V",))
+    assert coupled.coupled_to(()).structure == FULL.reduced("lateral").structure
+    assert coupled.reduced("full").structure == FULL.structure
     blind = replace(flight, data=flight.data.drop_vars(["V"]))
     with pytest.raises(FlightError, match="'V' was not recorded, and the lateral model"):
-        estimation_problem(full.reduced("lateral"), {"sim": blind}, [WINDOW], Options())
+        estimation_problem(FULL.reduced("lateral"), {"sim": blind}, [WINDOW], Options())
     # of two flights of which one lacks a channel, the other has it
     flights = {"sim": flight, "blind": replace(flight, data=flight.data.drop_vars(["q"]), name="blind")}
     windows = [WINDOW, Window("blind", 0.0, 16.0)]
-    problem, _ = estimation_problem(full.reduced("lateral"), flights, windows, Options())
+    problem, _ = estimation_problem(FULL.reduced("lateral"), flights, windows, Options())
     at = problem.layout.vehicle.inputs.index(motion_input("q"))
     assert np.ptp(problem.pieces[0].inputs[:, at]) > 0.01
     assert not problem.pieces[1].inputs[:, at].any()
@@ -96,9 +92,9 @@ def test_what_was_not_recorded_is_held_and_told(full: Vehicle, flight: Flight) -
     assert np.array_equal(again.residuals(z, rung), problem.residuals(z, rung))
 
 
-def test_readings_become_states_at_the_center_of_gravity_without_errors_of_the_sensors(full: Vehicle) -> None:
+def test_readings_become_states_at_the_center_of_gravity_without_errors_of_the_sensors() -> None:
     biases = {f"sensors.{c}.bias": {"value": b} for c, b in (("q", 0.05), ("V", -1.0), ("alpha", 0.02))}
-    vehicle = full.reduced("lateral").coupled_to(("V", "alpha", "q", "theta")).with_numbers(biases)
+    vehicle = FULL.reduced("lateral").coupled_to(("V", "alpha", "q", "theta")).with_numbers(biases)
     t = np.arange(200) * 0.02
     true = {
         "V": 30.0 + np.sin(t), "alpha": 0.1 + 0.03 * np.cos(2 * t), "beta": 0.1 * np.sin(3 * t), "q": 0.2 * np.cos(t),
@@ -128,7 +124,6 @@ def test_a_lateral_model_in_gusts_under_an_autopilot() -> None:
     assert max(abs(found.estimates[n] / truth[n] - 1.0) for n in ("Clbeta", "Clp", "Claileron")) < 0.03
 
 
-COEFFICIENTS = ("CL0", "CLalpha", "Cm0", "Cmalpha", "Cmq", "Cmelevator")
 TEN, FLIGHTS = Window("sim", 0.0, 10.0), 10
 INPUTS = ("elevator", "3-2-1-1", 0.5, 0.4, 0.05), ("elevator", "doublet", 5.0, 0.6, 0.04)
 MANEUVER = maneuver(10.0, *INPUTS, noise={"alpha": 0.015})
@@ -144,7 +139,7 @@ TRUTH = {"sensors.q.bias": 0.008, "sensors.az.bias": 0.1}
 @pytest.fixture(scope="module")
 def vehicle() -> Vehicle:
     full = parse_vehicle(load_vehicle("twin-boom").text + BIASES, "biased").reduced("longitudinal")
-    return with_few_free(full, (*COEFFICIENTS, "CD0", *TRUTH))
+    return with_few_free(full, (*PITCH, "CD0", *TRUTH))
 
 
 def flown(vehicle: Vehicle, seed: int) -> Flight:
@@ -154,7 +149,7 @@ def flown(vehicle: Vehicle, seed: int) -> Flight:
 
 def errors(method: str, vehicle: Vehicle) -> tuple[FloatArray, FloatArray]:
     """Return the errors (flights, k) of the coefficients over their size, and over their standard errors."""
-    truth = {n: vehicle.value(n) for n in COEFFICIENTS}
+    truth = {n: vehicle.value(n) for n in PITCH}
     found = [fit_by(method, vehicle, {"sim": flown(vehicle, seed)}, [TEN]) for seed in range(FLIGHTS)]
     shares = [[one.estimates[n] / true - 1.0 for n, true in truth.items()] for one in found]
     return np.array(shares), np.array([deviations(one, truth) for one in found])

@@ -31,6 +31,7 @@ from stoop.workflow.demo import MANEUVER, TABLE_1
 from stoop_studies.optimizers.compositions import ps_gde
 
 WINDOW, Patch = [Window("sim", 0.0, 30.0)], pytest.MonkeyPatch
+DT = 0.02
 
 
 def test_start_is_guessed_from_the_first_measurements(aircraft: Vehicle) -> None:
@@ -195,9 +196,6 @@ def test_the_band_of_a_right_model_holds_the_readings(aircraft: Vehicle, method:
     (trace,) = stoop.fit(aircraft, flight, ["0:12"], options=Options(method=method)).traces
     errors = np.array([(one.measured - one.simulated) / one.deviation for one in trace.channels.values()])
     assert np.mean(np.abs(errors[np.isfinite(errors)]) < 1.96) == pytest.approx(0.95, abs=0.03)
-
-
-DT = 0.02
 
 
 def contaminated(seed: int, share: float, width: float) -> FloatArray:

@@ -22,6 +22,10 @@ from stoop.vehicle import parse_vehicle
 from stoop.workflow.demo import MANEUVER
 
 LATE, TWIN = "[sensors.q]\ndelay = 0.03\n[sensors.psi]\ndelay = 0.015\n", load_vehicle("twin-boom")
+SLOW = ("V", "alpha", "beta", "phi", "theta", "psi")
+EVERY = 10  #: samples of the grid
+WIND = {"sensors.vn.bias": 2.0, "sensors.ve.bias": -1.0, "sensors.vd.bias": 0.2}
+ANGLES, THROUGH_AIR = (0.2, -0.1, 2.0), np.array([3.0, -1.0, 0.5])
 
 
 def late_problem(bounds: tuple[float, float]) -> Misfit:
@@ -82,10 +86,6 @@ def test_a_short_piece_beside_a_long_one_may_lose_its_late_readings() -> None:
         aligned(replace(problem, pieces=(short,)), problem.layout.start)
     with pytest.raises(IdentificationError, match=r"q\.delay: a filter needs .* --fix sensors\.q\.delay"):
         undelayed(problem)
-
-
-SLOW = ("V", "alpha", "beta", "phi", "theta", "psi")
-EVERY = 10  #: samples of the grid
 
 
 @pytest.fixture(scope="module")
@@ -164,10 +164,6 @@ def test_windows_are_read_or_say_what_to_write(flight: Flight) -> None:
         with pytest.raises(FlightError, match=advice) as caught:
             parse_window(text, known)
         assert "\n" not in str(caught.value), text
-
-
-WIND = {"sensors.vn.bias": 2.0, "sensors.ve.bias": -1.0, "sensors.vd.bias": 0.2}
-ANGLES, THROUGH_AIR = (0.2, -0.1, 2.0), np.array([3.0, -1.0, 0.5])
 
 
 @pytest.fixture(scope="module")

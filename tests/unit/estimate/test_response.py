@@ -27,7 +27,6 @@ GUSTS = """
 u = { intensity = { value = 0.5, free = true, bounds = [0.05, 6.0] }, length = 200.0 }
 w = { intensity = { value = 0.5, free = true, bounds = [0.05, 6.0] }, length = 100.0 }
 """
-WING = maneuver(6.0, ("elevator", "3-2-1-1", 1.0, 0.3, 0.06))
 ROTORS = maneuver(
     4.0, ("roll", "doublet", 0.4, 0.15, 8.0), ("heave", "doublet", 1.2, 0.25, 2.0), ("north", "doublet", 2.0, 0.7, 2.0),
     rate=100.0,
@@ -56,7 +55,7 @@ def error(found: FloatArray, wanted: FloatArray) -> float:
 @pytest.mark.parametrize("gain", [Steady(), Varying()])
 def test_innovations_respond_as_the_frozen_filter_does(gain: Steady | Varying) -> None:
     vehicle = parse_vehicle(load_vehicle("twin-boom").text + GUSTS, "gusty").reduced("longitudinal")
-    problem = with_gusts(problem_of(vehicle, WING))
+    problem = with_gusts(problem_of(vehicle, maneuver(6.0, ("elevator", "3-2-1-1", 1.0, 0.3, 0.06))))
     holes = problem.pieces[0].measured.copy()
     holes[100:140, 1] = np.nan
     problem = replace(problem, pieces=(replace(problem.pieces[0], measured=holes),))

@@ -31,6 +31,7 @@ from stoop.vehicle import parse_vehicle
 from .regression.test_aircraft import TRUTH, WOBBLE, flown
 
 FREE = ("CLalpha", "Cmalpha", "Cmq", "Cmelevator")
+QUADROTOR = [(m, "quadrotor") for m in ("multiple-shooting", "equation-error")]
 MANEUVER = maneuver(8.0, ("elevator", "3-2-1-1", 0.5, 0.4, 0.05))
 
 
@@ -84,9 +85,6 @@ def compared(found: Estimate) -> list[Any]:
         found.disagreement, found.deviations(bars.covariance) or (), () if observed is None else observed,
         list(found.responses().pieces), left_out_residuals(found) or (), [p.measured for p in found.prepared.pieces],
     ]  # fmt: skip
-
-
-QUADROTOR = [(m, "quadrotor") for m in ("multiple-shooting", "equation-error")]
 
 
 @pytest.mark.parametrize(("method", "kind"), [(m, "aircraft") for m in methods.names()] + QUADROTOR)

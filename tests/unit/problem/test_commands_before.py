@@ -24,6 +24,8 @@ from stoop_studies.verify import scenes
 
 CONTROLS = ("elevator", "aileron", "rudder")
 DELAY = 0.3  #: s
+ERROR = np.array([1.6, -1.1, 0.0])  #: m/s, of a wind that was found by a flight that turns little
+AIR = ("V", "alpha", "beta")
 
 
 @pytest.fixture(scope="module")
@@ -79,10 +81,6 @@ def test_a_fit_of_such_a_window_finds_the_truth(vehicle: Vehicle, flight: Flight
     again: Misfit = restored_problem(problem_document(done.problem), problem_arrays(done.problem))
     for kept, restored in zip(done.problem.pieces, again.pieces, strict=True):
         assert np.array_equal(np.asarray(kept.before), np.asarray(restored.before))
-
-
-ERROR = np.array([1.6, -1.1, 0.0])  #: m/s, of a wind that was found by a flight that turns little
-AIR = ("V", "alpha", "beta")
 
 
 def vehicle_with(sensors: str) -> Vehicle:

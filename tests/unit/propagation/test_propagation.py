@@ -24,6 +24,8 @@ from stoop.vehicle.load import parse_vehicle
 
 DENSITY = 1.20165
 DOMAIN = Domain((33.0, 37.0), 35.0, 200.0, DENSITY, (0.0, 0.2))
+WEIGHT, HOVER = 1.5 * 9.80665, Domain((0.0, 6.0), 0.0, 0.0, SEA_LEVEL_DENSITY, speeds=(0.1, 3.0))
+GRAVITY, LEVEL = 9.80665, Domain((30.0, 40.0), 35.0, 200.0, DENSITY, (-0.1, 0.2))
 
 
 def test_a_linear_expression_has_the_error_of_the_delta_method(aircraft: Vehicle) -> None:
@@ -60,9 +62,6 @@ def test_bad_expressions_are_refused_in_one_line(aircraft: Vehicle) -> None:
         assert message in str(caught.value), text
     found = parse_expressions({"x": "1e2*mass.mass + abs(Cmq)^2"}, aircraft)["x"]
     assert found.values(parameter_rows(aircraft)) == pytest.approx(100 * 189.40 + 47.6**2)
-
-
-WEIGHT, HOVER = 1.5 * 9.80665, Domain((0.0, 6.0), 0.0, 0.0, SEA_LEVEL_DENSITY, speeds=(0.1, 3.0))
 
 
 @pytest.fixture(scope="module")
@@ -178,9 +177,6 @@ def test_conditional_draws_of_a_normal_distribution() -> None:
     assert (given[:, 0] == 1.5).all()
     assert given[:, 1:].mean(axis=0) == pytest.approx([2.0 + 0.8 * 0.5, 3.0], abs=0.04)
     assert np.cov(given[:, 1:].T) == pytest.approx(np.array([[2.0 - 0.64, 0.3], [0.3, 1.0]]), abs=0.05)
-
-
-GRAVITY, LEVEL = 9.80665, Domain((30.0, 40.0), 35.0, 200.0, DENSITY, (-0.1, 0.2))
 
 
 def spread(vehicle: Vehicle, names: tuple[str, ...], count: int, size: float = 0.05) -> Draws:

@@ -33,6 +33,7 @@ from stoop.vehicle.defaults import wider_bounds
 from stoop.workflow.demo import MANEUVER
 
 INERTIA, WINDOWS = "mass.inertia.yy", [Window("flight", 0.0, 5.0)]
+WHOLE = [Window("sim", 0.0, 20.0)]
 
 
 @cache
@@ -114,9 +115,6 @@ def test_each_maneuver_of_unlike_noise_has_variances_of_its_own() -> None:
     assert log_likelihood_rise(fit(before, ()), fit(after, ()))[0] < 0.0, "one variance for both"
     rise, count = log_likelihood_rise(fit(before, (1.0,)), fit(after, (1.0,)))
     assert (rise, count) == (pytest.approx(500.0 * math.log(2.0 / 1.02)), 1000.0)
-
-
-WHOLE = [Window("sim", 0.0, 20.0)]
 
 
 @pytest.fixture(scope="module")

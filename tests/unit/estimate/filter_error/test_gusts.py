@@ -31,6 +31,11 @@ from .conftest import MANEUVER
 
 WINDOWS, TEN = (Window("sim", 0.0, 15.0),), (Window("sim", 0.0, 10.0),)
 GUSTS = "\n[turbulence]\n" + "".join(f"{a} = {{{{ intensity = {{0}}, length = 150.0 }}}}\n" for a in "uvw")
+ERRORS = {
+    "sensors.alpha.bias": 0.03, "sensors.beta.bias": -0.02, "sensors.ax.bias": 0.3,
+    "sensors.az.bias": -0.3, "sensors.q.bias": 0.02, "sensors.theta.bias": 0.02,
+}  # fmt: skip
+MOTORS = tuple(f"motor_{i}" for i in range(1, 5))
 
 
 def flown(intensity=0.0, numbers=(), seed=1):
@@ -43,12 +48,6 @@ def flown(intensity=0.0, numbers=(), seed=1):
 
 def levels(flights):
     return gust_levels(load_vehicle("twin-boom"), flights, WINDOWS)
-
-
-ERRORS = {
-    "sensors.alpha.bias": 0.03, "sensors.beta.bias": -0.02, "sensors.ax.bias": 0.3,
-    "sensors.az.bias": -0.3, "sensors.q.bias": 0.02, "sensors.theta.bias": 0.02,
-}  # fmt: skip
 
 
 @pytest.mark.parametrize("numbers", [{}, ERRORS])
@@ -194,9 +193,6 @@ def test_the_method_that_fails_gives_way_to_the_other(monkeypatch, failing):
     calm = failing == "filter-error"  # then the filter begins at its estimates, and may give up early
     assert asked == [("output-error", state, {}, False), ("filter-error", None, start if calm else {}, calm)]
     assert [n.code for n in done.setup.notices] == (["filter-diverges"] if calm else [])
-
-
-MOTORS = tuple(f"motor_{i}" for i in range(1, 5))
 
 
 def logged(rate: float, grid: float = 100.0) -> Flight:

@@ -30,6 +30,7 @@ from stoop.problem.windows import Window
 
 WINDOW, DOMAINS = [Window("noisy", 0.0, 25.0)], [TimeDomain(), FrequencyDomain(0.04, 1.5)]
 FREE = Priors(np.zeros(3), np.full(3, np.inf))
+NAMES = ("CLalpha", "Cmalpha", "Cmq", "Clp", "Cnbeta", "Cmelevator", "Claileron")
 
 
 def regressed(vehicle: Vehicle, flight: Flight, domain: ls.Domain) -> tuple[AircraftEquations, ls.Estimates]:
@@ -162,9 +163,6 @@ def test_methods_of_identify(full: Vehicle, noisy: Flight, method: Callable[...,
     blind = replace(noisy, data=noisy.data.drop_vars("alpha"))
     with pytest.raises(IdentificationError, match="no regression is possible"):
         method(full, {"noisy": blind}, WINDOW, Options())
-
-
-NAMES = ("CLalpha", "Cmalpha", "Cmq", "Clp", "Cnbeta", "Cmelevator", "Claileron")
 
 
 @pytest.fixture(scope="module", params=["equation-error", "frequency-domain"])

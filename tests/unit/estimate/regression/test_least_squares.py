@@ -127,6 +127,7 @@ def test_nothing_is_chosen_without_what_it_stands_on(seed: int) -> None:
 
 
 BOUNDS = (-0.1, 0.5)
+DELAYED = [(0.0, 5, 0.0), (0.29, 10, 0.0), (-0.05, 10, 0.0), (0.12, 50, 0.0), (0.2, 10, 0.03)]
 RATE, FINE, DURATION = 50.0, 1000.0, 80.0
 GRAVITY = 9.80665
 
@@ -157,9 +158,6 @@ def flown(late: float, seed: int = 0, noise: float = 0.05, every: int = 10, atti
     names = ("vn", "ve", "vd", "ax", "ay", "az", "phi", "theta", "psi")
     values = np.column_stack([slow, felt, angles[rows] + attitude])
     return from_columns("log", time, dict(zip(names, values.T, strict=True)))
-
-
-DELAYED = [(0.0, 5, 0.0), (0.29, 10, 0.0), (-0.05, 10, 0.0), (0.12, 50, 0.0), (0.2, 10, 0.03)]
 
 
 @pytest.mark.parametrize(("late", "every", "attitude"), DELAYED)

@@ -24,6 +24,7 @@ from stoop.workflow import demo, identify
 
 DT, FREE = 0.02, ("CL0", "CLalpha", "CLelevator", "CD0", "CDalpha", "Cm0", "Cmalpha", "Cmq", "Cmelevator")
 MANEUVER = maneuver(15.0, ("elevator", "3-2-1-1", 1.0, 0.5, 0.04), ("elevator", "3-2-1-1", 7.0, 0.5, -0.05))
+WINDOW = [Window("damped", 0.0, 15.0)]
 
 
 @pytest.fixture(scope="module")
@@ -71,9 +72,6 @@ def start(unstable, truth):
     wrong = {n: {"value": truth[n] * rng.uniform(0.6, 1.4)} for n in FREE if n != "Cmalpha"}
     thrust = {"propulsion.thrust": {"value": truth["propulsion.thrust"]}}
     return unstable.with_numbers({**wrong, **thrust, "Cmalpha": {"value": -0.5, "bounds": [-4.0, 4.0]}})
-
-
-WINDOW = [Window("damped", 0.0, 15.0)]
 
 
 @pytest.fixture(scope="module")
