@@ -28,7 +28,6 @@ CRAZYFLOW = BARE | {("body_drag", "quadratic"): [0.0, 0.0, 0.0], ("body_drag", "
 
 def open_loop(vehicle: Vehicle, airspeed: float | None = None) -> ReferenceFlight:
     flight = reference_flight(vehicle, trim(vehicle, airspeed))
-    assert flight is not None
     n = round(SECONDS / flight.dt) + 1
     parts = {k: getattr(flight, k)[:n] for k in ("time", "inputs", "states", "readings")}
     return replace(flight, **parts, restarts=(0,))

@@ -21,10 +21,8 @@ from stoop.simulation.fly import fly
 from stoop.simulation.maneuver import Maneuver
 from stoop.vehicle.builtin import builtin_vehicle
 
-PAPER = maneuver(
-    20.0, ("elevator", "3-2-1-1", 1.0, 0.3, 0.2), ("elevator", "doublet", 4.0, 1.5, 0.05), ("aileron", "doublet", 9.0, 0.5, 0.1),
-    ("rudder", "doublet", 12.0, 1.0, 0.1), rate=100.0,
-)  # fmt: skip
+PAPER = maneuver(20.0, ("elevator", "3-2-1-1", 1.0, 0.3, 0.2), ("elevator", "doublet", 4.0, 1.5, 0.05),
+                 ("aileron", "doublet", 9.0, 0.5, 0.1), ("rudder", "doublet", 12.0, 1.0, 0.1), rate=100.0)  # fmt: skip
 
 
 def exact(kernel: Kernel, rows: np.ndarray, x: np.ndarray, u: np.ndarray, corner: float) -> np.ndarray:

@@ -11,10 +11,8 @@ from stoop.errors import StoopError
 from stoop_studies.findings import Setting
 from stoop_studies.verify.nist import EXPERIMENT, digits, fit_certified, problem_files, read_certified
 
-NAMES = (
-    "Chwirut1", "Chwirut2", "DanWood", "ENSO", "Gauss1", "Gauss2", "Gauss3", "Kirby2", "Lanczos2", "Lanczos3",
-    "MGH17", "Misra1a", "Misra1b", "Misra1c", "Misra1d", "Nelson", "Rat42", "Roszman1",
-)  # fmt: skip
+NAMES = ("Chwirut1", "Chwirut2", "DanWood", "ENSO", "Gauss1", "Gauss2", "Gauss3", "Kirby2", "Lanczos2", "Lanczos3", "MGH17",
+         "Misra1a", "Misra1b", "Misra1c", "Misra1d", "Nelson", "Rat42", "Roszman1")  # fmt: skip
 
 
 def test_certified_digits_of_a_narrow_valley(shared_data: Path) -> None:

@@ -107,7 +107,6 @@ def test_surfaces_turn_where_the_autopilot_means(name: str, target: str, tmp_pat
     wing = name == "flying wing"
     vehicle = parse_vehicle(FLYING_WING, "wing") if wing else builtin_vehicle(name)
     made = autopilot_commands(vehicle, None, 200.0, None)
-    assert made.wings is not None
     assert {c.name for c in made.surfaces} == {"aileron", "elevator", "rudder"}
     steady = {c.place: c.steady for c in made.outputs if c not in made.rotors}
     folder, start = FOLDERS[target](made), made.wings.start
@@ -139,13 +138,12 @@ def test_the_allocation_is_that_of_the_model(name: str, tmp_path: Path) -> None:
     made = commands(name)
     texts, place = px4(made)
     known = airframe(texts)
-    assert made.hover is not None
     steady = {c.place: c.steady for c in made.rotors}
     for i, command in enumerate(made.rotors):
         assert known[f"PWM_MAIN_FUNC{i + 1}"] == 101 + i
 
         def loads(x: float, place_of: str = command.place) -> np.ndarray:
-            fdm = aloft((texts, place), tmp_path, made.hover.start, {**steady, place_of: x, "wait": 700})  # type: ignore[union-attr]
+            fdm = aloft((texts, place), tmp_path, made.hover.start, {**steady, place_of: x, "wait": 700})
             return np.array([fdm[f"stoop/moment/{a}-Nm"] for a in "xyz"])
 
         moment = loads(command.steady + 0.002) - loads(command.steady - 0.002)

@@ -20,15 +20,13 @@ from stoop.errors import StoopError
 
 Floats = NDArray[np.float64]
 Step = Callable[[float], float]
-HEADER = {
-    "looptime": 125.0, "pid_process_denom": 2.0, "rollPID[0]": 45.0, "rollPID[1]": 80.0, "rollPID[2]": 40.0,
-    "pitchPID[0]": 47.0, "pitchPID[1]": 84.0, "pitchPID[2]": 34.0, "yawPID[0]": 45.0, "yawPID[1]": 80.0, "yawPID[2]": 5.0,
-    "ff_weight[0]": 120.0, "ff_weight[1]": 125.0, "ff_weight[2]": 80.0, "yaw_lowpass_hz": 100.0, "pidsum_limit": 500.0,
-    "pidsum_limit_yaw": 400.0, "dterm_notch_hz": 260.0, "dterm_notch_cutoff": 160.0, "dterm_lpf1_type": 0.0,
-    "dterm_lpf1_static_hz": 75.0, "dterm_lpf2_type": 1.0, "dterm_lpf2_static_hz": 150.0, "gyro_lpf1_type": 0.0,
-    "gyro_lpf1_static_hz": 250.0, "gyro_lpf2_type": 0.0, "gyro_lpf2_static_hz": 500.0, "gyro_notch_hz[0]": 180.0,
-    "gyro_notch_cutoff[0]": 120.0,
-}  # fmt: skip
+HEADER = {"looptime": 125.0, "pid_process_denom": 2.0, "rollPID[0]": 45.0, "rollPID[1]": 80.0, "rollPID[2]": 40.0,
+          "pitchPID[0]": 47.0, "pitchPID[1]": 84.0, "pitchPID[2]": 34.0, "yawPID[0]": 45.0, "yawPID[1]": 80.0,
+          "yawPID[2]": 5.0, "ff_weight[0]": 120.0, "ff_weight[1]": 125.0, "ff_weight[2]": 80.0, "yaw_lowpass_hz": 100.0,
+          "pidsum_limit": 500.0, "pidsum_limit_yaw": 400.0, "dterm_notch_hz": 260.0, "dterm_notch_cutoff": 160.0,
+          "dterm_lpf1_type": 0.0, "dterm_lpf1_static_hz": 75.0, "dterm_lpf2_type": 1.0, "dterm_lpf2_static_hz": 150.0,
+          "gyro_lpf1_type": 0.0, "gyro_lpf1_static_hz": 250.0, "gyro_lpf2_type": 0.0, "gyro_lpf2_static_hz": 500.0,
+          "gyro_notch_hz[0]": 180.0, "gyro_notch_cutoff[0]": 120.0}  # fmt: skip
 
 
 def first_order(cutoff: float, dt: float, count: int = 1, shift: float = 1.0) -> Step:

@@ -18,13 +18,11 @@ VALUES = {"pid_rate.roll_kp": 250.0, "pid_rate.pitch_kp": 240.0, "pid_rate.pitch
           "pid_rate.yaw_kd": 1.5}  # fmt: skip
 SMOOTH = VALUES | {"pid_rate.rateFiltEn": 1.0, "pid_rate.omxFiltCut": 40.0, "pid_rate.omzFiltCut": 25.0}
 #: axis -> gains and limit of the sum of errors, deg, of the Crazyflie 2.1 and the values above
-KNOWN = {
-    "roll": (250.0, 500.0, 2.5, 0.0, 33.3), "pitch": (240.0, 500.0, 2.5, 30.0, 33.3), "yaw": (120.0, 16.7, 1.5, 0.0, 166.7),
-}  # fmt: skip
+KNOWN = {"roll": (250.0, 500.0, 2.5, 0.0, 33.3), "pitch": (240.0, 500.0, 2.5, 30.0, 33.3),
+         "yaw": (120.0, 16.7, 1.5, 0.0, 166.7)}  # fmt: skip
 #: the same of the attitude loop, 1/s
-ANGLES = {
-    "roll": (6.0, 3.0, 0.0, 0.0, 20.0), "pitch": (4.0, 2.0, 0.1, 0.2, 20.0), "yaw": (6.0, 1.0, 0.35, 0.0, 360.0),
-}  # fmt: skip
+ANGLES = {"roll": (6.0, 3.0, 0.0, 0.0, 20.0), "pitch": (4.0, 2.0, 0.1, 0.2, 20.0),
+          "yaw": (6.0, 1.0, 0.35, 0.0, 360.0)}  # fmt: skip
 OUTER = {f"pid_attitude.pitch_k{n}": x for n, x in zip(("p", "i", "d", "ff"), ANGLES["pitch"], strict=False)}
 CUTOFFS = {"roll": 40.0, "pitch": 30.0, "yaw": 25.0}
 DT = 0.002

@@ -23,10 +23,8 @@ from stoop.control_laws.table import firmware_of, firmwares
 from stoop.errors import StoopError
 
 COUNT = 4000
-PX4 = {
-    "FW_RR_P": 0.06, "FW_RR_I": 0.4, "FW_RR_D": 0.01, "FW_RR_FF": 0.5, "FW_RR_IMAX": 0.05, "IMU_GYRO_RATEMAX": 400.0,
-    "IMU_GYRO_CUTOFF": 40.0, "IMU_DGYRO_CUTOFF": 20.0, "IMU_GYRO_NF0_FRQ": 80.0, "IMU_GYRO_NF0_BW": 20.0,
-}  # fmt: skip
+PX4 = {"FW_RR_P": 0.06, "FW_RR_I": 0.4, "FW_RR_D": 0.01, "FW_RR_FF": 0.5, "FW_RR_IMAX": 0.05, "IMU_GYRO_RATEMAX": 400.0,
+       "IMU_GYRO_CUTOFF": 40.0, "IMU_DGYRO_CUTOFF": 20.0, "IMU_GYRO_NF0_FRQ": 80.0, "IMU_GYRO_NF0_BW": 20.0}  # fmt: skip
 GAINS = {"P": 0.08, "I": 0.5, "D": 0.004, "FF": 0.3, "IMAX": 0.05, "FLTT": 3.0, "FLTE": 15.0, "FLTD": 12.0}
 PLANE = {f"RLL_RATE_{n}": x for n, x in GAINS.items()} | {"SCHED_LOOP_RATE": 50.0}
 COPTER = {f"ATC_RAT_RLL_{n}": x for n, x in GAINS.items()} | {"SCHED_LOOP_RATE": 400.0}
@@ -214,11 +212,9 @@ def test_planes_before_4_1_and_thin_air() -> None:
 
 
 SHORT = 600
-BETAFLIGHT = {
-    "looptime": 500.0, "pid_process_denom": 2.0, "yawPID[0]": 45.0, "yawPID[1]": 20.0, "yawPID[2]": 10.0,
-    "gyro_lpf1_static_hz": 250.0, "dterm_lpf1_static_hz": 75.0, "yaw_lowpass_hz": 100.0, "ff_weight[2]": 80.0,
-    "gyro_lpf2_static_hz": 0.0, "dterm_lpf2_static_hz": 0.0,
-}  # fmt: skip
+BETAFLIGHT = {"looptime": 500.0, "pid_process_denom": 2.0, "yawPID[0]": 45.0, "yawPID[1]": 20.0, "yawPID[2]": 10.0,
+              "gyro_lpf1_static_hz": 250.0, "dterm_lpf1_static_hz": 75.0, "yaw_lowpass_hz": 100.0, "ff_weight[2]": 80.0,
+              "gyro_lpf2_static_hz": 0.0, "dterm_lpf2_static_hz": 0.0}  # fmt: skip
 LAWS = {
     "px4": CASES["px4"][0],
     "yaw of px4": px4.multicopter({"MC_YAWRATE_P": 0.2, "MC_YAW_TQ_CUTOFF": 2.0}, "yaw"),

@@ -12,8 +12,8 @@ from stoop.exporters.exporter import cost_without_actuators
 from stoop.exporters.reference_flight import reference_flight, reference_record, states_of
 from stoop.simulation import trim
 from stoop.simulation.loads import body_loads
+from stoop.vehicle import parse_vehicle
 from stoop.vehicle.builtin import builtin_text, builtin_vehicle
-from stoop.vehicle.load import parse_vehicle
 
 
 def test_statistics_are_those_of_a_regression() -> None:
@@ -40,7 +40,6 @@ def test_statistics_are_those_of_a_regression() -> None:
 def test_axes_of_a_path_are_those_of_the_equations() -> None:
     vehicle = builtin_vehicle("twin-boom")
     flight = reference_flight(vehicle, trim(vehicle))
-    assert flight is not None
     names, found = loads_of_path(flight, flight.states)
     whole = loads_along(flight)
     apart = np.sqrt(np.mean((found - whole) ** 2, axis=0)) / whole.std(axis=0)
@@ -56,7 +55,6 @@ def test_omitted_actuators_have_a_share_of_each_axis() -> None:
     table = "\n[controls]\nelevator = { delay = 0.01 }\naileron = {}\nrudder = {}\n"
     vehicle = parse_vehicle(builtin_text("twin-boom") + table, "twin")
     record = reference_record(vehicle, trim(vehicle))
-    assert record is not None
     said = cost_without_actuators(record)
     states, column = states_of(record), vehicle.inputs.index("elevator")
     late = record.inputs.copy()

@@ -79,15 +79,12 @@ def test_pyulog_reads_it(tmp_path: Path) -> None:
     flight, target = flown("quad-x"), tmp_path / "flight.ulg"
     save_flight_as(flight, target)
     topics = {d.name: d.data for d in ULog(str(target)).data_list}
-    assert set(topics) == {
-        "vehicle_attitude", "vehicle_angular_velocity", "sensor_combined", "vehicle_local_position",
-        "actuator_motors", "vehicle_air_data",
-    }  # fmt: skip
+    assert set(topics) == {"vehicle_attitude", "vehicle_angular_velocity", "sensor_combined", "vehicle_local_position",
+                           "actuator_motors", "vehicle_air_data"}  # fmt: skip
     for topic, column, channel in (
-        ("sensor_combined", "gyro_rad[1]", "q"),
-        ("vehicle_local_position", "vy", "ve"),
+        ("sensor_combined", "gyro_rad[1]", "q"), ("vehicle_local_position", "vy", "ve"),
         ("actuator_motors", "control[2]", "motor_3"),
-    ):
+    ):  # fmt: skip
         np.testing.assert_array_equal(topics[topic][column], flight.column(channel).astype("f4"))
     assert np.isnan(topics["actuator_motors"]["control[11]"]).all()
     assert topics["vehicle_local_position"]["v_xy_valid"].all()
@@ -112,13 +109,10 @@ def test_pymavlink_reads_it(tmp_path: Path) -> None:
 @pytest.mark.parametrize("child", [False, True])
 def test_an_aircraft_with_every_command(child: bool, tmp_path: Path) -> None:
     """What no autopilot has a place for is kept all the same: a measured thrust, more motors than outputs."""
-    time = np.arange(200) * 0.01
-    rng = np.random.default_rng(0)
-    names = [
-        "V", "alpha", "beta", "p", "q", "r", "thrust", "throttle", "flap", "elevator", "voltage", "rotor_1",
-        "control_roll", "control_pitch", "control_yaw", "control_throttle", "pwm_3", "airspeed_pitot", "density",
-        "pressure", "temperature", "wind_n", "wind_e", "injected", "p_dot",
-    ]  # fmt: skip
+    time, rng = np.arange(200) * 0.01, np.random.default_rng(0)
+    names = ["V", "alpha", "beta", "p", "q", "r", "thrust", "throttle", "flap", "elevator", "voltage", "rotor_1",
+             "control_roll", "control_pitch", "control_yaw", "control_throttle", "pwm_3", "airspeed_pitot", "density",
+             "pressure", "temperature", "wind_n", "wind_e", "injected", "p_dot"]  # fmt: skip
     names += [f"motor_{n}" for n in range(1, 17)] + [f"servo_{n}" for n in range(1, 9)]
     base = {"density": 1.2, "pressure": 9e4, "temperature": 280.0, "pwm_3": 1500.0, "V": 20.0}
     base |= {"voltage": 16.0, "rotor_1": 500.0}  # of which a blackbox log keeps whole steps

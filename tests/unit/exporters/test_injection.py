@@ -359,10 +359,9 @@ def test_the_card_counts_the_steps() -> None:
     one = replace(wings(), maneuver=course, beat=0.5, throws={"elevator": math.radians(25.0)})
     text = PILOT.write(one)["card.txt"]
     found = [line.split(maxsplit=2) for line in text.splitlines() if "nose" in line or "wing" in line]
-    assert found == [
-        ["nose", "up", "one - two - three"], ["nose", "down", "one - two"], ["nose", "up", "one"], ["nose", "down", "one"],
-        ["right", "wing", "down  one - two"], ["left", "wing", "down   one - two"],
-    ]  # fmt: skip
+    assert found == [["nose", "up", "one - two - three"], ["nose", "down", "one - two"], ["nose", "up", "one"],
+                     ["nose", "down", "one"], ["right", "wing", "down  one - two"],
+                     ["left", "wing", "down   one - two"]]  # fmt: skip
     assert "ELEVATOR 3-2-1-1: stop at 2.5 deg (10 % of the stick)" in text
     assert "AILERON doublet: stop at 2 deg\n" in text
 

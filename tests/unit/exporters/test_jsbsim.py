@@ -11,7 +11,7 @@ import pytest
 import sympy as sp
 
 from stoop.errors import SimulationError, VehicleError
-from stoop.exporters.jsbsim_aircraft import aircraft, folder, read_numbers, relative_errors
+from stoop.exporters.jsbsim_aircraft import aircraft, folder, relative_errors
 from stoop.exporters.jsbsim_autopilot import AttitudeHold, fly_in_jsbsim
 from stoop.exporters.jsbsim_flight import file_name, steady_record, without_turbulence
 from stoop.exporters.jsbsim_model import convert, number
@@ -32,15 +32,11 @@ def test_numbers_read_back() -> None:
         if vehicle.file.rotor:
             written = {"mass.mass", "rotors.T2", "rotors.torque_ratio", "body_drag.quadratic.x"}
             written |= {n for n in vehicle.rows if n.startswith("rotor.m1.position")}
+        if name == "crooked":  # points and products of inertia change their axes
+            written |= {f"mass.inertia.{axes}" for axes in ("xy", "xz", "yz")}
+            written |= {f"mass.center_of_gravity.{axis}" for axis in "xyz"}
         assert written <= set(difference), name
         assert max(difference.values()) < 4e-16, name
-
-
-def test_points_and_products_of_inertia_change_their_axes_and_come_back() -> None:
-    read = read_numbers(aircraft(load("crooked")))
-    products = [read[f"mass.inertia.{axes}"] for axes in ("xy", "xz", "yz")]
-    center = [read[f"mass.center_of_gravity.{a}"] for a in "xyz"]
-    assert products + center == pytest.approx([0.03, 0.2, -0.02, -0.31, 0.01, 0.02], rel=1e-15)
 
 
 def test_any_name_is_well_formed(twin_boom: Vehicle, steady: Trim) -> None:
@@ -61,8 +57,9 @@ def test_any_name_is_well_formed(twin_boom: Vehicle, steady: Trim) -> None:
 
 def test_refusals(twin_boom: Vehicle) -> None:
     early = load("flying-wing").with_numbers({"controls.elevator.delay": {"value": -0.02}})
+    lateral = twin_boom.reduced("lateral")
     for vehicle, said in (
-        (twin_boom.reduced("lateral"), r"export to state-space, or set model\.reduce"),
+        (lateral, r"to state-space, or set model\.reduce"),
         (early, "acts before it is recorded"),
     ):
         with pytest.raises(VehicleError, match=said):
@@ -81,10 +78,9 @@ def test_turbulence_is_left_out(twin_boom: Vehicle) -> None:
 
 
 VALUES = {"alpha": 0.31, "beta": -0.12, "q": 0.05, "elevator": -0.2}
-OPERATIONS: dict[str, Callable[..., float]] = {
-    "sum": lambda *a: math.fsum(a), "product": lambda *a: math.prod(a), "quotient": lambda a, b: a / b,
-    "pow": lambda a, b: a**b, "abs": abs,
-}  # fmt: skip
+OPERATIONS: dict[str, Callable[..., float]] = {"sum": lambda *a: math.fsum(a), "product": lambda *a: math.prod(a),
+                                               "quotient": lambda a, b: a / b, "pow": lambda a, b: a**b,
+                                               "abs": abs}  # fmt: skip
 
 
 def evaluate(element: ET.Element) -> float:
@@ -112,15 +108,17 @@ def test_terms() -> None:
 
 
 def maneuver(duration: float, *inputs: dict[str, object]) -> Maneuver:
-    entries = {"duration": duration, "rate": 50.0, "airspeed": 35.0, "input": list(inputs)}
-    return Maneuver.model_validate(entries)
+    return Maneuver.model_validate(
+        {"duration": duration, "rate": 50.0, "airspeed": 35.0, "input": list(inputs)}
+    )
 
 
 def test_wings_are_leveled_after_a_pulse(twin_boom: Vehicle) -> None:
     """The spiral of the free aircraft keeps its bank; the autopilot's aileron works against the pulse."""
     pulse = {"control": "aileron", "shape": "pulse", "start": 1.0, "duration": 1.0, "amplitude": 0.03}
-    flown = fly_in_jsbsim(twin_boom, maneuver(12.0, pulse), noise=False)
-    free = simulate_flight(twin_boom, maneuver(12.0, pulse), noise=False)
+    flown, free = (
+        fly(twin_boom, maneuver(12.0, pulse), noise=False) for fly in (fly_in_jsbsim, simulate_flight)
+    )
     assert np.abs(flown.column("phi")).max() > 0.05
     assert abs(flown.column("phi")[-1]) < 0.3 * abs(free.column("phi")[-1])
     aileron = flown.column("aileron") - flown.column("aileron")[0]

@@ -49,19 +49,20 @@ def test_gym_pybullet_drones_reads_the_description(square: Vehicle) -> None:
     made = GymPyBulletDrones(ModelData(square)).files()
     root = ET.fromstring(made.files[made.main])  # noqa: S314
     properties, base, mass = root[0].attrib, root[1], square.value("mass.mass")
-    assert float(base[0][1].attrib["value"]) == mass
-    assert float(base[0][2].attrib["ixx"]) == square.value("mass.inertia.xx")
+    read = float(base[0][1].attrib["value"]), float(base[0][2].attrib["ixx"])
+    assert read == (mass, square.value("mass.inertia.xx"))
     assert {"length", "radius"} <= base[2][1][0].attrib.keys()
     assert len(base[2][0].attrib["xyz"].split()) == 3
     content = json.loads(made.files["quadrotor_x_1_5_kg.json"])
     full = content["rpm_offset"] + content["rpm_gain"]
     assert float(properties["kf"]) * full**2 == pytest.approx(FULL_THRUST, rel=1e-6)
-    turn = float(properties["km"]) / float(properties["kf"])
-    assert turn == pytest.approx(-0.016), "front left turns clockwise"
+    assert float(properties["km"]) / float(properties["kf"]) == pytest.approx(
+        -0.016
+    )  # front left turns clockwise
     weight = mass * square.value("environment.gravity")
     assert float(properties["thrust2weight"]) == pytest.approx(4.0 * FULL_THRUST / weight, rel=1e-6)
     assert float(properties["arm"]) == pytest.approx(0.177 * np.sqrt(2.0))
-    places = {j.find("child").attrib["link"]: j.find("origin").attrib["xyz"] for j in root.iter("joint")}  # type: ignore[union-attr]
+    places = {j.find("child").attrib["link"]: j.find("origin").attrib["xyz"] for j in root.iter("joint")}
     # x_torque of its dynamics has the first two on the left
     assert (places["prop0_link"], places["prop3_link"]) == ("0.177 0.177 0.03", "0.177 -0.177 0.03")
 
@@ -76,8 +77,7 @@ def test_pyflyt_reads_the_folder(square: Vehicle) -> None:
     # 1/2 rho A v^2 is the drag of the body, by the mean of its axes, in PyFlyt's air
     area = content["drag_params"]["drag_coef_xyz"] * content["drag_params"]["drag_area_xyz"]
     assert 0.5 * 1.225 * area == pytest.approx((0.02 + 0.02 + 0.03) / 3.0)
-    gains = {"ang_vel", "ang_pos", "lin_vel", "lin_pos", "z_pos", "z_vel"}
-    assert content["control_params"].keys() == gains
+    assert content["control_params"].keys() == {"ang_vel", "ang_pos", "lin_vel", "lin_pos", "z_pos", "z_vel"}
     root = ET.fromstring(made.files["quadrotor_x_1_5_kg/quadrotor_x_1_5_kg.urdf"])  # noqa: S314
     assert [link.attrib["name"] for link in root.iter("link")][-1] == "body", "its drag acts on link 4"
 
@@ -95,8 +95,8 @@ def test_isaac_lab_and_aerial_gym_have_the_fields_of_their_classes(square: Vehic
     }  # fmt: skip
     content = json.loads(files["quadrotor_x_1_5_kg.json"])
     share = np.percentile(drawn(square).draws["rotors.T2"], [2.5, 97.5]) / square.value("rotors.T2")
-    expected = content["nominal"]["thrust_const"] * share
-    assert content["ranges"]["thrust_const"] == pytest.approx(expected, rel=1e-3)
+    nominal, ranges = (content[name]["thrust_const"] for name in ("nominal", "ranges"))
+    assert ranges == pytest.approx(nominal * share, rel=1e-3)
     matrix = np.array(content["allocation_matrix"])
     assert matrix[3:] @ np.ones(4) == pytest.approx(0.0, abs=1e-12), "equal thrusts turn it about no axis"
     assert matrix[3, 0] < 0.0, "the rotor at the front right rolls it to the left"
@@ -106,16 +106,13 @@ def test_isaac_lab_and_aerial_gym_have_the_fields_of_their_classes(square: Vehic
 
 def test_parameter_sets_keep_the_correlation(square: Vehicle) -> None:
     data = drawn(square)
-    target = MuJoCo(data)
-    made = target.with_draws(target.files())
+    made = MuJoCo(data).with_draws(MuJoCo(data).files())
     sets = np.load(io.BytesIO(made.files["draws.npz"]))
     assert set(sets.files) == {"rotors.T2", "rotors.drag"}
-    for name in sets.files:
-        assert sets[name].tolist() == data.draws[name].tolist()
     lists = json.loads(made.files["draws.json"])["numbers"]
-    assert lists["rotors.T2"] == data.draws["rotors.T2"].tolist()
-    quad = GymPyBulletDrones(data)
-    own = quad.drawn[0]
+    for name in sets.files:
+        assert sets[name].tolist() == lists[name] == data.draws[name].tolist()
+    own = GymPyBulletDrones(data).drawn[0]
     assert np.corrcoef(own["kf"] * own["thrust2weight"], data.draws["rotors.T2"])[0, 1] > 0.9
 
 
@@ -134,20 +131,17 @@ def test_one_set_is_written_and_draws_that_change_nothing_are_refused(square: Ve
 def test_refusals(square: Vehicle) -> None:
     # by 5.7 degrees: its side force would be lost
     tilted = with_entries(builtin_vehicle("quad-x"), {("rotor", "m1", "axis"): [0.0, 0.1, -1.0]})
-    upright = "vertical rotors only; export this vehicle to mujoco"
-    six = "PyFlyt flies quadrotors on their rotors; this vehicle has 6 rotors"
+    upright, six = "vertical rotors only; export this vehicle to mujoco", "this vehicle has 6 rotors"
     for target, vehicle, said in (
         *((one, tilted, upright) for one in (PyFlyt, Crazyflow, GymPyBulletDrones, Isaac)),
-        (PyFlyt, builtin_vehicle("hexa-x"), six),
-        (Isaac, builtin_vehicle("quad-plus"), "one rotor in each quadrant"),
-    ):
+        (PyFlyt, builtin_vehicle("hexa-x"), six), (Isaac, builtin_vehicle("quad-plus"), "one rotor in each quadrant"),
+    ):  # fmt: skip
         with pytest.raises(SimulationError, match=said):
             target(ModelData(vehicle)).files()
     with pytest.raises(StoopError, match="this target takes one parameter set; give mujoco"):
         export(drawn(square), "state-space")
-    heavy = ModelData(square, draws={"mass.mass": np.full(3, 1e3)})
     with pytest.raises(SimulationError, match="none of 3 draws has a steady flight"):
-        assert GymPyBulletDrones(heavy).drawn
+        assert GymPyBulletDrones(ModelData(square, draws={"mass.mass": np.full(3, 1e3)})).drawn
 
 
 def test_drone_models_has_the_static_thrust() -> None:
@@ -163,9 +157,8 @@ def test_drone_models_has_the_static_thrust() -> None:
 
 
 def test_every_row_of_the_targets_names_an_exporter() -> None:
-    found = {target.load() for target in TARGETS.values()}
-    assert all(issubclass(one, Exporter) and one is not Exporter for one in found)
-    assert len(found) == len(TARGETS)
+    found = {target.load() for target in TARGETS.values()} - {Exporter}
+    assert [issubclass(one, Exporter) for one in found] == [True] * len(TARGETS)
     with pytest.raises(StoopError, match=r"no target 'gazeboo' of an export; did you mean gazebo\?"):
         stoop.export("twin-boom", "gazeboo")
 
@@ -182,8 +175,5 @@ class Card(Exporter):
 
 
 def test_notes_are_those_on_files_on_what_a_target_lacks_and_on_its_flight() -> None:
-    assert Card(ModelData(builtin_vehicle("quad-x"))).export().notes == (
-        "a card",
-        "no aerodynamics",
-        "cards fly badly",
-    )
+    notes = Card(ModelData(builtin_vehicle("quad-x"))).export().notes
+    assert notes == ("a card", "no aerodynamics", "cards fly badly")

@@ -21,18 +21,15 @@ from stoop.exporters.mujoco_flight import MuJoCo
 from stoop.exporters.reference_flight import ReferenceFlight, reference_flight
 from stoop.exporters.targets import export
 from stoop.simulation import Trim, initial_states, parameter_rows, trim
-from stoop.vehicle import Vehicle
+from stoop.vehicle import Vehicle, load_vehicle, parse_vehicle
 from stoop.vehicle.builtin import builtin_text, builtin_vehicle
 from stoop.vehicle.document import with_entries
-from stoop.vehicle.load import load_vehicle, parse_vehicle
 
 SECONDS = 3  #: of the flight that the tests repeat; the page shows 30
 
 
 def flight_of(vehicle: Vehicle) -> ReferenceFlight:
-    flight = reference_flight(vehicle, trim(vehicle))
-    assert flight is not None
-    return flight
+    return reference_flight(vehicle, trim(vehicle))
 
 
 def test_a_lost_side_force_is_visible_in_gazebo() -> None:
@@ -47,8 +44,9 @@ def test_a_lost_side_force_is_visible_in_gazebo() -> None:
     names, both = (*AXES, *rotorpy_flight.CHANNELS), np.hstack([ours, rotorpy_flight.motion(flight)])
     lost = Compared("Gazebo", flight.title, names, both, theirs)
     found = lost.statistics
-    side = [found[n][1] for n in ("slope", "correlation", "share")]
-    assert side == pytest.approx([0.0, 0.0, 1.0], abs=0.01)
+    assert [found[n][1] for n in ("slope", "correlation", "share")] == pytest.approx(
+        [0.0, 0.0, 1.0], abs=0.01
+    )
     assert found["correlation"][names.index("ve")] > 0.95
     assert "lowest correlation 0 (Fx)" in str(lost)
     assert agreement_table(lost).rows[1][3:] == ("100 %", "0.00", "0.00")
@@ -91,10 +89,8 @@ def test_rotorpy_flies_the_identified_equations(tmp_path: Path) -> None:
 def test_a_lost_side_force_is_visible_in_rotorpy(tmp_path: Path) -> None:
     vehicle = builtin_vehicle("quad-x")
     flight, script = flight_of(vehicle), rotorpy_script(vehicle, tmp_path, k_d=0.0)
-    own, bare = (
-        Compared("", "", tuple(AXES), loads_along(flight), rotorpy_flight.rotorpy_loads(script, flight, stock=stock))
-        for stock in (False, True)
-    )  # fmt: skip
+    both = (rotorpy_flight.rotorpy_loads(script, flight, stock=stock) for stock in (False, True))
+    own, bare = (Compared("", "", tuple(AXES), loads_along(flight), loads) for loads in both)
     assert own.statistics["share"].max() < 1e-5, "equations printed from the same expressions"
     assert bare.statistics["share"][:2].min() > 0.5, "side force without the drag of rotors"
     assert bare.statistics["share"][2:].max() < 0.2
@@ -102,13 +98,12 @@ def test_a_lost_side_force_is_visible_in_rotorpy(tmp_path: Path) -> None:
 
 def test_rotorpys_own_model_holds_a_vehicle_of_its_own_terms(tmp_path: Path) -> None:
     """Speeds of rotation, thrust and torque by their squares, drag and inflow: only the torque of inflow is lost."""
-    text, torque = builtin_text("quad-x"), "torque_ratio = 0.016"
-    assert torque in text
+    text = builtin_text("quad-x").replace("torque_ratio = 0.016", "Q2 = 1.4e-7")
     numbers = {"gain": 1000.0, "T1": 0.0, "T2": 8.5e-6, "inflow": 2.5e-4, "drag": 8e-5}
     entries = {("rotors", name): x for name, x in numbers.items()} | {
         ("rotors", "drive"): "speed", ("environment", "density"): 1.225, ("body_drag", "quadratic"): [0.0, 0.0, 0.0],
     }  # fmt: skip
-    vehicle = with_entries(parse_vehicle(text.replace(torque, "Q2 = 1.4e-7"), "quad"), entries)
+    vehicle = with_entries(parse_vehicle(text, "quad"), entries)
     made = rotorpy_model.rotorpy_model(vehicle, trim(vehicle)).parameters["quad_params"]
     numbers = {"k_eta": 8.5e-6, "k_m": 1.4e-7, "k_d": 8e-5, "k_z": 2.5e-4}
     assert {n: made[n] for n in numbers} == pytest.approx(numbers, rel=1e-6)
@@ -123,10 +118,9 @@ def test_rotorpys_own_model_holds_a_vehicle_of_its_own_terms(tmp_path: Path) -> 
 
 def test_omitted_damping_is_measured_in_shares_of_each_axis() -> None:
     vehicle = with_entries(builtin_vehicle("quad-x"), {("body_drag", "rotation"): [0.01, 0.0, 0.0]})
-    lost = rotorpy_model.limits(vehicle)
-    assert list(lost) == ["body_drag.rotation.x"]
     flight = flight_of(vehicle)
-    shares = omitted_shares(flight, lost)["body_drag.rotation.x"]
+    ((lost, shares),) = omitted_shares(flight, rotorpy_model.limits(vehicle)).items()
+    assert lost == "body_drag.rotation.x"
     p, q, r = (flight.states[:, vehicle.states.index(n)] for n in "pqr")
     # rolling moment by hand: -0.01 p of Ixx pdot + (Izz - Iyy) q r
     rows = np.repeat(vehicle.values[:, None], len(p), axis=1)
@@ -200,10 +194,8 @@ def test_numbers_and_starts_of_a_unit_can_be_set(twin_boom: Vehicle, steady: Tri
     states = initial_states(twin_boom, steady.start, changed, steady.inputs)
     states[twin_boom.states.index("q")] = 0.1
     ours = twin_boom.kernel().trajectories(changed, states, np.tile(steady.inputs, (201, 1)), 0.01)[0]
-    theirs = fmpy.simulate_fmu(
-        str(place), stop_time=2.0, step_size=0.1, output_interval=0.1, output=list(twin_boom.outputs),
-        start_values={"Cmq": -30.0, "start.q": 0.1},
-    )  # fmt: skip
+    theirs = fmpy.simulate_fmu(str(place), stop_time=2.0, step_size=0.1, output_interval=0.1, output=list(twin_boom.outputs),
+                               start_values={"Cmq": -30.0, "start.q": 0.1})  # fmt: skip
     for i, name in enumerate(twin_boom.outputs):
         assert theirs[name] == pytest.approx(ours[::10, i], rel=1e-10, abs=1e-12)
 

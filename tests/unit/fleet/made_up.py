@@ -21,9 +21,8 @@ def fleet(seed: int = 1) -> tuple[FigureTable, Parts]:
     for v in range(VEHICLES):
         name, days = f"v{v}", np.sort(rng.uniform(0.0, 365.0, FLIGHTS))
         moment = float(days[EXCHANGED] * DAY - 1.0)
-        fittings += [
-            Fitting(name, "rotor_1", f"{name}a", -np.inf, moment), Fitting(name, "rotor_1", f"{name}b", moment, np.inf),
-        ]  # fmt: skip
+        fittings += [Fitting(name, "rotor_1", f"{name}a", -np.inf, moment),
+                     Fitting(name, "rotor_1", f"{name}b", moment, np.inf)]  # fmt: skip
         for figure, place in (("thrust", "rotor_1"), ("drag", "")):
             level, part = LEVEL * rng.standard_normal(), PART * rng.standard_normal(2)
             for i, day in enumerate(days):

@@ -43,7 +43,6 @@ def test_a_step_that_takes_back_another() -> None:
 
 def test_a_figure_of_two_flights_on_one_day_says_nothing_of_a_drift() -> None:
     one = stretch("drag", "", 30, 9.0).between(29.0, 31.0)
-    assert one is not None
     still = replace(one, readings=replace(one.readings, times=np.zeros(2)))
     assert still.factors("drift") == pytest.approx(np.zeros((4, 1)))
 

@@ -161,11 +161,9 @@ def glide(rng: Any, noise: float = 0.02, swing: float = 4.0, mass: float = MASS,
     falling = (0.05 + 0.06 * CL**2) * pressure_area / (mass * 9.80665) * V
     energy = 3000.0 - np.concatenate([[0.0], np.cumsum(0.5 * (falling[1:] + falling[:-1])) / RATE])
     alpha = -0.08 + CL / 4.8
-    columns = {
-        "V": V, "alpha": alpha, "ax": 9.80665 * np.sin(alpha), "az": -9.80665 * np.cos(alpha),
-        "altitude": energy - V**2 / (2.0 * 9.80665), "throttle": np.where(time < 10.0, 0.5, 0.0),
-        "density": np.full(time.size, DENSITY), "elevator": 0.01 - 0.3 * (CL - LEVEL),
-    }  # fmt: skip
+    columns = {"V": V, "alpha": alpha, "ax": 9.80665 * np.sin(alpha), "az": -9.80665 * np.cos(alpha),
+               "altitude": energy - V**2 / (2.0 * 9.80665), "throttle": np.where(time < 10.0, 0.5, 0.0),
+               "density": np.full(time.size, DENSITY), "elevator": 0.01 - 0.3 * (CL - LEVEL)}  # fmt: skip
     for name in ("alpha", "elevator"):
         columns[name] = columns[name] + noise * lfilter([0.3], [1.0, -0.9], rng.standard_normal(time.size))
     return from_columns("f", time, columns | others)
@@ -241,7 +239,6 @@ def test_the_delay_of_commands_is_that_which_flew() -> None:
     flown = PLANE
     for control in PLANE.controls:
         found = with_free_number(flown, f"controls.{control}.delay")
-        assert found is not None
         flown = found[0].with_numbers({f"controls.{control}.delay": {"value": 0.05}})
     flight = simulate_flight(flown, load_maneuver(MANEUVER), seed=1)
     one = command_delay(PLANE, {flight.name: flight}, [f"{flight.name}@0.5:25"])

@@ -10,11 +10,9 @@ from stoop.fleet.mixed_model import Design, fit_mixed_model, fit_robust_model
 
 #: vaccinated with and without tuberculosis, controls with and without: thirteen trials of the BCG vaccine, G. A. Colditz et
 #: al., "Efficacy of BCG vaccine in the prevention of tuberculosis", JAMA 271 (1994) 698
-BCG = (
-    (4, 119, 11, 128), (6, 300, 29, 274), (3, 228, 11, 209), (62, 13536, 248, 12619), (33, 5036, 47, 5761),
-    (180, 1361, 372, 1079), (8, 2537, 10, 619), (505, 87886, 499, 87892), (29, 7470, 45, 7232), (17, 1699, 65, 1600),
-    (186, 50448, 141, 27197), (5, 2493, 3, 2338), (27, 16886, 29, 17825),
-)  # fmt: skip
+BCG = ((4, 119, 11, 128), (6, 300, 29, 274), (3, 228, 11, 209), (62, 13536, 248, 12619), (33, 5036, 47, 5761),
+       (180, 1361, 372, 1079), (8, 2537, 10, 619), (505, 87886, 499, 87892), (29, 7470, 45, 7232), (17, 1699, 65, 1600),
+       (186, 50448, 141, 27197), (5, 2493, 3, 2338), (27, 16886, 29, 17825))  # fmt: skip
 
 
 def test_known_errors_as_published() -> None:

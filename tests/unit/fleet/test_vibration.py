@@ -40,7 +40,6 @@ def shaken(rng: np.random.Generator, apart: float = 0.06, rate: float = RATE) ->
 
 def level(windows: Windows | None) -> FloatArray:
     """Return the root of the usual mean square of each rotor: of one that shakes in two directions, its amplitude."""
-    assert windows is not None
     return np.sqrt([np.median(x) for x in windows.squares.values()])
 
 
@@ -50,11 +49,9 @@ def test_each_rotor_has_the_vibration_that_turns_with_it() -> None:
     """
     channels = shaken(np.random.default_rng(0))
     found, alone = vibration(channels), vibration(channels[:1])
-    assert found.turning is not None
     assert list(found.turning.squares) == list(SPEEDS[:4])
     assert level(found.turning) == pytest.approx(SHAKES, rel=0.1)
     assert (alone.turning, alone.absent) == (None, "no speeds of rotors")
-    assert alone.rough is not None
     assert np.sqrt(alone.rough.squares["az"].mean() / 1.5) == pytest.approx(NOISE, rel=0.02)
 
 
@@ -64,7 +61,6 @@ def test_windows_with_a_gap_or_a_lost_reading_are_left_out() -> None:
     force = {name: np.where(imu.time > 80.0, np.nan, x)[kept] for name, x in imu.values.items()}
     found = vibration([Channels("imu", imu.time[kept], force), esc])
     for windows in (found.rough, found.turning):
-        assert windows is not None
         assert not np.any((windows.time > 30.0) & (windows.time < 35.0) | (windows.time >= 80.0))
         assert len(windows.time) * windows.length == pytest.approx(75.0, abs=3.0)
     assert level(found.turning) == pytest.approx(SHAKES, rel=0.1)

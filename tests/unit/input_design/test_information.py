@@ -19,9 +19,8 @@ from stoop.problem.windows import Window
 from stoop.simulation import trim
 from stoop.simulation.fly import simulate_flight
 from stoop.simulation.maneuver import Maneuver
-from stoop.vehicle import Vehicle
+from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.vehicle.builtin import builtin_text, builtin_vehicle, resolve_vehicle
-from stoop.vehicle.load import parse_vehicle
 from stoop_studies.verify.design import mean_ratio
 
 PLAN = Plan(duration=8.0, rate=50.0, evaluations=40, seed=1)

@@ -22,10 +22,8 @@ from stoop.tuning.judgment import Condition, judge, with_handling
 from stoop.tuning.loops import AxisLoop, Plants
 
 RATE = 100.0
-PARAMETERS = {
-    "FW_RR_P": 0.15, "FW_RR_I": 0.3, "FW_RR_FF": 0.1, "FW_RR_IMAX": 1e9, "IMU_GYRO_CUTOFF": 0.0, "IMU_DGYRO_CUTOFF": 0.0,
-    "IMU_GYRO_RATEMAX": RATE,
-}  # fmt: skip
+PARAMETERS = {"FW_RR_P": 0.15, "FW_RR_I": 0.3, "FW_RR_FF": 0.1, "FW_RR_IMAX": 1e9, "IMU_GYRO_CUTOFF": 0.0,
+              "IMU_DGYRO_CUTOFF": 0.0, "IMU_GYRO_RATEMAX": RATE}  # fmt: skip
 ATTITUDE = 2.5
 Signals = tuple[np.ndarray, ...]
 Found = tuple[FrequencyResponse, ModelResponse, list[Notice]]
@@ -95,10 +93,8 @@ def px4_log(path: Path, signals: Signals, parameters: Mapping[str, float] = PARA
     time, few = 10.0 + np.arange(len(setpoint)) / RATE, slice(None, None, 2)
     asked = {a: setpoint[few, i] for i, a in enumerate(("roll", "pitch", "yaw"))}
     xyz = [{f"xyz[{i}]": one[:, i] for i in range(3)} for one in (rate, command)]
-    topics = [
-        Topic("vehicle_angular_velocity", time, xyz[0]), Topic("vehicle_rates_setpoint", time[few], asked),
-        Topic("vehicle_torque_setpoint", time, xyz[1]),
-    ]  # fmt: skip
+    topics = [Topic("vehicle_angular_velocity", time, xyz[0]), Topic("vehicle_rates_setpoint", time[few], asked),
+              Topic("vehicle_torque_setpoint", time, xyz[1])]  # fmt: skip
     path.write_bytes(ulog(topics, parameters))
     return path
 
@@ -123,7 +119,6 @@ def test_logs_of_both_autopilots_show_it(tmp_path: Path) -> None:
     for path in (px4_log(tmp_path / "log.ulg", signals), ardupilot_log(tmp_path / "log.bin", signals)):
         found, doubts = closed_loops(path, False, right, loops)
         assert doubts == []
-        assert found is not None
         shown = found.response("roll", "p")
         good = known(shown)
         assert good.sum() > 50

@@ -23,10 +23,8 @@ from stoop.vehicle.builtin import builtin_vehicle
 from stoop.vehicle.document import with_entries
 from stoop.workflow.tuning import conditions_of
 
-FLOWN = {
-    "FW_RR_P": 0.05, "FW_RR_I": 0.05, "FW_RR_FF": 0.2, "FW_R_TC": 0.5, "IMU_GYRO_CUTOFF": 30.0,
-    "IMU_GYRO_RATEMAX": 200.0, "FW_PR_P": 0.3,
-}  # fmt: skip
+FLOWN = {"FW_RR_P": 0.05, "FW_RR_I": 0.05, "FW_RR_FF": 0.2, "FW_R_TC": 0.5, "IMU_GYRO_CUTOFF": 30.0,
+         "IMU_GYRO_RATEMAX": 200.0, "FW_PR_P": 0.3}  # fmt: skip
 GYRO = 1e-6  #: (rad/s)^2/Hz
 
 
@@ -78,10 +76,9 @@ def test_no_gains_of_a_grid_reject_more() -> None:
 
 def test_no_axis_gives_up_rejection_for_what_another_misses() -> None:
     """An airplane with coupled axes: about none of them a grid rejects more while every margin of every axis is kept."""
-    gains = {
-        "FW_RR_P": 0.4, "FW_RR_I": 0.3, "FW_RR_FF": 0.3, "FW_PR_P": 0.8, "FW_PR_I": 0.6, "FW_PR_FF": 1.0, "FW_YR_P": 0.3,
-        "FW_YR_I": 0.1, "FW_YR_FF": 0.0, "FW_AIRSPD_TRIM": 35.0, "FW_AIRSPD_MIN": 20.0, "FW_AIRSPD_MAX": 50.0,
-    }  # fmt: skip
+    gains = {"FW_RR_P": 0.4, "FW_RR_I": 0.3, "FW_RR_FF": 0.3, "FW_PR_P": 0.8, "FW_PR_I": 0.6, "FW_PR_FF": 1.0,
+             "FW_YR_P": 0.3, "FW_YR_I": 0.1, "FW_YR_FF": 0.0, "FW_AIRSPD_TRIM": 35.0, "FW_AIRSPD_MIN": 20.0,
+             "FW_AIRSPD_MAX": 50.0}  # fmt: skip
     throws = {"elevator": ("pitch", -0.35), "aileron": ("roll", 0.35), "rudder": ("yaw", -0.35)}
     entries = {("controls", s, "mix"): {f"control_{axis}": x} for s, (axis, x) in throws.items()}
     entries |= {("controls", s, n): x for s in throws for n, x in (("lag", 0.048), ("delay", 0.036))}
@@ -164,11 +161,9 @@ def test_files_lead_from_the_gains_that_flew_to_the_proposal(tmp_path: Path) -> 
 
 
 def test_gains_of_betaflight_are_whole_and_written_as_commands(tmp_path: Path) -> None:
-    flown = {
-        "looptime": 1000.0, "pidsum_limit": 500.0, "rollPID[0]": 30.0, "rollPID[1]": 40.0, "rollPID[2]": 40.0,
-        "d_min[0]": 30.0, "gyro_lpf2_static_hz": 250.0, "dterm_lpf1_static_hz": 100.0, "levelPID[0]": 50.0,
-        "dterm_lpf2_static_hz": 0.0, "gyro_lpf1_static_hz": 0.0,
-    }  # fmt: skip
+    flown = {"looptime": 1000.0, "pidsum_limit": 500.0, "rollPID[0]": 30.0, "rollPID[1]": 40.0, "rollPID[2]": 40.0,
+             "d_min[0]": 30.0, "gyro_lpf2_static_hz": 250.0, "dterm_lpf1_static_hz": 100.0, "levelPID[0]": 50.0,
+             "dterm_lpf2_static_hz": 0.0, "gyro_lpf1_static_hz": 0.0}  # fmt: skip
     plants = rolling(np.linspace(1.0, 3.0, 20), late=0.01)
     hover = Condition(0.0, 1.0, plants)
     own = Design(firmwares(flown)[0], flown, ("roll",), [hover], Specification(), {"roll": GYRO})

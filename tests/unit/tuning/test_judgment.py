@@ -10,8 +10,7 @@ from stoop.assessment.draws import Draws
 from stoop.control_laws import px4
 from stoop.control_laws.table import firmwares
 from stoop.errors import StoopError
-from stoop.flight import Flight
-from stoop.flight.flight import from_columns
+from stoop.flight import Flight, from_columns
 from stoop.tuning.gain_search import Design, Specification
 from stoop.tuning.judgment import Condition, commands_of, judge, with_handling, worst
 from stoop.tuning.loops import AxisLoop

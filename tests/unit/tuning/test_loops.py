@@ -22,10 +22,8 @@ LOOPS = {
     "unstable plant": 6.0 * (S + 3.0) / (S * (S - 1.0) * (S / 50.0 + 1.0)),
     "resonance": 30.0 * (S**2 + 0.6 * S + 9.0) / (S * (S**2 + 0.4 * S + 30.0) * (S / 40.0 + 1.0)),
 }
-WING = {
-    "FW_RR_P": 0.4, "FW_RR_I": 0.6, "FW_RR_FF": 0.0, "FW_RR_IMAX": 1e9, "IMU_GYRO_CUTOFF": 0.0, "IMU_DGYRO_CUTOFF": 0.0,
-    "IMU_GYRO_RATEMAX": 100.0,
-}  # fmt: skip
+WING = {"FW_RR_P": 0.4, "FW_RR_I": 0.6, "FW_RR_FF": 0.0, "FW_RR_IMAX": 1e9, "IMU_GYRO_CUTOFF": 0.0, "IMU_DGYRO_CUTOFF": 0.0,
+        "IMU_GYRO_RATEMAX": 100.0}  # fmt: skip
 
 
 @pytest.mark.parametrize("name", LOOPS)

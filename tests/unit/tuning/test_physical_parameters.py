@@ -17,16 +17,14 @@ from stoop.propagation.wing_figures import Domain
 from stoop.simulation import trim
 from stoop.tuning.physical_parameters import PhysicalParameters as Found
 from stoop.tuning.physical_parameters import physical_parameters
-from stoop.vehicle import Vehicle
+from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.vehicle.builtin import builtin_vehicle
 from stoop.vehicle.document import with_entries
-from stoop.vehicle.load import parse_vehicle
 
 G, SEA = 9.80665, 1.225
 HEIGHT, RHO = 400.0, SEA * (1.0 - 2.25577e-5 * 400.0) ** 4.25588  #: m, kg/m3 of the standard atmosphere
-PX4_COPTER = {
-    "MPC_THR_HOVER": 0.5, "EKF2_BCOEF_X": 0.0, "EKF2_BCOEF_Y": 0.0, "EKF2_MCOEF": 0.0, "THR_MDL_FAC": 0.0,
-}  # fmt: skip
+PX4_COPTER = {"MPC_THR_HOVER": 0.5, "EKF2_BCOEF_X": 0.0, "EKF2_BCOEF_Y": 0.0, "EKF2_MCOEF": 0.0,
+              "THR_MDL_FAC": 0.0}  # fmt: skip
 COPTER = dict.fromkeys(("EK3_DRAG_BCOEF_X", "EK3_DRAG_BCOEF_Y", "EK3_DRAG_MCOEF"), 0.0) | {
     "MOT_THST_HOVER": 0.35, "MOT_THST_EXPO": 0.65, "MOT_SPIN_MIN": 0.1, "MOT_SPIN_MAX": 0.9,
 }  # fmt: skip
@@ -43,10 +41,9 @@ def quadrotor(seed: int, channel: str = "motor") -> Vehicle:
     rng = np.random.default_rng(seed)
     quad = builtin_vehicle("quad-x")
     side = rng.uniform(0.01, 0.03)
-    entries = {
-        ("mass", "mass"): rng.uniform(1.2, 1.8), ("rotors", "T1"): rng.uniform(1.0, 3.0), ("rotors", "T2"): rng.uniform(5.0, 8.0),
-        ("rotors", "drag"): rng.uniform(0.02, 0.1), ("body_drag", "quadratic"): [side, 1.3 * side, 0.03],
-    }  # fmt: skip
+    entries = {("mass", "mass"): rng.uniform(1.2, 1.8), ("rotors", "T1"): rng.uniform(1.0, 3.0),
+               ("rotors", "T2"): rng.uniform(5.0, 8.0), ("rotors", "drag"): rng.uniform(0.02, 0.1),
+               ("body_drag", "quadratic"): [side, 1.3 * side, 0.03]}  # fmt: skip
     if channel == "pwm":
         entries |= {("rotors", "gain"): 1.0 / 1000.0, ("rotors", "idle"): 1000.0}
         entries |= {("rotor", name, "channel"): f"pwm_{i}" for i, name in enumerate(quad.file.rotor, 1)}
@@ -80,11 +77,9 @@ def test_drag_hover_thrust_and_curve_of_px4_are_those_by_hand() -> None:
     mass, x = vehicle.value("mass.mass"), hover_command(vehicle)
     linear, square = vehicle.value("rotors.T1"), vehicle.value("rotors.T2")
     side, ahead = (vehicle.value(f"body_drag.quadratic.{a}") for a in "yx")
-    expected = {
-        "EKF2_BCOEF_X": RHO * mass / (2.0 * ahead), "EKF2_BCOEF_Y": RHO * mass / (2.0 * side), "MPC_THR_HOVER": x,
-        "EKF2_MCOEF": 4.0 * vehicle.value("rotors.drag") * x / mass * math.sqrt(RHO / SEA),
-        "THR_MDL_FAC": square / (linear + square),
-    }  # fmt: skip
+    expected = {"EKF2_BCOEF_X": RHO * mass / (2.0 * ahead), "EKF2_BCOEF_Y": RHO * mass / (2.0 * side), "MPC_THR_HOVER": x,
+                "EKF2_MCOEF": 4.0 * vehicle.value("rotors.drag") * x / mass * math.sqrt(RHO / SEA),
+                "THR_MDL_FAC": square / (linear + square)}  # fmt: skip
     assert estimates(of_rotors(vehicle, PX4_COPTER)) == pytest.approx(expected, rel=2e-3)
 
 
@@ -206,11 +201,9 @@ def glide(vehicle: Vehicle, speed: float, throttle: float) -> tuple[float, float
         alpha, elevator, path = x
         lift = n("CL0") + n("CLalpha") * alpha + n("CLelevator") * elevator
         drag = n("CD0") + n("CDalpha") * alpha + n("CDalpha2") * alpha**2
-        return [
-            (pressure * lift + thrust * math.sin(alpha)) / weight - math.cos(path),
-            (thrust * math.cos(alpha) - pressure * drag) / weight - math.sin(path),
-            n("Cm0") + n("Cmalpha") * alpha + n("Cmelevator") * elevator,
-        ]  # fmt: skip
+        return [(pressure * lift + thrust * math.sin(alpha)) / weight - math.cos(path),
+                (thrust * math.cos(alpha) - pressure * drag) / weight - math.sin(path),
+                n("Cm0") + n("Cmalpha") * alpha + n("Cmelevator") * elevator]  # fmt: skip
 
     return tuple(fsolve(balance, [0.1, 0.0, 0.0]))
 
