@@ -45,9 +45,8 @@ def test_accelerations_at_random_states(name: str, variant: str, tmp_path: Path)
     random = np.random.default_rng(11)
     rows = parameter_rows(vehicle)
     point = trim(vehicle, None, 200.0)
-    tolerance = (
-        1e-5 if vehicle.file.environment.density == "standard" else 1e-9
-    )  # JSBSim's atmosphere: 8.1e-6
+    # JSBSim's atmosphere: 8.1e-6
+    tolerance = 1e-5 if vehicle.file.environment.density == "standard" else 1e-9
     for _ in range(5):
         start = {c: point.start.get(c, 0.0) + 0.2 * random.standard_normal() for c in SCATTERED}
         start |= {"V": point.start["V"] * random.uniform(0.7, 1.3), "h": random.uniform(100.0, 2000.0)}

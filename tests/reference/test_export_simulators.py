@@ -61,16 +61,15 @@ def test_mujoco(name: str, airspeed: float | None, tmp_path: Path) -> None:
     assert np.nanmax(loads.statistics["share"]) < 1e-5, "the same equations at the same states"
 
 
-@pytest.mark.parametrize(
-    ("package", "of", "changes", "fly", "channels", "most"),
-    [
-        ("PyFlyt", pyflyt.PyFlyt, PYFLYT, lambda s, f: pyflyt.fly_pyflyt(s, f, 2400), 9, 2e-2),
-        ("drone_models", crazyflow.Crazyflow, CRAZYFLOW, crazyflow.fly_drone_models, None, 1e-3),
-    ],
-)
-def test_a_quadrotor_of_the_terms_of_a_simulator(
-    package: str, of: Any, changes: Any, fly: Any, channels: int | None, most: float, tmp_path: Path
-) -> None:
+SIMULATORS = {
+    "PyFlyt": (pyflyt.PyFlyt, PYFLYT, lambda s, f: pyflyt.fly_pyflyt(s, f, 2400), 9, 2e-2),
+    "drone_models": (crazyflow.Crazyflow, CRAZYFLOW, crazyflow.fly_drone_models, None, 1e-3),
+}
+
+
+@pytest.mark.parametrize("package", SIMULATORS)
+def test_a_quadrotor_of_the_terms_of_a_simulator(package: str, tmp_path: Path) -> None:
+    of, changes, fly, channels, most = SIMULATORS[package]
     if not exporter.installed(package):  # the script sets what drone_models asks for beside an imported SciPy
         pytest.skip(f"{package} is not installed")
     vehicle = with_entries(builtin_vehicle("quad-x"), changes)

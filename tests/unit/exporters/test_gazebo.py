@@ -282,10 +282,7 @@ def test_cruise_and_hover_in_the_parameters() -> None:
 
 
 def test_joints_end_where_the_channel_ends() -> None:
-    for channel, gain, center, limit in (
-        ("pwm_1", 7e-4, 1500.0, 0.35),
-        ("elevator_cmd", 1.0, 0.0, 0.4363323),
-    ):
+    for channel, gain, center, limit in (("pwm_1", 7e-4, 1500, 0.35), ("elevator_cmd", 1, 0.0, 0.4363323)):
         written = f"mix = {{ {channel} = {gain} }}, center = {{ {channel} = {center} }}"
         wing = made(parse_vehicle(WING.replace("mix = { servo_1 = 0.4 }", written), "wing")).wing
         assert [s.limit for s in wing.moved] == pytest.approx([limit]), channel

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -20,7 +21,7 @@ from stoop.exporters.injection import Injection, corners
 from stoop.exporters.injection_targets import ARDUPILOT, CRAZYFLIE, PILOT, PX4
 from stoop.simulation import trim
 from stoop.simulation.fly import simulate_flight
-from stoop.simulation.maneuver import Sweep, parse_maneuver
+from stoop.simulation.maneuver import parse_maneuver
 from stoop.vehicle.builtin import builtin_vehicle
 
 THROWS = {"elevator": math.radians(25.0), "aileron": math.radians(20.0), "rudder": math.radians(30.0)}
@@ -86,8 +87,7 @@ def module(folder: Path, files: dict[str, str], name: str) -> Any:
 
 def test_corners_keep_within_the_tolerance() -> None:
     t = np.arange(2000) / 100.0
-    x = np.sin(t) + (t > 5.0)
-    kept = corners(t, x, 0.01)
+    kept = corners(t, x := np.sin(t) + (t > 5.0), 0.01)
     assert len(kept) < 200
     assert np.abs(np.interp(t, *kept.T) - x).max() <= 0.01
 
@@ -124,8 +124,7 @@ class Plane:
         }  # fmt: skip
 
     def pulse(self, _: Any, channel: int, pwm: int, timeout: int) -> None:
-        assert timeout > 10
-        assert isinstance(pwm, int)
+        assert (timeout > 10, type(pwm)) == (True, int)
         self.sent.setdefault(channel + 1, []).append((self.ms / 1000.0, pwm))
 
 
@@ -219,10 +218,8 @@ def test_parameters_of_sweeps_give_the_designed_signal() -> None:
     files = ARDUPILOT.write(one)
     assert set(files) == {"sid_roll.param", "sid_heave.param", "ardupilot.param"}
     for spec in one.maneuver.input:
-        assert isinstance(spec, Sweep)
         lines = files[f"sid_{spec.control}.param"].splitlines()
-        assert "manual throttle" in lines[1]
-        assert lines[1].startswith("# ")
+        assert re.match("# .*manual throttle", lines[1])
         p = {key: float(value) for key, value in (line.split(",") for line in lines[2:])}
         assert p["SID_AXIS"] == {"roll": 10, "heave": 13}[spec.control]
         t = one.maneuver.time[::5]
@@ -321,13 +318,9 @@ def test_the_script_of_the_crazyflie_sends_the_expected_attitude(tmp_path: Path)
     one, sent, stopped, values = injection("quad-x", DOUBLETS), [], [], []
     script = module(tmp_path, CRAZYFLIE.write(one), "fly_crazyflie.py")
     clock = script.time
-
-    def send(*v: float) -> None:
-        sent.append((clock.now, *v))
-
-    commander = SimpleNamespace(
-        send_setpoint=lambda *_: None, send_zdistance_setpoint=send, send_hover_setpoint=send
-    )
+    commander = SimpleNamespace(send_setpoint=lambda *_: None)
+    commander.send_hover_setpoint = lambda *v: sent.append((clock.now, *v))
+    commander.send_zdistance_setpoint = commander.send_hover_setpoint
     commander.send_stop_setpoint = lambda: stopped.append(clock.now)
     cf = SimpleNamespace(commander=commander, param=SimpleNamespace(set_value=lambda *v: values.append(v)))
     rows = script.read_rows(tmp_path / "crazyflie_setpoints.csv")
@@ -369,13 +362,12 @@ def test_the_card_counts_the_steps() -> None:
 def test_refusals() -> None:
     two, near = {"elevator": 0.4, "aileron": 0.3}, {**THROWS, "aileron": 0.02}
     for target, name, text, throws, said in (
-        (PILOT, "quad-x", DOUBLETS, {}, "this flight is on rotors; its sticks command"),
-        (PX4, "quad-x", DOUBLETS, {}, "this flight is on rotors; rates alone"),
+        (PILOT, "quad-x", DOUBLETS, {}, "on rotors; its sticks command"), (PX4, "quad-x", DOUBLETS, {}, "on rotors; rates alone"),
         (CRAZYFLIE, "twin-boom", WINGS, {}, "this flight is on wings; choose --for pilot"),
         (PX4, "twin-boom", WINGS, two, "how far rudder move .* add --throw rudder=DEG"),
         (ARDUPILOT, "twin-boom", WINGS, {"canard": 0.4}, "--throw canard: there is no such surface"),
         (ARDUPILOT, "twin-boom", WINGS, {"elevator": 0.0}, "above 0 and up to 90"),
-    ):
+    ):  # fmt: skip
         one = injection(name, text)
         with pytest.raises(SimulationError, match=said):
             target.check("it", one.vehicle, one.trim, one.moved_controls, throws)

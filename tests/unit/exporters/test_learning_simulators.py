@@ -56,9 +56,7 @@ def test_gym_pybullet_drones_reads_the_description(square: Vehicle) -> None:
     content = json.loads(made.files["quadrotor_x_1_5_kg.json"])
     full = content["rpm_offset"] + content["rpm_gain"]
     assert float(properties["kf"]) * full**2 == pytest.approx(FULL_THRUST, rel=1e-6)
-    assert float(properties["km"]) / float(properties["kf"]) == pytest.approx(
-        -0.016
-    )  # front left turns clockwise
+    assert float(properties["km"]) / float(properties["kf"]) == pytest.approx(-0.016)  # clockwise at the left
     weight = mass * square.value("environment.gravity")
     assert float(properties["thrust2weight"]) == pytest.approx(4.0 * FULL_THRUST / weight, rel=1e-6)
     assert float(properties["arm"]) == pytest.approx(0.177 * np.sqrt(2.0))

@@ -205,9 +205,8 @@ def test_what_the_data_cannot_tell_is_no_small_error(twin_boom: Vehicle, steady:
 
 
 def test_states_of_rotors_have_their_own_units() -> None:
-    found = state_space(
-        builtin_vehicle("quad-x"), Trim({"u": 0.0, "h": 0.0}, {}, {}, np.full(4, 0.6), {}, 0.0)
-    )
+    point = Trim({"u": 0.0, "h": 0.0}, {}, {}, np.full(4, 0.6), {}, 0.0)
+    found = state_space(builtin_vehicle("quad-x"), point)
     signals = {s["name"]: s for s in json.loads(json_text(found))["states"]}
     assert [signals[n]["unit"] for n in ("u", "p", "theta", "m1.lag")] == ["m/s", "rad/s", "rad", "1"]
     assert signals["m3.lag"]["trim"] == pytest.approx(0.6)

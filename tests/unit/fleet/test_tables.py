@@ -16,10 +16,8 @@ from stoop.fleet.parts import Parts, read_parts
 from stoop.fleet.table import read_figures
 
 HEAD = "vehicle,part,serial,from,to\n"
-TABLE = HEAD + (
-    "A,rotor_1,P1,,2026-03-01\nA,rotor_1,P2,2026-03-01,\nB, rotor_1, P1, 2026-04-01T12:00, \n"
-    "A,battery,1,2026-01-01T00:00+01:00,\n"
-)
+TABLE = HEAD + ("A,rotor_1,P1,,2026-03-01\nA,rotor_1,P2,2026-03-01,\nB, rotor_1, P1, 2026-04-01T12:00, \n"
+                "A,battery,1,2026-01-01T00:00+01:00,\n")  # fmt: skip
 
 
 def parts_of(folder: Path, text: str) -> Parts:
@@ -47,10 +45,8 @@ def test_what_fits_no_flight_or_figure_is_named() -> None:
     assert parts.unused(table) == ()
     wrong = [replace(parts.fittings[0], vehicle=f"w{i}") for i in range(7)]
     wrong.append(replace(parts.fittings[0], part="rotr_1"))
-    assert Parts((*parts.fittings, *wrong)).unused(table) == (
-        "7 vehicles without flights (w0, w1, w2, w3, w4); correct the name",
-        "1 place without figures (rotr_1); correct the name",
-    )
+    lost = "7 vehicles without flights (w0, w1, w2, w3, w4)", "1 place without figures (rotr_1)"
+    assert Parts((*parts.fittings, *wrong)).unused(table) == tuple(f"{one}; correct the name" for one in lost)
     nowhere = replace(table, parts=("",) * len(table.parts))
     assert parts.unused(nowhere) == (), "such a table names no places"
 
@@ -61,9 +57,8 @@ def test_contradictions_are_named(tmp_path: Path) -> None:
         ("A,rotor_1,P1,,\nB,rotor_2,P1,2026-03-01,\n", "P1 is rotor_1 of A and rotor_2 of B on 2026-03-01"),
         ("A,rotor_1,P1,yesterday,\n", "line 2: 'yesterday' is no date; write 2026-05-31"),
         ("A,rotor_1,P1,2026-03-02,2026-03-01\n", "line 2: P1 leaves rotor_1 before it comes"),
-        ("A,rotor_1,,,\n", "line 2 names no vehicle, part or serial"),
-        ("A,rotor_1\n", "line 2 has no serial"),
-    ):
+        ("A,rotor_1,,,\n", "line 2 names no vehicle, part or serial"), ("A,rotor_1\n", "line 2 has no serial"),
+    ):  # fmt: skip
         with pytest.raises(StoopError, match=said):
             parts_of(tmp_path, HEAD + rows)
     two = parts_of(tmp_path, HEAD + "A,battery,1,,\nA,rotor_1,1,,\nB,rotor_1,2,,\n")
@@ -86,14 +81,11 @@ def test_rows_come_in_order(tmp_path: Path, ending: str) -> None:
     path = tmp_path / f"figures.{ending}"
     ROWS.to_csv(path, index=False) if ending == "csv" else ROWS.to_parquet(path)
     table = read_figures(path)
-    assert table.flight == ("f1", "f1", "f2")
-    assert table.figure == ("drag", "thrust", "drag")
-    assert table.software == ("", "", "1.1")
-    assert table.time.tolist() == [60.0, 60.0, 1767312000.0]
-    assert table.value.tolist() == [1.0, 3.0, 2.0]
-    assert list(table.conditions) == ["density"]
+    rows = [*zip(table.flight, table.figure, table.software, table.time, table.value, strict=True)]
+    first = [("f1", "drag", "", 60.0, 1.0), ("f1", "thrust", "", 60.0, 3.0)]
+    assert rows == [*first, ("f2", "drag", "1.1", 1767312000.0, 2.0)]
+    assert (list(table.conditions), table.figures()) == (["density"], ("drag", "thrust"))
     assert table.of("drag").std_error.tolist() == [0.3, 0.1]
-    assert table.figures() == ("drag", "thrust")
     if ending == "csv":
         ROWS.assign(vehicle="NA", software=["null", "", "1"]).to_csv(path, index=False)
         table = read_figures(path)

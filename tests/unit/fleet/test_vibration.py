@@ -32,10 +32,8 @@ def shaken(rng: np.random.Generator, apart: float = 0.06, rate: float = RATE) ->
     force[1] += SHAKES @ np.sin(phase)
     read = np.arange(0.0, SECONDS, 0.02)
     measured = [np.interp(read, time, x) * (1.0 + 0.01 * rng.standard_normal(read.size)) for x in speed]
-    return [
-        Channels("imu", time, dict(zip(("ax", "ay", "az"), force, strict=True))),
-        Channels("esc", read, dict(zip(SPEEDS[:4], measured, strict=True))),
-    ]
+    channels = ("imu", time, ("ax", "ay", "az"), force), ("esc", read, SPEEDS[:4], measured)
+    return [Channels(name, at, dict(zip(names, rows, strict=True))) for name, at, names, rows in channels]
 
 
 def level(windows: Windows | None) -> FloatArray:
@@ -44,9 +42,7 @@ def level(windows: Windows | None) -> FloatArray:
 
 
 def test_each_rotor_has_the_vibration_that_turns_with_it() -> None:
-    """What no rotor tells is read at the rate of the sensor: of white noise half of its second difference has 1.5 times its
-    mean square.
-    """
+    """What no rotor tells is half of the second difference, of white noise 1.5 times its mean square."""
     channels = shaken(np.random.default_rng(0))
     found, alone = vibration(channels), vibration(channels[:1])
     assert list(found.turning.squares) == list(SPEEDS[:4])

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from unit.flown import maneuver
@@ -129,7 +131,7 @@ def chosen(found: list[Candidate], *told: np.ndarray) -> Selection:
     ],
 )  # fmt: skip
 def test_windows_that_tell_different_things_are_taken(
-    windows: list, told: list, fitted: set, held_out: set
+    windows: Any, told: Any, fitted: Any, held_out: Any
 ) -> None:
     choice = chosen([at(*one) for one in windows], *map(np.diag, told))
     assert (set(choice.fitted), set(choice.held_out)) == (fitted, held_out)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from functools import cache
-from typing import Any
 
 import numpy as np
 import pytest
@@ -131,18 +130,16 @@ def ekf3_drag(found: dict[str, float], air: np.ndarray) -> np.ndarray:
     return np.array(out)
 
 
-@pytest.mark.parametrize(
-    ("headings", "parameters", "firmware", "filtered"),
-    [
-        ((0.0, 90.0, 180.0, 270.0), PX4_COPTER, "PX4 multicopter", ekf2_drag),
-        ((0.0, 40.0, 90.0, 200.0), COPTER, "ArduCopter", ekf3_drag),
-    ],
-)
-def test_filters_predict_the_specific_force_of_a_hover_in_wind(
-    headings: tuple[float, ...], parameters: dict[str, float], firmware: str, filtered: Any
-) -> None:
+FILTERS = {
+    "PX4 multicopter": ((0.0, 90.0, 180.0, 270.0), PX4_COPTER, ekf2_drag),
+    "ArduCopter": ((0.0, 40.0, 90.0, 200.0), COPTER, ekf3_drag),
+}
+
+
+@pytest.mark.parametrize("firmware", FILTERS)
+def test_filters_predict_the_specific_force_of_a_hover_in_wind(firmware: str) -> None:
     """In steady flight specific force is gravity's: its parts along x and y are those of the attitude."""
-    vehicle = quadrotor(2)
+    vehicle, (headings, parameters, filtered) = quadrotor(2), FILTERS[firmware]
     found = estimates(of_rotors(vehicle, parameters, firmware))
     for heading in headings:
         point = trim(vehicle, None, HEIGHT, density=RHO, wind=(-5.0, 0.0, 0.0), heading=math.radians(heading))
