@@ -45,10 +45,9 @@ def written(folder: Path, files: dict[str, bytes], main: str) -> Any:
     return exporter.load_script(folder / main)
 
 
-@pytest.mark.parametrize(
-    ("name", "airspeed"),
-    [("hexacopter.toml", None), ("twin-boom", None), ("vtail.toml", None), ("quadplane", None), ("quadplane", 18.0)],
-)  # fmt: skip
+@pytest.mark.parametrize(("name", "airspeed"), [
+    ("hexacopter.toml", None), ("twin-boom", None), ("vtail.toml", None), ("quadplane", None), ("quadplane", 18.0),
+])  # fmt: skip
 def test_mujoco(name: str, airspeed: float | None, tmp_path: Path) -> None:
     pytest.importorskip("mujoco")
     vehicle = resolve_vehicle(EXAMPLES / name if name.endswith(".toml") else name)

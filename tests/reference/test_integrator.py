@@ -1,9 +1,8 @@
 """The compiled Runge-Kutta steps against DOP853 at a relative tolerance of 1e-13 (Hairer, Norsett, Wanner); a paper's trim.
 
-Both integrators see the same inputs, linear between samples; DOP853 starts anew at every corner of the inputs, where a method of
-high order would otherwise lose it. The PS-GDE paper's (14): V0 = 35 m/s, alpha0 = 5.88 deg, elevator -1.7 deg, h0 = 200 m, T0 =
-220.87 N. Mass (189.40 kg) and wing area (2.8667 m2) are not printed; they follow from (14), whose angles are rounded:
-0.005 deg of alpha is 0.08 N of thrust.
+Inputs are linear between samples; DOP853 starts anew at their corners, where a method of high order would lose it. The PS-GDE
+paper's (14): V0 = 35 m/s, alpha0 = 5.88 deg, elevator -1.7 deg, h0 = 200 m, T0 = 220.87 N. Mass and wing area are not printed;
+they follow from (14), whose angles are rounded: 0.005 deg of alpha is 0.08 N of thrust.
 """
 
 from __future__ import annotations
@@ -42,8 +41,7 @@ def exact(kernel: Kernel, rows: np.ndarray, x: np.ndarray, u: np.ndarray, corner
 
 def test_outputs_at_100_hz() -> None:
     twin_boom = builtin_vehicle("twin-boom")
-    flown = fly(twin_boom, PAPER)
-    point = trim(twin_boom)
+    flown, point = fly(twin_boom, PAPER), trim(twin_boom)
     rows = parameter_rows(twin_boom, point.changes)
     start = initial_states(twin_boom, point.start, rows, flown.inputs[0])
     expected = exact(twin_boom.kernel(), rows, start[:, 0], flown.inputs, 0.01)
@@ -53,18 +51,15 @@ def test_outputs_at_100_hz() -> None:
 
 def test_order_four() -> None:
     """A multisine sampled every 80 ms, and steps that divide those: the corners never fall inside a step."""
-    twin_boom = builtin_vehicle("twin-boom")
-    coarse, corners = 0.08, 51
-    t = coarse * np.arange(corners)
-    point = trim(twin_boom)
+    twin_boom, coarse, corners = builtin_vehicle("twin-boom"), 0.08, 51
+    t, point = coarse * np.arange(corners), trim(twin_boom)
     u = np.repeat(point.inputs[None, :], corners, axis=0)
     for i, (name, size) in enumerate((("elevator", 0.03), ("aileron", 0.03), ("rudder", 0.05))):
         u[:, twin_boom.inputs.index(name)] += size * (np.sin(2.5 * t + i) + np.sin(4.1 * t))
     rows = parameter_rows(twin_boom, point.changes)
     start = initial_states(twin_boom, point.start, rows, u[0])
-    kernel = twin_boom.kernel()
+    kernel, errors = twin_boom.kernel(), []
     expected = exact(kernel, rows, start[:, 0], u, coarse)
-    errors = []
     for parts in (1, 2, 4, 8):
         fine = np.arange((corners - 1) * parts + 1) / parts
         v = np.array([np.interp(fine, np.arange(corners), column) for column in u.T]).T

@@ -34,8 +34,7 @@ def flown() -> FloatArray:
     sim = jsbsim.FGFDMExec(None)
     sim.set_debug_level(0)
     sim.load_model("J3Cub")
-    for name, value in {"h-sl-ft": 3000.0, "vc-kts": 65.0}.items():
-        sim[f"ic/{name}"] = value
+    sim["ic/h-sl-ft"], sim["ic/vc-kts"] = 3000.0, 65.0
     sim["fcs/throttle-cmd-norm"], sim["fcs/mixture-cmd-norm"] = 0.8, 0.9
     sim.run_ic()
     sim["propulsion/set-running"] = -1
@@ -61,8 +60,7 @@ def test_gyroscopic_moments() -> None:
     rates = [vehicle.states.index(a) for a in "pqr"]
     ours = []
     for speed, p, q, r, *_ in record:
-        inputs = np.full((len(vehicle.inputs), 1), 0.0)
-        inputs[vehicle.inputs.index("rotor_1")] = speed
+        inputs = np.array([[speed if name == "rotor_1" else 0.0] for name in vehicle.inputs])
         start = initial_states(vehicle, {"V": 30.0, "h": 900.0, "p": p, "q": q, "r": r}, rows, inputs[:, 0])
         turning = [vehicle.kernel().evaluate(n, start, inputs)[0][rates, 0] for n in (rows, still)]
         ours.append(inertia @ (turning[0] - turning[1]))

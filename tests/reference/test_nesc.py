@@ -1,9 +1,8 @@
 """NASA NESC 6-DoF check cases (TM-2015-218675): tumbling brick, falling sphere.
 
-Data: simulators 01, 02 and 04 at 10 Hz in their own digits, see SOURCE.md beside them; they fly over a rotating ellipsoid with
-gravity that varies with height. What follows from our flat Earth at rest, of constant gravity, is written where it is subtracted:
-gravity grows by 2 g / R per metre of fall (g^2 t^3 / 3 R), and the rotating Earth holds up omega^2 R of it and turns the velocity
-east, omega g t^2. Euler angles are not compared: the NESC's turn with the local vertical.
+Data: simulators 01, 02 and 04 at 10 Hz, see SOURCE.md beside them, over a rotating ellipsoid. What our flat Earth at rest lacks
+is subtracted: gravity grows by 2 g / R per metre of fall (g^2 t^3 / 3 R), the rotating Earth holds up omega^2 R of it and turns
+the velocity east, omega g t^2. Euler angles are not compared: the NESC's turn with the local vertical.
 """
 
 from __future__ import annotations
@@ -94,9 +93,7 @@ def effective_gravity(data: Record) -> float:
 
 
 def test_02_and_03_tumbling(shared_data: Path) -> None:
-    """Without damping within 1e-8 deg/s over 30 s (measured: 4e-10); with it within 7e-4 of 30 deg/s: gravity is taken as
-    constant, and damping grows with airspeed.
-    """
+    """Without damping within 1e-8 deg/s over 30 s; with it within 7e-4 of 30 deg/s, as gravity is taken as constant."""
     free, damped = (record(shared_data, case, "04") for case in ("02", "03"))
     found = tumble(free, {"Clp": 0.0, "Cmq": 0.0, "Cnr": 0.0}, 100)
     assert np.abs(found - rates(free)).max() < 1e-8
@@ -108,8 +105,7 @@ def test_02_and_03_tumbling(shared_data: Path) -> None:
 
 def test_03_moments_at_the_recorded_states(shared_data: Path) -> None:
     """No Earth model at all: simulator 04's moments to 1e-4 of the largest, its pitching moment to 1e-9."""
-    data = record(shared_data, "03", "04")
-    vehicle = parse_vehicle(BRICK, "brick")
+    data, vehicle = record(shared_data, "03", "04"), parse_vehicle(BRICK, "brick")
     n = len(data["time"]) - 1  # at the first sample there is no airspeed
     p, q, r = rates(data)[1:].T * DEGREE
     u = (data["airDensity_slug_ft3"] * DENSITY)[None, 1:]
@@ -137,15 +133,14 @@ def test_01_drop_without_drag(shared_data: Path) -> None:
     down, t = falling(data, "log", {"environment.gravity": g, "CD0": 0.0}), data["time"]
     assert down == pytest.approx(g * t, abs=1e-5), "free fall"
     growing = g * g * t**3 / (3 * (EQUATOR + TOP))  # gravity over the fall
-    assert np.abs(data["feVelocity_ft_s_Z"] * FOOT - down).max() == pytest.approx(growing[-1], rel=2e-3)
-    assert data["feVelocity_ft_s_Z"] * FOOT == pytest.approx(down + growing, abs=2e-4)
-    east = EARTH_RATE * g * t**2
-    assert data["feVelocity_ft_s_Y"] * FOOT == pytest.approx(east, abs=5e-4)
+    their = data["feVelocity_ft_s_Z"] * FOOT
+    assert np.abs(their - down).max() == pytest.approx(growing[-1], rel=2e-3)
+    assert their == pytest.approx(down + growing, abs=2e-4)
+    assert data["feVelocity_ft_s_Y"] * FOOT == pytest.approx(EARTH_RATE * g * t**2, abs=5e-4)
 
 
 def test_06_drag_at_the_recorded_states(shared_data: Path) -> None:
-    data, tolerance = record(shared_data, "06", "01"), 1e-8
-    vehicle = parse_vehicle(SPHERE, "sphere")
+    data, vehicle = record(shared_data, "06", "01"), parse_vehicle(SPHERE, "sphere")
     n = len(data["time"]) - 1
     u = (data["airDensity_slug_ft3"] * DENSITY)[None, 1:]
     rows = parameter_rows(vehicle, None, n)
@@ -153,7 +148,7 @@ def test_06_drag_at_the_recorded_states(shared_data: Path) -> None:
     felt = vehicle.kernel().evaluate(rows, x, u)[1][[vehicle.outputs.index(c) for c in ("ax", "ay", "az")]]
     force = np.linalg.norm(felt, axis=0) * vehicle.value("mass.mass")
     printed = np.sqrt(sum(data[f"aero_bodyForce_lbf_{axis}"][1:] ** 2 for axis in "XYZ")) * POUND_FORCE
-    assert force == pytest.approx(printed, rel=tolerance, abs=1e-9)
+    assert force == pytest.approx(printed, rel=1e-8, abs=1e-9)
 
 
 def test_06_fall_in_the_standard_atmosphere(shared_data: Path) -> None:

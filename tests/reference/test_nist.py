@@ -37,10 +37,9 @@ def test_every_file_is_run_and_digits_turn_round(shared_data: Path) -> None:
 
 
 def test_without_data_it_says_where_to_get_them(tmp_path: Path) -> None:
-    given = "no folder is named; give --data DIR with the files of https"
-    for setting, said in ((Setting(1), given), (Setting(1, data=tmp_path), "holds none of its files")):
+    for data, said in ((None, "give --data DIR"), (tmp_path, "holds none of its files")):
         with pytest.raises(StoopError, match=said):
-            EXPERIMENT.findings(setting, {})
+            EXPERIMENT.findings(Setting(1, data=data), {})
     damaged = b"  b1 = 1 2 3 4\nResidual Sum of Squares: 1\n Lower Level of Difficulty\n"
     path = tmp_path / "Misra1a.dat"
     for content in (b"", b"\xff", damaged):

@@ -1,7 +1,4 @@
-"""Folders for autopilots with JSBSim: the model flown by the properties that their backends write, and files that hold together.
-
-What the backends do is written here again from their published sources (see `stoop.exporters.sitl_folders`).
-"""
+"""Folders for autopilots with JSBSim, flown by the properties that their backends write, as by their published sources."""
 
 from __future__ import annotations
 
@@ -77,12 +74,9 @@ def aloft(folder: Folder, root: Path, start: Numbers, commands: Numbers) -> Any:
     assert fdm.load_model(name)
     fdm.set_dt(0.001)
     rigid = rigid_states(start)
-    for axis in "uvw":
-        fdm[f"ic/{axis}-fps"] = float(rigid[axis][0]) / FOOT
-    for axis in ("phi", "theta"):
-        fdm[f"ic/{axis}-rad"] = start.get(axis, 0.0)
-    fdm["ic/h-sl-ft"] = start["h"] / FOOT
-    for command, x in commands.items():
+    first = {f"ic/{axis}-fps": float(rigid[axis][0]) / FOOT for axis in "uvw"}
+    first |= {f"ic/{axis}-rad": start.get(axis, 0.0) for axis in ("phi", "theta")}
+    for command, x in (first | {"ic/h-sl-ft": start["h"] / FOOT} | commands).items():
         fdm[command] = x
     assert fdm.run_ic()
     for _ in range(int(commands.get("wait", 0))):
@@ -122,8 +116,8 @@ def test_surfaces_turn_where_the_autopilot_means(name: str, target: str, tmp_pat
     ends = {c.name: c.full_deflections for c in made.surfaces}
     if wing:  # elevons and a fin, known by their moments alone; a flap is left
         assert made.uncommanded == ("flap",)
-        assert ends["elevator"] == pytest.approx({"elevon_left": -0.4, "elevon_right": -0.4})
-        assert ends["aileron"] == pytest.approx({"elevon_left": 0.4, "elevon_right": -0.4})
+        for name, left in (("elevator", -0.4), ("aileron", 0.4)):
+            assert ends[name] == pytest.approx({"elevon_left": left, "elevon_right": -0.4})
         assert ends["rudder"] == pytest.approx({"fin": -0.3})
         if target == "px4-jsbsim":
             known = airframe(folder[0])

@@ -118,16 +118,14 @@ def test_terms_are_those_of_the_twin(axis: str) -> None:
         for name, values in known.items():
             size = np.abs(values).max()
             np.testing.assert_allclose(1000.0 * found[name], values, rtol=1e-9, atol=1e-9 * size)
-        limit = 0.4 if axis == "yaw" else 0.5
-        total = np.clip(sum(known.values()) / 1000.0, -limit, limit)
+        total = np.clip(sum(known.values()) / 1000.0, -(limit := 0.4 if axis == "yaw" else 0.5), limit)
         np.testing.assert_allclose(found["command"], total, atol=1e-9)
         assert np.abs(known["I"]).max() == 400.0  # its limit was met
 
 
 def test_response_is_that_of_a_recorded_step() -> None:
     """The twin's answer to a step, differenced twice, dies out: its transform is H (1 - 1/z)."""
-    n = 8192
-    step, rest = np.ones(n), np.zeros(n)
+    step, rest = np.ones(n := 8192), np.zeros(n)
     w = 2.0 * np.pi * np.arange(1, n // 2) / n
     for axis, signal in itertools.product(("roll", "yaw"), (SETPOINT, RATE)):
         law = rate_pid(HEADER, axis)
@@ -138,10 +136,9 @@ def test_response_is_that_of_a_recorded_step() -> None:
         np.testing.assert_allclose(found, known, rtol=1e-6, err_msg=f"{axis} {signal}")
 
 
-@pytest.mark.parametrize(
-    ("frequency", "kind", "new", "cutoff"),
-    [(60.0, 0, True, 500.0), (170.0, 1, True, 500.0), (900.0, 3, True, 300.0), (60.0, 2, False, 300.0), (900.0, 0, True, 0.0)],
-)  # fmt: skip
+@pytest.mark.parametrize(("frequency", "kind", "new", "cutoff"), [
+    (60.0, 0, True, 500.0), (170.0, 1, True, 500.0), (900.0, 3, True, 300.0), (60.0, 2, False, 300.0), (900.0, 0, True, 0.0),
+])  # fmt: skip
 def test_a_sine_through_filters_of_the_gyro(frequency: float, kind: int, new: bool, cutoff: float) -> None:
     """Second low-pass or mean at 8 kHz, every second sample kept, notch and first low-pass at 4 kHz."""
     header = HEADER | {"gyro_lpf2_type": float(kind), "gyro_lpf2_static_hz": cutoff}
@@ -152,16 +149,15 @@ def test_a_sine_through_filters_of_the_gyro(frequency: float, kind: int, new: bo
     lags = [stop_band(180.0, 120.0, slow), first_order(250.0, slow)]
     n, w = 8000, 2.0 * np.pi * frequency
     samples = [first(math.sin(w * k * fast)) for k in range(2 * n)]
-    pairs = zip(samples[::2], samples[1::2], strict=True)
-    kept = samples[1::2] if cutoff else [0.5 * (a + b) for a, b in pairs]
+    kept = samples[1::2] if cutoff else np.reshape(samples, (-1, 2)).mean(axis=1)
     for lag in lags:
         kept = [lag(x) for x in kept]
     at = (2 * np.arange(n) + 1) * fast
     basis = np.column_stack([np.sin(w * at), np.cos(w * at)])[n // 2 :]
     a, b = np.linalg.lstsq(basis, kept[n // 2 :], rcond=None)[0]
     law = rate_pid(header, "roll")
-    found = -law.feedback(np.array([w])) / law.response(RATE, np.array([w]))
-    assert found[0] == pytest.approx(complex(a, b), rel=1e-6)
+    (found,) = -law.feedback(np.array([w])) / law.response(RATE, np.array([w]))
+    assert found == pytest.approx(complex(a, b), rel=1e-6)
 
 
 #: motors in the order of the firmware: rear right, front right, rear left, front left; shares of roll, pitch (nose down) and yaw
@@ -175,12 +171,9 @@ PULSES = {"motorOutput[0]": 1070.0, "motorOutput[1]": 1900.0, "minthrottle": 107
 def motors(output: tuple[float, float], e: float, newer: bool, throttle: float, sums: Floats) -> Floats:
     """Return what is written to four motors for limited sums about the axes, in the firmware's signs."""
     roll, pitch, yaw = sums / 1000.0
-    found = []
-    for share in QUAD_X:
-        x = share[0] * roll + share[1] * pitch + share[2] * -yaw + throttle
-        x *= 1.0 + e * (1.0 - x) * (1.0 + e * (1.0 - x - x) if newer else 1.0 - x)
-        found.append(output[0] + (output[1] - output[0]) * x)
-    return np.array(found)
+    x = np.array([share[0] * roll + share[1] * pitch + share[2] * -yaw + throttle for share in QUAD_X])
+    x *= 1.0 + e * (1.0 - x) * (1.0 + e * (1.0 - x - x) if newer else 1.0 - x)
+    return output[0] + (output[1] - output[0]) * x
 
 
 def test_motors_move_as_the_mixer_moves_them() -> None:
@@ -215,7 +208,7 @@ def test_angle_mode_is_that_of_the_twin() -> None:
     asked, turned = 20.0 * np.random.default_rng(2).standard_normal((2, 2000)).cumsum(axis=1) / 20.0
     asked[0] = turned[0] = 0.0
     smooth = first_order(50.0, 250e-6, 3, 1.961459177)
-    known = np.array([smooth(6.0 * error) for error in (asked - turned).tolist()])
+    known = np.array([*map(smooth, 6.0 * (asked - turned))])
     law = level(HEADER | {"levelPID[0]": 60.0}, "pitch")
     found = np.degrees(law.outputs({SETPOINT: np.radians(asked), RATE: np.radians(turned)})["command"])
     np.testing.assert_allclose(found, known, rtol=1e-7, atol=1e-9 * np.abs(known).max())
@@ -282,16 +275,16 @@ def test_what_is_left_out_is_named() -> None:
 def test_bad_headers() -> None:
     """Settings of `diff`, which leaves out what is at its default, are not taken for filters that are off."""
     nyquist = "not below half the rate"
-    cases: list[tuple[dict[str, float | None], str]] = [
+    cases = [
         ({"rollPID[0]": None}, r"rollPID\[0\] is missing"), ({"looptime": None}, "looptime is missing"),
         ({"rollPID[1]": math.nan}, r"rollPID\[1\] = nan"), ({"rollPID[2]": -1.0}, "= -1: it must be"),
         ({"looptime": 0.0}, "looptime = 0"), ({"dterm_lpf1_static_hz": 2000.0}, nyquist),
         ({"dterm_lpf2_static_hz": 2500.0}, nyquist), ({"dterm_notch_hz": 2100.0}, nyquist),
         ({"gyro_lpf2_static_hz": 4000.0}, nyquist),
     ]  # fmt: skip
-    for low_pass in ("gyro_lpf1", "gyro_lpf2", "dterm_lpf1", "dterm_lpf2"):
-        lost = dict.fromkeys(n for n in HEADER if n.startswith(low_pass))
-        cases.append((lost, f"{low_pass}_static_hz is missing; take them from a log"))
+    for one in ("gyro_lpf1", "gyro_lpf2", "dterm_lpf1", "dterm_lpf2"):
+        lost = dict.fromkeys(n for n in HEADER if n.startswith(one))
+        cases.append((lost, f"{one}_static_hz is missing; take them from a log"))
     for wrong, word in cases:
         with pytest.raises(StoopError, match=word):
             rate_pid({n: x for n, x in (HEADER | wrong).items() if x is not None}, "roll")

@@ -68,15 +68,14 @@ def test_terms_are_those_of_the_twin(smooth: bool, outer: bool) -> None:
         total = np.clip(sum(known.values()), -limit, limit)
         np.testing.assert_allclose(found["command"], total / unit, atol=1e-9)
         assert outer or np.abs(total).max() == limit
-        gains = (ANGLES if outer else KNOWN)[axis]
-        assert np.abs(known["I"]).max() == pytest.approx(gains[1] * gains[4])
+        _, ki, *_, most = (ANGLES if outer else KNOWN)[axis]
+        assert np.abs(known["I"]).max() == pytest.approx(ki * most)
 
 
 @pytest.mark.parametrize("outer", [False, True])
 def test_response_is_that_of_a_recorded_step(outer: bool) -> None:
     """The twin's answer to a step, differenced twice, dies out: its transform is H (1 - 1/z)."""
-    n = 4096
-    step, rest = np.ones(n), np.zeros(n)
+    step, rest = np.ones(n := 4096), np.zeros(n)
     w = 2.0 * np.pi * np.arange(1, n // 2) / n
     for axis, signal in itertools.product(AXES, (SETPOINT, RATE)):
         record = flown(Twin(axis, True, outer), *((step, rest) if signal == SETPOINT else (rest, step)))
@@ -91,17 +90,15 @@ def test_the_gyro_is_smoothed_at_its_own_rate() -> None:
     n, w = 4096, 2.0 * np.pi * 31.0
     answer = np.array([*map(two_pole(80.0, 0.001), [1.0] + [0.0] * (n - 1))])
     known = answer @ np.exp(-1j * w * 0.001 * np.arange(n))
-    law = cascade(VALUES, "roll")
-    found = -law.feedback(np.array([w])) / law.response(RATE, np.array([w]))
-    assert found[0] == pytest.approx(known, rel=1e-9)
+    law, at = cascade(VALUES, "roll"), np.array([w])
+    assert -law.feedback(at) / law.response(RATE, at) == pytest.approx([known], rel=1e-9)
 
 
 def test_bad_parameters() -> None:
-    cases: tuple[tuple[dict[str, float | None], str], ...] = (
+    for wrong, word in (
         ({"pid_rate.roll_kp": None}, "pid_rate.roll_kp is missing"), ({"pid_rate.roll_kp": math.nan}, "kp = nan"),
         ({"pid_rate.roll_ki": math.inf}, "ki = inf"), ({"pid_rate.roll_kd": -2.5}, "kd = -2.5"),
         ({"pid_rate.omxFiltCut": 250.0}, "not below half the rate"),
-    )  # fmt: skip
-    for wrong, word in cases:
+    ):  # fmt: skip
         with pytest.raises(StoopError, match=word):
             cascade({n: x for n, x in (SMOOTH | wrong).items() if x is not None}, "roll")

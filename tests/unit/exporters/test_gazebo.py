@@ -65,6 +65,13 @@ def made(vehicle: Vehicle, blades: bool = False) -> GazeboModel:
     return gazebo_model(vehicle, trim(vehicle), blades=blades)
 
 
+def loads_of(model: GazeboModel, angles: list, speeds: list, velocity: list, rates: list) -> np.ndarray:
+    out = motor_loads(model.motors, speeds, velocity, rates)
+    if model.wing is not None:
+        out = out + wing_loads(model.wing, angles, velocity, rates)
+    return out if model.damping is None else out + damping_loads(model.damping, velocity, rates)
+
+
 @pytest.mark.parametrize("name", VEHICLES)
 @pytest.mark.parametrize("fixed", [False, True])
 def test_the_file_holds_the_equations(name: str, fixed: bool) -> None:
@@ -77,11 +84,7 @@ def test_the_file_holds_the_equations(name: str, fixed: bool) -> None:
         velocity, rates = random.normal([15.0, 0.0, 0.0], [8.0, 3.0, 5.0]), random.normal(0.0, 1.0, 3)
         angles = random.normal(0.0, 0.2, len(model.surfaces)).tolist()
         speeds = random.uniform(0.0, 900.0, len(model.motors)).tolist()
-        ours = motor_loads(model.motors, speeds, velocity.tolist(), rates.tolist())
-        if model.wing is not None:
-            ours = ours + wing_loads(model.wing, angles, velocity.tolist(), rates.tolist())
-        if model.damping is not None:
-            ours = ours + damping_loads(model.damping, velocity.tolist(), rates.tolist())
+        ours = loads_of(model, angles, speeds, velocity.tolist(), rates.tolist())
         twin.angles = {s.name: a for s, a in zip(model.surfaces, angles, strict=True)}
         twin.speeds = {f"rotor_{i}": x for i, x in enumerate(speeds)}
         force, moment = twin.loads((FLIP * velocity).tolist(), (FLIP * rates).tolist())
@@ -107,10 +110,7 @@ def test_first_order_on_wings(name: str) -> None:
     angles, speeds = ([a.command(known) for a in each] for each in (model.surfaces, model.motors))
 
     def loads(motion: np.ndarray, angles: list[float]) -> np.ndarray:
-        velocity, rates = motion[:3].tolist(), motion[3:].tolist()
-        out = motor_loads(model.motors, speeds, velocity, rates)
-        out = out + wing_loads(model.wing, angles, velocity, rates)
-        return out if model.damping is None else out + damping_loads(model.damping, velocity, rates)
+        return loads_of(model, angles, speeds, motion[:3].tolist(), motion[3:].tolist())
 
     motion = np.concatenate([exact.velocity, np.zeros(3)])
     assert loads(motion, angles) == pytest.approx(exact.loads, abs=1e-5 * np.abs(exact.loads).max())
@@ -180,8 +180,7 @@ def test_structure(name: str) -> None:
 
 
 def test_blades_give_thrust_torque_and_losses() -> None:
-    vehicle = builtin_vehicle("quad-x")
-    model, plain = made(vehicle, True), made(vehicle)
+    model, plain = (made(builtin_vehicle("quad-x"), blades) for blades in (True, False))
     twin = naive.Model(gazebo_files.model(model, model.name))
     motor, speed = model.motors[2], 600.0
 
@@ -218,11 +217,10 @@ def sets_of(text: str) -> dict[str, float]:
     return {p[0]: float(p[1]) for p in pairs if len(p) == 2 and p[0].isupper()}
 
 
-@pytest.mark.parametrize(
-    ("name", "frame"),
-    [("-quad-x", 1.1), ("quad-plus", 1.0), ("hexa-x", 2.1), ("octo-x", 3.1), ("quadplane", 1.1)],
-)
-def test_the_frame_follows_from_where_rotors_stand(name: str, frame: float) -> None:
+@pytest.mark.parametrize(("name", "frame"), [
+    ("-quad-x", (1, 1)), ("quad-plus", (1, 0)), ("hexa-x", (2, 1)), ("octo-x", (3, 1)), ("quadplane", (1, 1)),
+])  # fmt: skip
+def test_the_frame_follows_from_where_rotors_stand(name: str, frame: tuple[int, int]) -> None:
     backward, name = name.startswith("-"), name.removeprefix("-")
     tables = re.split(r"(?m)^(?=\[)", builtin_text(name))
     rotors = [table for table in tables if table.startswith("[rotor.")]
@@ -234,14 +232,11 @@ def test_the_frame_follows_from_where_rotors_stand(name: str, frame: float) -> N
     model = gazebo_model(vehicle, trim(vehicle))
     sets = sets_of(gazebo_autopilots.parameters(model))
     head = "Q_FRAME" if name == "quadplane" else "FRAME"
-    found = int(sets[f"{head}_CLASS"]), int(sets[f"{head}_TYPE"])
-    assert found == divmod(round(10.0 * frame), 10)
-    assert gazebo_autopilots.notes(model) == []
+    assert (sets[f"{head}_CLASS"], sets[f"{head}_TYPE"], gazebo_autopilots.notes(model)) == (*frame, [])
     for n, rotor in enumerate(vehicle.file.rotor, 1):
-        azimuth, spin = FRAMES[found][int(sets[f"SERVO{n}_FUNCTION"]) - 33]
+        azimuth, spin = FRAMES[frame][int(sets[f"SERVO{n}_FUNCTION"]) - 33]
         x, y = (vehicle.value(f"rotor.{rotor}.position.{a}") for a in "xy")
-        place = np.array([x, y]) / math.hypot(x, y)
-        assert place @ [math.cos(math.radians(azimuth)), math.sin(math.radians(azimuth))] > 0.98
+        assert math.cos(math.atan2(y, x) - math.radians(azimuth)) > 0.98
         assert vehicle.file.rotor[rotor].spin == spin
     assert len({sets[f"SERVO{n}_FUNCTION"] for n in range(1, len(rotors) + 1)}) == len(rotors)
 

@@ -195,8 +195,7 @@ def test_what_the_data_cannot_tell_is_no_small_error(twin_boom: Vehicle, steady:
     names = ("Cmalpha", "CLq")
     both = state_space(twin_boom, steady, ParameterCovariance(names, np.diag([SIGMA**2, np.inf])))
     alone = state_space(twin_boom, steady, ParameterCovariance(names[:1], np.array([[SIGMA**2]])))
-    states, errors = both.model.states, both.standard_errors["A"]
-    row, column = states.index("alpha"), states.index("q")
+    errors, (row, column) = both.standard_errors["A"], map(both.model.states.index, ("alpha", "q"))
     assert np.isinf(errors[row, column])
     assert errors[column, row] == alone.standard_errors["A"][column, row] > 0.0
     assert json.loads(json_text(both))["standard_errors"]["A"][row][column] is None

@@ -68,8 +68,7 @@ def test_the_mean_step_is_that_of_the_differences_and_its_error_that_of_their_sc
     steps = np.array([r.values[BEFORE:].mean() - r.values[:BEFORE].mean() for _, r in sequences.values()])
     (one,) = common_steps(sequences)
     assert (one.before, one.after) == ("1.0", "1.1")
-    assert one.size == pytest.approx(steps.mean())
-    assert one.error == pytest.approx(steps.std(ddof=1) / 3.0)
+    assert (one.size, one.error) == pytest.approx((steps.mean(), steps.std(ddof=1) / 3.0))
     assert (one.began, one.found) == (BEFORE * 86400.0, BEFORE * 86400.0 + 2.0)
 
 
@@ -82,7 +81,7 @@ def test_an_update_that_changes_vehicles_differently_and_none_on_average_is_none
 def test_an_update_is_taken_between_the_one_before_and_the_one_after() -> None:
     software, values = ["1.0"] * 10 + ["1.1"] * 10 + ["1.0"] * 10, np.repeat([0.0, 5.0, 1.0], 10)
     update, back = common_steps({str(v): sequence(v, values, software) for v in range(3)})
-    assert (update.size, back.size) == (pytest.approx(5.0), pytest.approx(-4.0))
+    assert (update.size, back.size) == pytest.approx((5.0, -4.0))
     assert (back.before, back.after) == ("1.1", "1.0")
     (one,) = common_steps(drawn(np.random.default_rng(3), 2, 50.0))
     assert one.chance == 1.0, "of two vehicles"
@@ -94,9 +93,8 @@ def test_an_update_that_changes_all_vehicles_is_told_once_beside_the_change_of_a
     own = np.array([f == "thrust" and s == "1.1" for f, s in zip(table.figure, table.software, strict=True)])
     updated = replace(table, value=table.value + 0.08 * own)
     found = analyze(changed(updated, "thrust", UPDATED - 10, -0.15), parts, 0.1).alarms
-    assert [a.vehicle for a in found] == [EVERY, CHANGED]
-    assert found[1].began == f"{CHANGED}-{UPDATED - 10}"
-    alarm = found[0]
+    alarm, own = found
+    assert (alarm.vehicle, own.vehicle, own.began) == (EVERY, CHANGED, f"{CHANGED}-{UPDATED - 10}")
     assert (alarm.figure, alarm.causes[0].what) == ("thrust", "software: 1.1 for 1.0")
     assert alarm.change.interval[0] < 0.08 < alarm.change.interval[1]
     first = table.software.index("1.1")
@@ -107,7 +105,6 @@ def test_a_vehicle_that_always_differed_did_not_change() -> None:
     (table, parts), difference = fleet(), 0.4
     found = analyze(changed(table, "drag", 0, difference), parts, 0.1)
     assert found.alarms == ()
-    (outlier,) = found.figures["drag"].outliers
-    assert (outlier.group, outlier.level) == ("vehicle", 3)
-    assert outlier.difference == pytest.approx(difference, abs=0.15)
+    (one,) = found.figures["drag"].outliers
+    assert (one.group, one.level, one.difference) == ("vehicle", 3, pytest.approx(difference, abs=0.15))
     assert len(found.figures["drag"].rows.value) == made_up.VEHICLES * made_up.FLIGHTS

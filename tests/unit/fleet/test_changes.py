@@ -57,8 +57,8 @@ def test_ratios_are_those_of_regressions(seed: int, n: int, spread: tuple[float,
 
 
 def test_ratios_with_a_trend_are_those_of_regressions() -> None:
-    one = readings(np.random.default_rng(7), 40, (np.inf, 0.5, 0.8))
-    after = one.since(Change("drift", 5, 20, 3.0, 0.1, 50.0))
+    change = Change("drift", 5, 20, 3.0, 0.1, 50.0)
+    after = readings(np.random.default_rng(7), 40, (np.inf, 0.5, 0.8)).since(change)
     assert after.effects.shape == (len(after.values), 4)
     found = scan(after).statistic[0]
     for t in range(1, len(after.values), 5):
@@ -83,8 +83,7 @@ def test_a_step_is_found_where_it_began() -> None:
     rng, n, begun, errors = np.random.default_rng(5), 120, 60, []
     for _ in range(40):
         (only,) = changes(flown(rng.standard_normal(n) + 3.0 * (np.arange(n) >= begun)), 25.0)
-        assert only.found >= begun
-        assert only.kind == "step"
+        assert (only.found >= begun, only.kind) == (True, "step")
         errors.append(only.first - begun)
         assert abs(only.size - 3.0) < 5.0 * only.error
     assert np.mean(np.abs(errors) <= 1) > 0.8
@@ -93,8 +92,7 @@ def test_a_step_is_found_where_it_began() -> None:
 def test_a_drift_is_one_change() -> None:
     rng, n, begun = np.random.default_rng(5), 120, 60
     (only,) = changes(flown(rng.standard_normal(n) + 0.3 * np.clip(np.arange(n) - begun, 0.0, None)), 25.0)
-    assert only.kind == "drift"
-    assert only.first == pytest.approx(begun, abs=5)
+    assert (only.kind, only.first) == ("drift", pytest.approx(begun, abs=5))
     assert only.interval[0] < 0.3 < only.interval[1]
     times = np.array([0.0, 1.0, 3.0, 4.0])  # a drift begins right after the flight before its first
     for kind, course in (("drift", [0.0, 0.0, 1.0, 1.5]), ("step", [0.0, 0.0, 0.5, 0.5])):
@@ -117,9 +115,7 @@ def test_another_part_is_no_change() -> None:
     for size, alarms in ((1.5, 0), (12.0, 1)):
         y = rng.standard_normal(n) + size * after
         one = Readings(y, np.ones(n), np.arange(float(n)), effects, np.array([np.inf, 1.0, 1.0]))
-        found = list(changes(one, 25.0))
-        assert len(found) == alarms
-        assert [c.first for c in found] == [40] * alarms
+        assert [c.first for c in changes(one, 25.0)] == [40] * alarms
 
 
 def test_the_rate_holds_with_flights_that_are_favored_and_an_exchange_is_found_sooner() -> None:
@@ -144,6 +140,5 @@ def test_an_alarm_is_withdrawn_where_its_likelihood_ratio_falls_to_less_than_a_t
         own = Readings.about_a_level(values, np.ones(values.size), np.arange(float(values.size)), 1.0)
         statistic = scan(own).statistic[0]
         limit = float(statistic.max()) - 0.5
-        assert statistic[-1] < limit
-        assert (statistic[-1] > limit - 2.0 * np.log(10.0)) == kept
+        assert (statistic[-1] < limit, statistic[-1] > limit - 2.0 * np.log(10.0)) == (True, kept)
         assert bool(list(changes(own, limit))) == kept

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -54,18 +55,15 @@ def content(folder: Path) -> dict[str, bytes]:
 
 
 def test_an_alarm_is_told_once_and_withdrawn_when_nothing_shows_it(tmp_path: Path) -> None:
-    figures, parts = write(tmp_path, WORN)
-    store = tmp_path / "store"
+    (figures, parts), store = write(tmp_path, WORN), tmp_path / "store"
     first, fresh, _ = update_fleet(store, [figures], parts, 0.1)
-    assert steps(first) == [STEP]
-    assert [a.causes[0].what for a in fresh] == ["rotor_1: v3b for v3a"]
+    assert (steps(first), [a.causes[0].what for a in fresh]) == ([STEP], ["rotor_1: v3b for v3a"])
     before = content(store)
     again, fresh, _ = update_fleet(store, [figures])
     assert (steps(again), fresh) == ([STEP], ())
     assert content(store) == before, "the same tables, the same bytes"
     opened = stoop.open_fleet(store)
-    assert opened.alarms == again.alarms
-    assert opened.parts.fittings == first.parts.fittings
+    assert (opened.alarms, opened.parts.fittings) == (again.alarms, first.parts.fittings)
     assert opened.analysis().threshold == opened.threshold
     write(tmp_path, SOUND)
     without, fresh, _ = update_fleet(store, [figures], alarms_a_year=0.05)
@@ -73,14 +71,12 @@ def test_an_alarm_is_told_once_and_withdrawn_when_nothing_shows_it(tmp_path: Pat
     assert [(a.figure, a.withdrawn) for a in without.alarms] == [("thrust", True)]
     write(tmp_path, WORN)
     back, fresh, _ = update_fleet(store, [figures])
-    assert back.alarms_a_year == 0.05
-    assert steps(back) == [STEP]
+    assert (back.alarms_a_year, steps(back)) == (0.05, [STEP])
     assert [a.began for a in fresh] == [STEP[3]], "what was withdrawn is told anew"
 
 
 def test_an_error_changes_nothing(tmp_path: Path) -> None:
-    figures, parts = write(tmp_path, SOUND)
-    store = tmp_path / "store"
+    (figures, parts), store = write(tmp_path, SOUND), tmp_path / "store"
     update_fleet(store, [figures], parts)
     before = content(store)
     same, _ = write(tmp_path, SOUND, name="again")
@@ -97,8 +93,7 @@ def test_an_error_changes_nothing(tmp_path: Path) -> None:
 
 
 def test_logs_are_gathered_while_no_other_command_writes(tmp_path: Path) -> None:
-    figures, _ = write(tmp_path, SOUND)
-    store = tmp_path / "store"
+    (figures, _), store = write(tmp_path, SOUND), tmp_path / "store"
 
     def gather() -> LogFigures:
         with pytest.raises(StoopError, match="another command is writing there"), only_writer(store):
@@ -144,8 +139,7 @@ def test_a_nightly_job(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> No
     assert unused.startswith("parts: 5 vehicles without flights (v0, v4, v5, v6, v7)")
     assert head == "3 vehicles, 84 flights, 2 figures; 0.1 false alarms a year"
     assert page == f"page: {tmp_path / 'store' / 'fleet.html'}"
-    for part in ("v3 thrust: step of -0.1", "since flight v3-20 (1970-", "rotor_1: v3b for v3a (9"):
-        assert part in told
+    assert re.search(r"v3 thrust: step of -0\.1.*since flight v3-20 \(1970-.*rotor_1: v3b for v3a \(9", told)
     for words, code, said in (
         (command, 0, "no new alarm; 1 earlier one"), (show, 0, told), ([*show, "--since", "1970-01-01"], 3, told),
         ([*show, "--since", "2026-01-01"], 0, ""),

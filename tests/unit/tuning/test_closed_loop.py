@@ -215,14 +215,12 @@ def test_jsbsim_flies_the_same_under_the_law(tmp_path: Path) -> None:
     law = LawRecursion([firmware.law(WING, a) for a in moved.axes], np.zeros((3, 1)))
     rows, done = [], np.zeros((3, 1))
     for k in range(len(given.time)):
-        s = simulation.read()
-        rows.append(s)
+        rows.append(s := simulation.read())
         attitude = quaternions_of(np.array([s["phi"], s["theta"], s["psi"]]))
         speed = float(np.linalg.norm([s["u"], s["v"], s["w"]]))
         setpoints, _ = loop.setpoints(k, attitude, speed)
         done = law.commands(setpoints, np.array([[s["p"]], [s["q"]], [s["r"]]]), loop.scale(speed), done)
-        channels = given.inputs[k] + moved.outputs @ done[:, 0]
-        simulation.advance(channels, channels)
+        simulation.advance(*[given.inputs[k] + moved.outputs @ done[:, 0]] * 2)
     for name in ("p", "q", "r", "phi", "theta"):
         theirs = np.array([row[name] for row in rows])
         own = ours.outputs[:, vehicle.outputs.index(name)]

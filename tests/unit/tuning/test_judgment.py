@@ -57,8 +57,7 @@ def test_thrust_of_betaflight_is_linearized_about_the_hover_of_the_altitude() ->
     def mixing(kind: str, altitude: float, **rotors: float) -> np.ndarray:
         return commands_of(quad(kind, **rotors), firmware, parameters, altitude).mixing
 
-    commands = mixing("motor", 0.0)
-    pulses = mixing("pwm", 0.0, gain=1e-3, idle=1000.0)
+    commands, pulses = mixing("motor", 0.0), mixing("pwm", 0.0, gain=1e-3, idle=1000.0)
     np.testing.assert_allclose(pulses, 1000.0 * commands, rtol=1e-6)
     assert np.abs(mixing("motor", 2000.0) - commands).max() > 1e-3
     with pytest.raises(StoopError, match=r"turn by rotor_1; .* identify with the commands"):
@@ -83,8 +82,8 @@ def test_a_law_acts_on_what_gyros_read() -> None:
     (firmware,), found = firmwares(parameters), []
     for scale, gain in ((1.05, 1.0), (1.0, 1.05)):
         vehicle = with_entries(quad(), {("sensors", "p", "scale"): scale})
-        values = parameters | {n: gain * parameters[n] for n in ("MC_ROLLRATE_P", "MC_ROLLRATE_I")}
-        values |= {"MC_ROLLRATE_D": 0.0}
+        rolling_on = dict.fromkeys(("MC_ROLLRATE_P", "MC_ROLLRATE_I"), gain * 0.1)
+        values = parameters | rolling_on | {"MC_ROLLRATE_D": 0.0}
         conditions = conditions_of(vehicle, firmware, values, [0.0], 200.0, none)
         axes = commands_of(vehicle, firmware, values).axes
         found.append(Design(firmware, values, axes, conditions, Specification(), {}).judged(values)[0][0])

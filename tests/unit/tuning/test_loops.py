@@ -59,8 +59,7 @@ def test_rejection_and_peak_are_those_of_the_sensitivity(name: str) -> None:
 
 
 def opened_by(plants: Plants, law: RateLaw) -> tuple[np.ndarray, np.ndarray]:
-    loops = [AxisLoop(law)]
-    frequency = modeled.frequencies(loops)
+    frequency = modeled.frequencies(loops := [AxisLoop(law)])
     difference = modeled.return_difference(motion(plants, frequency), loops, frequency)
     return frequency, modeled.opened(difference)[0]
 

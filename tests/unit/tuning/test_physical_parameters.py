@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from functools import cache
+from typing import Any
 
 import numpy as np
 import pytest
@@ -108,8 +109,8 @@ def test_arducopter_takes_thrust_between_its_spins_and_density_by_the_root_of_ea
     assert found["MOT_THST_HOVER"] == pytest.approx(0.65 * share**2 + 0.35 * share, rel=1e-3)
     square, linear = n("rotors.T2") * 0.8, n("rotors.T1") + 0.2 * n("rotors.T2")
     assert found["MOT_THST_EXPO"] == pytest.approx(square / (linear + square), rel=1e-3)
-    compensated = of_rotors(vehicle, COPTER | {"MOT_BAT_VOLT_MAX": 16.8}, "ArduCopter")
-    assert list(compensated.absent.values()) == [("MOT_THST_HOVER", "MOT_THST_EXPO")]
+    absent = of_rotors(vehicle, COPTER | {"MOT_BAT_VOLT_MAX": 16.8}, "ArduCopter").absent
+    assert list(absent.values()) == [("MOT_THST_HOVER", "MOT_THST_EXPO")]
 
 
 def ekf2_drag(found: dict[str, float], air: np.ndarray) -> np.ndarray:
@@ -181,10 +182,10 @@ def aeroplane() -> Vehicle:
 
 
 def of_wings(
-    vehicle: Vehicle, parameters: dict[str, float], firmware: str = "PX4 fixed wing", more: tuple[str, ...] = (), stream: str = ""
-) -> Found:  # fmt: skip
+    vehicle: Vehicle, given: Any, firmware: str = "PX4 fixed wing", more: Any = (), stream: str = ""
+) -> Found:
     domain, draws = Domain((30.0, 42.0), 35.0, HEIGHT, RHO), known(vehicle, (*WING_NUMBERS, *more))
-    return physical_parameters(vehicle, firmware, parameters, domain, draws, frozenset({stream}))
+    return physical_parameters(vehicle, firmware, given, domain, draws, frozenset({stream}))
 
 
 def glide(vehicle: Vehicle, speed: float, throttle: float) -> tuple[float, float, float]:
@@ -210,8 +211,7 @@ def test_trims_climb_and_sink_of_px4_are_those_by_hand() -> None:
     found = estimates(of_wings(vehicle, PX4_WING))
     ratio, n = math.sqrt(RHO / SEA), vehicle.value
     speed = 35.0 / ratio
-    sinking = -speed * math.sin(glide(vehicle, speed, 0.0)[2]) * ratio
-    assert found["FW_T_SINK_MIN"] == pytest.approx(sinking, rel=1e-4)
+    assert found["FW_T_SINK_MIN"] == pytest.approx(-35.0 * math.sin(glide(vehicle, speed, 0.0)[2]), rel=1e-4)
     assert found["FW_T_CLMB_MAX"] == pytest.approx(speed * math.sin(glide(vehicle, speed, 0.9)[2]), rel=5e-3)
     throttle = found["FW_THR_TRIM"] / ratio
     alpha, elevator, path = glide(vehicle, speed, throttle)
@@ -229,8 +229,7 @@ def test_arduplane_has_percent_and_hundredths_of_a_degree_and_pitots_a_scale() -
     parameters = dict.fromkeys(names, 2.0) | {"AIRSPEED_CRUISE": 35.0, "THR_MAX": 90.0}
     vehicle = aeroplane()
     new = of_wings(vehicle, parameters, "ArduPlane", ("sensors.V.scale",))
-    px4 = estimates(of_wings(vehicle, PX4_WING))
-    found, ratio = estimates(new), math.sqrt(RHO / SEA)
+    px4, found, ratio = estimates(of_wings(vehicle, PX4_WING)), estimates(new), math.sqrt(RHO / SEA)
     assert found["PTCH_TRIM_DEG"] == pytest.approx(px4["FW_PSP_OFF"])
     assert found["TRIM_THROTTLE"] == pytest.approx(100.0 * px4["FW_THR_TRIM"] / ratio)
     assert found["TECS_SINK_MIN"] == pytest.approx(px4["FW_T_SINK_MIN"] / ratio)
