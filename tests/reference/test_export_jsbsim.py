@@ -71,8 +71,7 @@ def apart(root: Path, record: js.Record, steps: int = 1) -> float:
 
 @pytest.mark.parametrize(("name", "most"), [("twin-boom", 1e-4), ("v-tail", 1e-4), ("flying-wing", 3e-4)])
 def test_thirty_seconds_open_loop(name: str, most: float, tmp_path: Path) -> None:
-    vehicle = load(name)
-    point = trim(vehicle, None, 200.0)
+    point = trim(vehicle := load(name), None, 200.0)
     record = js.maneuver_record(vehicle, point, INPUTS["3-2-1-1, doublets"](vehicle, point))
     assert record.time[-1] == 30.0
     assert apart(tmp_path, record) < most
@@ -102,8 +101,7 @@ def test_servos_with_play_and_a_rate_limit(tmp_path: Path) -> None:
 
 def test_a_surface_that_begins_away_from_its_command(tmp_path: Path) -> None:
     vehicle = load("v-tail")
-    point = trim(vehicle, None, 200.0)
-    steady = js.steady_record(vehicle, point, 5.0)
+    steady = js.steady_record(vehicle, trim(vehicle, None, 200.0), 5.0)
     begun = {**steady.start, "elevator.lag": 0.05, "aileron.lag": -0.03, "q": 0.1, "phi": 0.2}
     record = js.Record(steady.vehicle, begun, steady.time, steady.inputs)
     assert np.ptp(js.own_readings(record)[:, vehicle.outputs.index("q")]) > 0.1, "it shows"
@@ -154,34 +152,33 @@ def test_accelerations_of_rotors_at_random_states(name: str, tmp_path: Path) -> 
         assert felt == pytest.approx(ours, rel=tolerance, abs=tolerance * np.abs(ours).max())
 
 
+def compared(root: Path, vehicle: Vehicle, airspeed: float | None = None) -> tuple[js.Record, Any]:
+    record = reference_record(vehicle, trim(vehicle, airspeed, 200.0))
+    exported(root, record.vehicle)
+    return record, compare(root, record)
+
+
 @pytest.mark.parametrize(("name", "airspeed", "most"), [
     ("quad-x", None, 3e-4), ("hexa-x", None, 3e-4), ("quadplane", None, 3e-4), ("quadplane", 18.0, 5e-4), ("speeds", None, 5e-4),
     ("drag", 35.0, 5e-4),
 ])  # fmt: skip
 def test_thirty_seconds_under_the_autopilot(name: str, airspeed: Any, most: float, tmp_path: Path) -> None:
-    vehicle = vehicle_of(name)
-    record = reference_record(vehicle, trim(vehicle, airspeed, 200.0))
+    record, flown = compared(tmp_path, vehicle_of(name), airspeed)
     assert (record.time[-1], len(record.restarts)) == (30.0, 29 if airspeed is None else 0)
-    exported(tmp_path, record.vehicle)
-    assert max(compare(tmp_path, record).relative.values()) < most
+    assert max(flown.relative.values()) < most
 
 
 def test_delayed_rotors(tmp_path: Path) -> None:
     """On JSBSim's frames the line between samples is the one of our finer steps."""
     vehicle = with_entries(builtin_vehicle("quad-x"), {("rotors", "delay"): 0.0237})
-    record = reference_record(vehicle, trim(vehicle, None, 200.0))
-    exported(tmp_path, record.vehicle)
-    flown = compare(tmp_path, record)
+    record, flown = compared(tmp_path, vehicle)
     assert np.abs(flown.fine - flown.flat).max() < 3e-4 * np.abs(flown.fine).max()
     early = replace(record, vehicle=record.vehicle.with_numbers({"rotors.delay": {"value": 0.0}}))
     assert np.abs(js.own_readings(early) - flown.own).max() > 0.01, "it shows"
 
 
 def test_rotors_without_a_lag_are_a_step_late(tmp_path: Path) -> None:
-    vehicle = vehicle_of("lagless")
-    record = reference_record(vehicle, trim(vehicle, None, 200.0))
-    exported(tmp_path, record.vehicle)
-    found = compare(tmp_path, record).relative
+    found = compared(tmp_path, vehicle_of("lagless"))[1].relative
     assert 1e-3 < found.pop("r") < 0.05
     found.pop("psi")
     assert max(found.values()) < 1e-3

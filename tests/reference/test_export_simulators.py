@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from stoop.base.files import write_files
 from stoop.exporters import crazyflow, exporter, mujoco_flight, mujoco_model, pyflyt
 from stoop.exporters.agreement import AXES, Compared, loads_along
 from stoop.exporters.exporter import ModelData
@@ -39,9 +40,7 @@ def shares_of_range(ours: np.ndarray, theirs: np.ndarray) -> dict[str, float]:
 
 
 def written(folder: Path, files: dict[str, bytes], main: str) -> Any:
-    for place, content in files.items():
-        (folder / place).parent.mkdir(exist_ok=True)
-        (folder / place).write_bytes(content)
+    write_files(folder, files)
     return exporter.load_script(folder / main)
 
 

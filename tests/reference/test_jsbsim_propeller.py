@@ -13,19 +13,13 @@ from stoop.simulation import initial_states, parameter_rows
 from stoop.vehicle import parse_vehicle
 
 INCH, FOOT, POUND = 0.0254, 0.3048, 4.4482216152605
-INERTIA = 1.67 * POUND * FOOT  #: kg m2, of JSBSim's prop_75in2f.xml
+INERTIA, GAIN = 1.67 * POUND * FOOT, 0.5 / math.pi  #: kg m2, of JSBSim's prop_75in2f.xml; turns by rad
 THRUST_LINE = -24.41 * INCH  #: m, height in JSBSim's frame of the J3Cub
 VEHICLE = f"""name = "light airplane"
 mass = {{ mass = 400.0, inertia = {{ xx = 900.0, yy = 500.0, zz = 1300.0, xz = 40.0 }} }}
 reference = {{ area = 16.6, chord = 1.6, span = 10.7, airspeed = 35.0 }}
 aerodynamics = {{ default = false, CL = {{ CL0 = 0.4 }} }}
-[propulsion]
-kind = "propeller"
-channel = "rotor_1"
-speed_gain = {0.5 / math.pi}
-diameter = 1.9
-CT0 = 0.1
-inertia = {INERTIA}
+propulsion = {{ kind = "propeller", channel = "rotor_1", speed_gain = {GAIN}, diameter = 1.9, CT0 = 0.1, inertia = {INERTIA} }}
 """
 
 

@@ -28,6 +28,7 @@ AXES = ("Roll", "Pitch", "Yaw")
 # brick_inertia.dml and brick_aero.dml: a 5 lb face brick, rate damping only
 BRICK = f"""
 name = "NESC brick"
+environment.density = "log"
 [mass]
 mass = {0.155404754 * SLUG!r}
 inertia = {{ xx = {0.00189422 * SLUG * FOOT**2!r}, yy = {0.006211019 * SLUG * FOOT**2!r}, zz = {0.007194665 * SLUG * FOOT**2!r} }}
@@ -37,8 +38,6 @@ span = {0.33333 * FOOT!r}
 chord = {0.66667 * FOOT!r}
 airspeed = 100.0
 rate_normalization = "actual"
-[environment]
-density = "log"
 [aerodynamics]
 default = false
 Cl = {{ Clp = {{ term = "p", value = -1.0 }} }}

@@ -123,16 +123,18 @@ def test_terms_are_those_of_the_twin(axis: str) -> None:
         assert np.abs(known["I"]).max() == 400.0  # its limit was met
 
 
+def of_step(twin: Any, signal: str, n: int) -> tuple[Floats, NDArray[np.complex128]]:
+    """Return frequencies a sample and H: the answer to a step, differenced twice, dies out; its transform is H (1 - 1/z)."""
+    w, step, rest = 2.0 * np.pi * np.arange(1, n // 2) / n, np.ones(n), np.zeros(n)
+    record = flown(twin, *((step, rest) if signal == SETPOINT else (rest, step)))
+    answer = np.diff(np.diff(sum(record.values()), prepend=0.0), prepend=0.0)
+    return w, np.fft.rfft(answer)[1 : n // 2] / (1.0 - np.exp(-1j * w))
+
+
 def test_response_is_that_of_a_recorded_step() -> None:
-    """The twin's answer to a step, differenced twice, dies out: its transform is H (1 - 1/z)."""
-    step, rest = np.ones(n := 8192), np.zeros(n)
-    w = 2.0 * np.pi * np.arange(1, n // 2) / n
     for axis, signal in itertools.product(("roll", "yaw"), (SETPOINT, RATE)):
-        law = rate_pid(HEADER, axis)
-        record = flown(Twin(HEADER, axis), *((step, rest) if signal == SETPOINT else (rest, step)))
-        answer = np.diff(np.diff(sum(record.values()), prepend=0.0), prepend=0.0)
-        known = np.fft.rfft(answer)[1 : n // 2] / (1.0 - np.exp(-1j * w)) / 1000.0 * 180.0 / np.pi
-        found = law.response(signal, w * law.rate)
+        law, (w, known) = rate_pid(HEADER, axis), of_step(Twin(HEADER, axis), signal, 8192)
+        found = law.response(signal, w * law.rate) * 1000.0 * np.pi / 180.0
         np.testing.assert_allclose(found, known, rtol=1e-6, err_msg=f"{axis} {signal}")
 
 

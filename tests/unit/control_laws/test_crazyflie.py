@@ -8,7 +8,7 @@ from functools import partial
 
 import numpy as np
 import pytest
-from unit.control_laws.test_betaflight import flown, second_order
+from unit.control_laws.test_betaflight import flown, of_step, second_order
 
 from stoop.control_laws.crazyflie import attitude, cascade
 from stoop.control_laws.rate_law import AXES, RATE, SETPOINT, RateLaw
@@ -74,14 +74,9 @@ def test_terms_are_those_of_the_twin(smooth: bool, outer: bool) -> None:
 
 @pytest.mark.parametrize("outer", [False, True])
 def test_response_is_that_of_a_recorded_step(outer: bool) -> None:
-    """The twin's answer to a step, differenced twice, dies out: its transform is H (1 - 1/z)."""
-    step, rest = np.ones(n := 4096), np.zeros(n)
-    w = 2.0 * np.pi * np.arange(1, n // 2) / n
+    unit = 1.0 if outer else 32767.0 * np.pi / 180.0
     for axis, signal in itertools.product(AXES, (SETPOINT, RATE)):
-        record = flown(Twin(axis, True, outer), *((step, rest) if signal == SETPOINT else (rest, step)))
-        answer = np.diff(np.diff(sum(record.values()), prepend=0.0), prepend=0.0)
-        known = np.fft.rfft(answer)[1 : n // 2] / (1.0 - np.exp(-1j * w))
-        unit = 1.0 if outer else 32767.0 * np.pi / 180.0
+        w, known = of_step(Twin(axis, True, outer), signal, 4096)
         found = law_of(axis, True, outer).response(signal, w / DT) * unit
         np.testing.assert_allclose(found, known, rtol=1e-6, err_msg=f"{axis} {signal}")
 

@@ -40,8 +40,7 @@ def test_statistics_are_those_of_a_regression() -> None:
 def test_axes_of_a_path_are_those_of_the_equations() -> None:
     vehicle = builtin_vehicle("twin-boom")
     flight = reference_flight(vehicle, trim(vehicle))
-    names, found = loads_of_path(flight, flight.states)
-    whole = loads_along(flight)
+    whole, (names, found) = loads_along(flight), loads_of_path(flight, flight.states)
     apart = np.sqrt(np.mean((found - whole) ** 2, axis=0)) / whole.std(axis=0)
     assert names == tuple(AXES)
     assert apart.max() < 0.15, "inputs jump within a sample"

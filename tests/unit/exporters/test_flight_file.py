@@ -130,7 +130,6 @@ def test_a_name_of_no_format_is_refused(tmp_path: Path) -> None:
 
 
 def test_orangebox_reads_its_numbers() -> None:
-    """Those of 32 bits with and without a sign, to both ends."""
     signed, unsigned = (decoder_map[kind] for kind in (0, 1))
     for x in (0, 1, -1, 63, -64, 64, 8191, -8192, 123_456_789, -(2**30) - 5, 2**31 - 1, -(2**31)):
         assert signed(iter(blackbox_bytes.signed_vb(x)), None) == x

@@ -31,13 +31,6 @@ THRUSTER = {"dt", "thrust_range", "thrust_const_range", "tau_inc_range", "tau_de
 MULTIROTOR = {"prim_path", "spawn", "init_state", "actuators", "rotor_directions", "allocation_matrix"}
 
 
-@pytest.fixture
-def square() -> Vehicle:
-    """Return a quadrotor whose thrust grows with the square of the command, at sea level."""
-    entries = {("rotors", "T1"): 0.0, ("rotors", "T2"): 8.5, ("environment", "density"): 1.225}
-    return with_entries(builtin_vehicle("quad-x"), entries)
-
-
 def drawn(vehicle: Vehicle, count: int = 12) -> ModelData:
     z = np.random.default_rng(1).standard_normal((count, 2))
     thrust = vehicle.value("rotors.T2") * (1.0 + 0.02 * z[:, 0])

@@ -131,10 +131,8 @@ def test_omitted_damping_is_measured_in_shares_of_each_axis() -> None:
     assert ", 0 % of My, 0 % of Mz (rms" in omission("A tool", "this", shares), "rounding prints as 0"
 
 
-def test_a_draw_flies_in_mujoco_with_its_numbers_beside_callbacks_of_the_user(tmp_path: Path) -> None:
-    mujoco = pytest.importorskip("mujoco")
-    entries = {("rotors", "T1"): 0.0, ("rotors", "T2"): 8.5, ("environment", "density"): 1.225}
-    quad = with_entries(builtin_vehicle("quad-x"), entries)
+def test_a_draw_flies_in_mujoco_beside_callbacks_of_the_user(square: Vehicle, tmp_path: Path) -> None:
+    mujoco, quad = pytest.importorskip("mujoco"), square
     changes = {"rotors.T2": 9.0, "mass.mass": 1.7, "mass.inertia.yy": 0.035, "rotors.lag": 0.08}
     for place, content in MuJoCo(ModelData(quad)).files().files.items():
         (tmp_path / place).write_bytes(content)

@@ -102,9 +102,9 @@ def test_an_update_that_changes_all_vehicles_is_told_once_beside_the_change_of_a
 
 
 def test_a_vehicle_that_always_differed_did_not_change() -> None:
-    (table, parts), difference = fleet(), 0.4
-    found = analyze(changed(table, "drag", 0, difference), parts, 0.1)
+    table, parts = fleet()
+    found = analyze(changed(table, "drag", 0, 0.4), parts, 0.1)
     assert found.alarms == ()
     (one,) = found.figures["drag"].outliers
-    assert (one.group, one.level, one.difference) == ("vehicle", 3, pytest.approx(difference, abs=0.15))
+    assert (one.group, one.level, one.difference) == ("vehicle", 3, pytest.approx(0.4, abs=0.15))
     assert len(found.figures["drag"].rows.value) == made_up.VEHICLES * made_up.FLIGHTS

@@ -66,10 +66,9 @@ def test_ratios_with_a_trend_are_those_of_regressions() -> None:
 
 
 def test_the_rate_of_false_alarms_is_the_stated_one() -> None:
-    rng = np.random.default_rng(4)
+    rng, fleets = np.random.default_rng(4), 150
     sequences = [readings(rng, 60, (0.5, 0.4, 0.4)) for _ in range(40)]
     h = threshold(np.concatenate([peaks(one, 100, rng)[1:] for one in sequences]), 100.0)
-    fleets = 150
     alarms = sum(np.sum(scan(one, one.drawn(fleets, rng)).statistic.max(axis=1) > h) for one in sequences)
     # Poisson, with the error of the threshold's own 100 draws
     assert abs(alarms / fleets - 1.0) < 3.0 * np.sqrt(1.0 / fleets + 1.0 / 100)
@@ -109,8 +108,7 @@ def test_a_return_is_a_second_change() -> None:
 
 def test_another_part_is_no_change() -> None:
     """A part that differs as parts do explains the step; one that differs far more does not."""
-    rng, n = np.random.default_rng(8), 80
-    after = np.arange(n) >= 40
+    rng, after = np.random.default_rng(8), np.arange(n := 80) >= 40
     effects = np.column_stack([np.ones(n), ~after, after]).astype(float)
     for size, alarms in ((1.5, 0), (12.0, 1)):
         y = rng.standard_normal(n) + size * after

@@ -42,8 +42,7 @@ def test_a_balanced_fleet_as_by_analysis_of_variance() -> None:
 
 def test_parts_that_move_are_told_from_vehicles() -> None:
     """Crossed groups against a dense twin of the likelihood, and the truth within its errors."""
-    rng = np.random.default_rng(2)
-    n, vehicles, parts = 900, 15, 40
+    rng, n, vehicles, parts = np.random.default_rng(2), 900, 15, 40
     vehicle, part = rng.integers(0, vehicles, n), rng.integers(-1, parts, n)
     season, errors = rng.standard_normal(n), rng.uniform(0.2, 0.6, n)
     u, v = 0.8 * rng.standard_normal(vehicles), 0.5 * rng.standard_normal(parts)

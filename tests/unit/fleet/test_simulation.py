@@ -127,7 +127,7 @@ def test_a_wrong_fleet_is_named_and_nothing_is_written(tmp_path: Path, monkeypat
         with pytest.raises(StoopError, match=said):
             fleet(tmp_path, text)
     monkeypatch.chdir(tmp_path)
-    write_files(Path("with-others"), {"flown.ulg": b""})
+    write_files(tmp_path, {"with-others/flown.ulg": b""})
     for text, words, said in (
         ('vehicle = { "mass.mas" = 0.1 }', [], "no number is called 'mass.mas'; did you mean mass.mass"),
         ("flights = 100\ndays = 0.01", [], "100 flights do not fit into 0.01 days; raise days"),

@@ -122,10 +122,10 @@ def test_a_store_that_is_not_fit(tmp_path: Path) -> None:
     with pytest.raises(StoopError, match="holds no fleet; begin one"):
         stoop.open_fleet(tmp_path)
     whole = '{"schema": "stoop-fleet/1", "alarms_a_year": 1, "threshold": 9, "alarms": [{"x": 1}]}'
-    newer, few = '{"schema": "stoop-fleet/9"}', '{"schema": "stoop-fleet/1"}'
-    for text in ("{", "[]", newer, few, whole):
+    newer = '{"schema": "stoop-fleet/9"}', "of schema stoop-fleet/9, not stoop-fleet/1"
+    few = '{"schema": "stoop-fleet/1"}'
+    for text, said in (newer, *((text, "damaged") for text in ("{", "[]", few, whole))):
         (tmp_path / STATE).write_text(text)
-        said = "of schema stoop-fleet/9, not stoop-fleet/1" if text == newer else "damaged"
         with pytest.raises(StoopError, match=said):
             stoop.open_fleet(tmp_path)
 

@@ -92,7 +92,7 @@ def test_a_log_has_the_vibration_of_its_rotors_by_their_names(tmp_path: Path) ->
     rows = {name: (value, error, parts) for name, value, error, parts, _ in found["figures"]}
     names = [f"vibration.m{n}" for n in range(1, 5)]
     assert set(rows) == {*names, "vibration.ax", "vibration.ay", "vibration.az"}
-    assert [rows[name][2] for name in names] == ["m1", "m2", "m3", "m4"]
-    values = np.array([rows[name][0] for name in names])
+    values, _, parts = zip(*(rows[name] for name in names), strict=True)
+    assert parts == ("m1", "m2", "m3", "m4")
     assert np.exp(values) == pytest.approx(SHAKES, rel=0.15)
     assert rows["vibration.az"][0] == pytest.approx(np.log(NOISE * 1.5**0.5), abs=0.02)

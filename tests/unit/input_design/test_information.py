@@ -80,11 +80,8 @@ def test_noise_repetition_and_knowledge_count_as_they_must() -> None:
 
 
 def test_knowledge_of_some_is_not_knowledge_of_the_others() -> None:
-    """Marginal standard errors stay when parameters are left out."""
-    rng = np.random.default_rng(0)
-    root = rng.standard_normal((4, 9))
-    covariance = root @ root.T
-    whole = Knowledge(("a", "b", "c", "d"), np.linalg.inv(covariance))
+    root = np.random.default_rng(0).standard_normal((4, 9))
+    whole = Knowledge(("a", "b", "c", "d"), np.linalg.inv(covariance := root @ root.T))
     found = information.information_errors(whole.among(("d", "b")))
     assert found == pytest.approx(np.sqrt(np.diag(covariance))[[3, 1]])
     assert np.linalg.inv(whole.among(("d", "b"))) == pytest.approx(covariance[np.ix_([3, 1], [3, 1])])

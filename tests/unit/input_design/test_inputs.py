@@ -15,9 +15,9 @@ SLEW = dict.fromkeys(("elevator", "rudder"), math.radians(60.0))
 FRAME = Frame({"elevator": 0.05, "rudder": 0.02}, SLEW, 12.0, 2.0, 0.1)
 
 
-def deflections(shape: str, x: np.ndarray, rate: float = 1000.0) -> dict[str, np.ndarray]:
-    inputs = SHAPES[shape](FRAME).inputs(x)
-    return Maneuver.model_validate({"duration": 12.0, "rate": rate, "input": inputs}).deflections()
+def deflections(shape: str, x: np.ndarray, frame: Frame = FRAME) -> dict[str, np.ndarray]:
+    entries = {"duration": frame.duration, "rate": 1000.0, "input": SHAPES[shape](frame).inputs(x)}
+    return Maneuver.model_validate(entries).deflections()
 
 
 @pytest.mark.parametrize("shape", USUAL_SHAPES)
@@ -69,8 +69,7 @@ def test_a_slow_surface_moves_as_far_as_it_gets(shape: str) -> None:
     slow = Frame({"elevator": math.radians(60.0)}, SLEW, 8.0, 2.0, 0.1)
     family = SHAPES[shape](slow)
     for x in (*np.tile([[0.0], [0.5], [1.0]], family.dimension), *family.starts):
-        maneuver = Maneuver.model_validate({"duration": 8.0, "rate": 1000.0, "input": family.inputs(x)})
-        move = maneuver.deflections()["elevator"]
+        move = deflections(shape, x, slow)["elevator"]
         assert np.abs(np.diff(move)).max() <= slow.slew["elevator"] / 1000.0 * 1.001
         assert np.abs(move).max() > 0.02
 
@@ -101,22 +100,19 @@ def test_steps_by_hand_fall_on_the_beat(shape: str, data: st.DataObject, beat: f
 @example([1.0, 0.0, 1.0] * 2)  # full size up to the band, which the slew does not allow
 def test_sweeps_keep_amplitude_slew_and_band(drawn: list[float]) -> None:
     frame = Frame(FRAME.amplitude, SLEW, 40.0, 5.0, 0.1)
-    inputs = SHAPES["sweep"](frame).inputs(np.array(drawn))
-    maneuver = Maneuver.model_validate({"duration": 40.0, "rate": 1000.0, "input": inputs})
-    moves = maneuver.deflections()
+    x = np.array(drawn)
+    specs, moves = SHAPES["sweep"](frame).inputs(x), deflections("sweep", x, frame)
     assert not np.any((moves["elevator"] != 0.0) & (moves["rudder"] != 0.0)), "one after the other"
     for control, move in moves.items():
         assert np.abs(move).max() <= frame.amplitude[control]
         assert np.abs(np.diff(move)).max() <= SLEW[control] / 1000.0 * 1.02
-    assert all(6.0 / spec.duration <= spec.low <= spec.band / 2.0 + 1e-9 for spec in maneuver.input)
-    assert all(spec.band <= 5.0 + 1e-9 for spec in maneuver.input)
+    assert all(6.0 / spec.duration <= spec.low <= spec.band / 2.0 + 1e-9 for spec in specs)
+    assert all(spec.band <= 5.0 + 1e-9 for spec in specs)
 
 
 @pytest.mark.parametrize("shape", [*USUAL_SHAPES, "2-1-1"])
 def test_no_input_is_smaller_than_what_can_be_flown(shape: str) -> None:
     frame = Frame({"elevator": 0.05}, SLEW, 12.0, 2.0, 0.1, {"elevator": 0.03})
-    family = SHAPES[shape](frame)
     for at in (0.5, 0.4):  # the middle of a signed amplitude is none
-        inputs = family.inputs(np.full(family.dimension, at))
-        maneuver = Maneuver.model_validate({"duration": 12.0, "input": inputs})
-        assert np.abs(maneuver.deflections()["elevator"]).max() >= 0.0294
+        move = deflections(shape, np.full(SHAPES[shape](frame).dimension, at), frame)["elevator"]
+        assert np.abs(move).max() >= 0.0294

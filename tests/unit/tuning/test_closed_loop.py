@@ -127,8 +127,7 @@ def test_the_height_of_a_ground_effect_follows_the_flight() -> None:
 
 
 def test_a_turn_is_coordinated() -> None:
-    vehicle = wing()
-    found = flown(vehicle, course(12.0, ("phi", 1.0, 20.0, 0.35)), WING)
+    found = flown(vehicle := wing(), course(12.0, ("phi", 1.0, 20.0, 0.35)), WING)
     late = found.time > 10.0
     phi, beta, speed = (found.outputs[late, vehicle.outputs.index(n)].mean() for n in ("phi", "beta", "V"))
     heading = np.unwrap(found.outputs[late, vehicle.outputs.index("psi")])

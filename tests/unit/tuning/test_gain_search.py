@@ -45,8 +45,7 @@ def test_more_damping_leaves_less_rejection() -> None:
     rejected = []
     for one in DAMPING.values():
         assert one.disk == pytest.approx(one.gain / 1.5, abs=0.05)
-        own = design(4.0, 4.0, **vars(one))
-        found = propose(own)
+        found = propose(own := design(4.0, 4.0, **vars(one)))
         assert least(own, found) > -SLACK
         rejected.append(float(own.judged({**FLOWN, **found})[0][0].margins.rejection[0]))
     assert rejected == sorted(rejected, reverse=True)
@@ -55,8 +54,7 @@ def test_more_damping_leaves_less_rejection() -> None:
 
 
 def test_no_gains_of_a_grid_reject_more() -> None:
-    own = design(4.0, 4.0)
-    found = propose(own)
+    found = propose(own := design(4.0, 4.0))
     # the rate follows at 2 rad/s of the attitude loop: damping over effectiveness, the phase of the servo hardly counts
     assert found["FW_RR_FF"] == pytest.approx(4.0 / 30.0, rel=0.15)
     high = replace(own, flown=FLOWN | {"FW_RR_P": 0.6, "FW_RR_I": 0.6})
@@ -99,15 +97,13 @@ def test_no_axis_gives_up_rejection_for_what_another_misses() -> None:
             if own.left({**proposed, **values})[1].min() >= kept:
                 best = max(best, float(own.judged({**proposed, **values})[0][i].margins.rejection[0]))
         found = float(own.judged(proposed)[0][i].margins.rejection[0])
-        assert best > 1.0, axis
-        assert found > 0.9 * best, axis  # it is searched for 4 dB
+        assert found > 0.9 * best > 0.9, axis  # it is searched for 4 dB
 
 
 def test_less_is_proposed_where_less_is_known() -> None:
     rng, gains = np.random.default_rng(0), []
     for spread in (0.0, 0.4):
-        own = design(4.0, *(4.0 + spread * rng.standard_normal(40)))
-        found = propose(own)
+        found = propose(own := design(4.0, *(4.0 + spread * rng.standard_normal(40))))
         assert least(own, found) == pytest.approx(0.0, abs=0.03)
         gains.append(found["FW_RR_P"])
     assert gains[1] < gains[0]

@@ -78,8 +78,8 @@ def test_the_gain_margin_is_where_a_loop_in_the_time_domain_begins_to_grow() -> 
 def test_a_delay_takes_the_margin_that_is_said() -> None:
     law = px4.fixed_wing(WING, "roll")
     left = margins(*opened_by(rolling([4.0, 6.0]), law)).delay[0]
-    later = margins(*opened_by(rolling([4.0, 6.0], late=0.5 * left), law))
-    assert later.delay[0] == pytest.approx(0.5 * left, rel=1e-3)
+    later = margins(*opened_by(rolling([4.0, 6.0], late=0.5 * left), law)).delay[0]
+    assert later == pytest.approx(0.5 * left, rel=1e-3)
     assert stable(rolling([4.0, 6.0], late=0.95 * left), [AxisLoop(law)])[0]
     assert not stable(rolling([4.0, 6.0], late=1.05 * left), [AxisLoop(law)])[0]
 

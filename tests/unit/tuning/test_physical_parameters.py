@@ -56,9 +56,9 @@ def known(vehicle: Vehicle, names: tuple[str, ...], share: float = 0.02, count: 
     return Draws(names, values + spread, "covariance")
 
 
-def of_rotors(vehicle: Vehicle, given: dict[str, float], firmware: str = "PX4 multicopter") -> Found:
+def of_rotors(vehicle: Vehicle, given: Any, firmware: str = "PX4 multicopter", draws: Any = None) -> Found:
     domain = Domain((0.0, 8.0), 0.0, HEIGHT, RHO, speeds=(0.0, 8.0))
-    return physical_parameters(vehicle, firmware, given, domain, known(vehicle, ROTOR_NUMBERS))
+    return physical_parameters(vehicle, firmware, given, domain, draws or known(vehicle, ROTOR_NUMBERS))
 
 
 def estimates(found: Found) -> dict[str, float]:
@@ -154,16 +154,13 @@ def test_filters_predict_the_specific_force_of_a_hover_in_wind(firmware: str) ->
 def test_intervals_hold_the_truth_as_often_as_they_say() -> None:
     truth, vehicle = estimates(of_rotors(quadrotor(3), PX4_COPTER)), quadrotor(3)
     exact = np.array([vehicle.value(n) for n in ROTOR_NUMBERS])
-    sigma, domain = 0.04 * exact, Domain((0.0, 8.0), 0.0, HEIGHT, RHO)
-    rng, held = np.random.default_rng(0), []
+    sigma, rng, held = 0.04 * exact, np.random.default_rng(0), []
     for _ in range(80):
         values = exact + sigma * rng.standard_normal(len(exact))
-        own = with_entries(vehicle, {
-            ("rotors", "T1"): values[0], ("rotors", "T2"): values[1], ("rotors", "drag"): values[2],
-            ("body_drag", "quadratic"): [values[3], values[4], 0.03],
-        })  # fmt: skip
+        entries = {tuple(name.split(".")): x for name, x in zip(ROTOR_NUMBERS[:3], values, strict=False)}
+        own = with_entries(vehicle, entries | {("body_drag", "quadratic"): [*values[3:], 0.03]})
         draws = Draws(ROTOR_NUMBERS, values + sigma * rng.standard_normal((300, len(exact))), "covariance")
-        found = physical_parameters(own, "PX4 multicopter", PX4_COPTER, domain, draws).found
+        found = of_rotors(own, PX4_COPTER, draws=draws).found
         held += [one.figure.ci95_lower < truth[one.name] < one.figure.ci95_upper for one in found]
     assert len(held) == 400
     assert 0.90 < np.mean(held) < 0.985
@@ -252,14 +249,14 @@ def test_what_the_model_does_not_determine_is_left_out_with_the_reason() -> None
     assert "FW_T_SINK_MIN" in estimates(found)
     assert found.absent["the thrust is not modeled over a throttle from 0 to 1"][0] == "FW_THR_TRIM"
     assert found.absent["the model is not moved by control_pitch"] == ("TRIM_PITCH",)
-    quad, domain = quadrotor(0), Domain((0.0, 8.0), 0.0, HEIGHT, RHO)
+    quad = quadrotor(0)
     guessed = replace(known(quad, ROTOR_NUMBERS), undetermined=("body_drag.quadratic.x",))
-    found = physical_parameters(quad, "PX4 multicopter", PX4_COPTER, domain, guessed)
+    found = of_rotors(quad, PX4_COPTER, draws=guessed)
     assert [names for why, names in found.absent.items() if "priors" in why] == [("EKF2_BCOEF_X",)]
-    wide = physical_parameters(quad, "PX4 multicopter", PX4_COPTER, domain, known(quad, ROTOR_NUMBERS, 0.5))
+    wide = of_rotors(quad, PX4_COPTER, draws=known(quad, ROTOR_NUMBERS, 0.5))
     small = wide.absent["the drag of the body is not three standard errors above zero"]
     assert small == ("EKF2_BCOEF_X", "EKF2_BCOEF_Y")
-    assert not physical_parameters(quad, "Betaflight", {}, domain, guessed).found
+    assert not of_rotors(quad, {}, "Betaflight", guessed).found
 
 
 def test_trims_by_outputs_are_those_by_commands() -> None:
