@@ -1,7 +1,5 @@
 """The rule of the standard tier: what a test may take, and what all of them may take together."""
 
-from __future__ import annotations
-
 import json
 from collections import Counter
 from collections.abc import Iterator, Mapping

@@ -4,8 +4,6 @@
 take longer than `LIMIT`.
 """
 
-from __future__ import annotations
-
 import os
 import time
 from collections.abc import Iterable, Mapping

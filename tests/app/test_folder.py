@@ -1,7 +1,5 @@
 """The folder of a project without a browser: edits of vehicle files and mappings, what is opened, and who may ask for it."""
 
-from __future__ import annotations
-
 import os
 import signal
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A project's folder that came from someone else: nothing outside it changes, and each bad file is one line on the page."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Gains in the app: judged from a log, proposed by two sliders, written; what is refused is one line, and nothing is written."""
 
-from __future__ import annotations
-
 import shutil
 from dataclasses import replace
 from pathlib import Path

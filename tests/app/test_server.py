@@ -1,7 +1,5 @@
 """The running server: who may ask, for what; uploads; logs that cannot be read, and columns, in a browser."""
 
-from __future__ import annotations
-
 import http.client
 import re
 import socket

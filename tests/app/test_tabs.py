@@ -1,7 +1,5 @@
 """The whole path in a browser; two tabs, a closed browser, a killed server: nothing that was shown as saved is lost."""
 
-from __future__ import annotations
-
 import json
 import os
 import re

@@ -1,7 +1,5 @@
 """Views, drawings and steps without a browser; the progress of a fit and the comparison of two."""
 
-from __future__ import annotations
-
 import errno
 import json
 import math

@@ -1,7 +1,5 @@
 """From ``stoop app LOG`` to the first report of the V-tail, and what its notices suggest."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

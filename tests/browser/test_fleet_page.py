@@ -1,7 +1,5 @@
 """The page of a fleet in a browser: words and a day filter alarms and panels; an alarm opens its flights without scripts."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """A report in a real browser: what is seen first, time histories, zoom, legend, windows; print, dark, and no scripts."""
 
-from __future__ import annotations
-
 import csv
 import io
 import re

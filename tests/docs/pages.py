@@ -1,7 +1,5 @@
 """Read Markdown: fenced blocks, commands, tables under their headings, links."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Commands of the pages: all parse, and those of the first pages run."""
 
-from __future__ import annotations
-
 import re
 import shlex
 from functools import cache

@@ -1,7 +1,5 @@
 """The Python and the commands of the pages run, and print what the pages show but for rounding."""
 
-from __future__ import annotations
-
 import re
 import shlex
 import subprocess

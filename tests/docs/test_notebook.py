@@ -1,7 +1,5 @@
 """Notebooks: outputs are those of code and files, each has a page, short ones run. Pictures: each is on a page."""
 
-from __future__ import annotations
-
 import json
 import os
 import re

@@ -1,7 +1,5 @@
 """The references of vehicles, mappings, variables, units, maneuvers and geometries are the code's; their examples are read."""
 
-from __future__ import annotations
-
 import json
 from functools import cache
 from pathlib import Path

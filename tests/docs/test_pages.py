@@ -1,7 +1,5 @@
 """All pages: commands parse, Python names what exists, links lead somewhere, tables are those of their CSV files."""
 
-from __future__ import annotations
-
 import ast
 import importlib
 import re

@@ -1,7 +1,5 @@
 """The planted defects fit the sources, and every room has one."""
 
-from __future__ import annotations
-
 import tomllib
 from pathlib import Path
 

@@ -4,8 +4,6 @@ It reads the same vehicle file by its own means, and nothing here is shared with
 forward-right-down, Earth axes north-east-down.
 """
 
-from __future__ import annotations
-
 import math
 import tomllib
 from collections.abc import Callable, Mapping

@@ -1,7 +1,5 @@
 """Loops in the time domain, sample by sample: a linear plant between the samples of a rate law, and whether it settles."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.linalg import expm
 

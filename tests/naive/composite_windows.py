@@ -1,7 +1,5 @@
 """Responses from windows of several lengths by the formulas of `stoop.flight.frequency`: dense, one frequency at a time."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from stoop.base.arrays import ComplexArray, FloatArray

@@ -1,7 +1,5 @@
 """DataFlash logs through pymavlink, message by message, held against a recording of ours."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

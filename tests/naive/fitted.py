@@ -1,7 +1,5 @@
 """Least-squares problems whose uncertainty is known without stoop."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

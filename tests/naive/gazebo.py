@@ -9,8 +9,6 @@ References
 gz-sim, branch gz-sim8: AdvancedLiftDrag.cc, MulticopterMotorModel.cc, HydrodynamicsUtils.hh, LiftDrag.cc.
 """
 
-from __future__ import annotations
-
 import math
 from xml.etree import ElementTree as ET
 

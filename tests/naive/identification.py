@@ -1,7 +1,5 @@
 """A made-up identification with everything a report can show, and hostile text wherever text comes from files."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import SimpleNamespace

@@ -1,7 +1,5 @@
 """A vehicle's equations without the compiler: SymPy's own translation to NumPy, one point at a time or many."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

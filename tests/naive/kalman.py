@@ -1,7 +1,5 @@
 """A Kalman filter in plain matrices, one sample after the other."""
 
-from __future__ import annotations
-
 import numpy as np
 
 Arrays = list[np.ndarray]

@@ -1,7 +1,5 @@
 """Problems of which only the cost is known."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Runge-Kutta of order four, one candidate at a time, in plain Python."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

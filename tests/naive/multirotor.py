@@ -4,8 +4,6 @@ It reads the same vehicle file by its own means, and nothing here is shared with
 forward-right-down, Earth axes north-east-down; velocities relative to the steady wind.
 """
 
-from __future__ import annotations
-
 import math
 import tomllib
 from collections.abc import Mapping

@@ -1,7 +1,5 @@
 """A pendulum with two states, small enough to compile in a moment: as equations and as plain Python."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

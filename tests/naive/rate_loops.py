@@ -1,7 +1,5 @@
 """Rate loops step by step, as the descriptions of PX4's and ArduPilot's sources have them; nothing shared with the package."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

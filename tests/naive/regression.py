@@ -1,7 +1,5 @@
 """Regressions and transforms once more, from their definitions: one sum at a time, one row left out at a time."""
 
-from __future__ import annotations
-
 import cmath
 import itertools
 

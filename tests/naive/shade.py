@@ -3,8 +3,6 @@
 Random numbers are drawn in another order than the package draws them, so only distributions can be compared.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The constricted particle swarm, one particle and one variable at a time."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 

@@ -1,7 +1,5 @@
 """Ljung and Box's statistic as it is printed, one product at a time."""
 
-from __future__ import annotations
-
 import math
 
 

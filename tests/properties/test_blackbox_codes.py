@@ -3,8 +3,6 @@
 Orangebox, an independent decoder, knows all but encoding 10 and the first version of encoding 8.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Two and three coupled loops, each opened with the others closed, beside python-control's closed state-space systems."""
 
-from __future__ import annotations
-
 import control
 import numpy as np
 import pytest

@@ -1,7 +1,5 @@
 """Each decision of a fit applies where a defect was put into a simulated flight or the file, and is not needed elsewhere."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import cache

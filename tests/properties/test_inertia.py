@@ -4,8 +4,6 @@ The truth is the definition, I = integral of (r.r 1 - r r') dm: off the diagonal
 of a vehicle file (Ixy = integral of x y dm). In axes forward, left, up it is F I F with F = diag(1, -1, -1).
 """
 
-from __future__ import annotations
-
 import json
 import re
 import tomllib

@@ -1,7 +1,5 @@
 """Limits of the verdict and of the comparison of priors: just within and just beyond each, as docs/validation.md states them."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any

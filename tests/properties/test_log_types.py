@@ -3,8 +3,6 @@
 The same bytes are read by pymavlink (DataFlash) and pyulog (ULog); the letters of Crazyflie logs are those of `struct`.
 """
 
-from __future__ import annotations
-
 import struct
 import zlib
 from pathlib import Path

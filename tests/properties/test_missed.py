@@ -1,7 +1,5 @@
 """Properties that no quick test held: each test kills a planted defect of `tests/mutants` that others missed."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 from types import SimpleNamespace

@@ -1,7 +1,5 @@
 """One uncertainty: each error of the table is the square root of its variance in the covariance matrix."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

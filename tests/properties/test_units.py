@@ -1,7 +1,5 @@
 """Every unit of the registry against the definitions: scipy.constants, the SI brochure (2019), ISO 80000, NIST SP 811."""
 
-from __future__ import annotations
-
 import math
 
 from scipy import constants as c

@@ -1,7 +1,5 @@
 """Every file that users get is written beside its place, put on the disk (fsync) and then moved there (os.replace)."""
 
-from __future__ import annotations
-
 import builtins
 import io
 import os

@@ -1,7 +1,5 @@
 """The flight of the V-tail and its simulated twin, read once by each worker."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

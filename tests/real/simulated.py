@@ -1,7 +1,5 @@
 """A log of the V-tail as PX4 writes it, of a simulated flight: closed loop, gusts, dropouts, faulty pitot, time on the ground."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Final
 

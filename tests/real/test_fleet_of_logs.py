@@ -1,7 +1,5 @@
 """A fleet of two real quadrotors, from their logs: shares of the rotors, what was read before, what is broken."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pandas as pd

@@ -1,7 +1,5 @@
 """Real flights: channels, windows, faults, unfit logs that must warn, and fits that must not be trusted."""
 
-from __future__ import annotations
-
 import dataclasses
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """A real hexacopter: what its notebook prints, what it rests on, and the optimum that is found blind."""
 
-from __future__ import annotations
-
 import csv
 import json
 import os

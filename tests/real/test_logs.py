@@ -1,7 +1,5 @@
 """Logs of real autopilots and bags: the numbers that independent readers find, cut anywhere, damaged anywhere."""
 
-from __future__ import annotations
-
 import gzip
 import tomllib
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Beside what others published and logged: a polar, cut propellers, derivatives, and laws of real firmware."""
 
-from __future__ import annotations
-
 import csv
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The main job, on a simulated log and on a real flight: an 8.5 kg V-tail aeroplane, doublets, no vane, a faulty pitot."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from real import simulated

@@ -1,7 +1,5 @@
 """JSBSim as the independent truth: exports accelerate and fly there as our equations say."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """MuJoCo, PyFlyt and drone-models fly an export as our own simulation does: 10 s under the same commands, not restarted."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from typing import Any

@@ -5,8 +5,6 @@ paper's (14): V0 = 35 m/s, alpha0 = 5.88 deg, elevator -1.7 deg, h0 = 200 m, T0 
 they follow from (14), whose angles are rounded: 0.005 deg of alpha is 0.08 N of thrust.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

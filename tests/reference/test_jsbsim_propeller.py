@@ -1,7 +1,5 @@
 """The angular momentum of a propeller against JSBSim's light airplane, whose propeller turns clockwise as seen from behind."""
 
-from __future__ import annotations
-
 import math
 
 import jsbsim

@@ -5,8 +5,6 @@ is subtracted: gravity grows by 2 g / R per metre of fall (g^2 t^3 / 3 R), the r
 the velocity east, omega g t^2. Euler angles are not compared: the NESC's turn with the local vertical.
 """
 
-from __future__ import annotations
-
 import csv
 from pathlib import Path
 

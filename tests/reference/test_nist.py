@@ -1,7 +1,5 @@
 """All certified regressions of NIST StRD, from both starts: 9 digits of each parameter and of each deviation."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Folders for autopilots with JSBSim, flown by the properties that their backends write, as by their published sources."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """A longitudinal aircraft and its simulated flight, shared by these tests."""
 
-from __future__ import annotations
-
 import pytest
 
 from stoop.flight import Flight

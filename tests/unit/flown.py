@@ -1,7 +1,5 @@
 """Maneuvers and vehicles with few free numbers, for tests."""
 
-from __future__ import annotations
-
 from collections.abc import Collection
 from typing import Any
 

@@ -1,7 +1,5 @@
 """What is published: the content of sdist and wheel, the page that a package index shows, and one address everywhere."""
 
-from __future__ import annotations
-
 import os
 import re
 import subprocess

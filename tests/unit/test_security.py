@@ -1,7 +1,5 @@
 """Claims of docs/security.md that no other test holds: what the source calls, what a run reaches, what workers listen to."""
 
-from __future__ import annotations
-
 import os
 import re
 import stat

@@ -1,7 +1,5 @@
 """Files for services that build, test and publish: they agree with pyproject.toml."""
 
-from __future__ import annotations
-
 import re
 import tomllib
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The tiers: which line decides, which files are left out, and what breaks the rule of the standard tier."""
 
-from __future__ import annotations
-
 import shutil
 import subprocess
 import sys

@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 from unit.optimize.conftest import least, near, oscillation
 
 __all__ = ["least", "near", "oscillation"]

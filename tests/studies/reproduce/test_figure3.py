@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 from stoop_studies.findings import Setting
 from stoop_studies.reproduce.figure3 import Figure3
 

@@ -1,7 +1,5 @@
 """The campaign limits processes and kills children as POSIX systems do: elsewhere nothing of it is collected."""
 
-from __future__ import annotations
-
 import sys
 
 from hypothesis import settings

@@ -1,7 +1,5 @@
 """Damage to the pieces of a log (messages, lines, records) and, with checksums that fit, to compressed content."""
 
-from __future__ import annotations
-
 import re
 import struct
 import zlib

@@ -1,7 +1,5 @@
 """Documents that stoop reads: each ends in an error of ours, or is what it promises, also once it is written and read again."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from contextlib import suppress

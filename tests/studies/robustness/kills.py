@@ -1,7 +1,5 @@
 """Verbs that are killed before a change of a file and started again: what they leave are the files of an undisturbed run."""
 
-from __future__ import annotations
-
 import os
 import signal
 import sys

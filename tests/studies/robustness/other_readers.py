@@ -1,7 +1,5 @@
 """Logs read by stoop and by independent readers: numbers agree to the bit, but for conventions that are rules here."""
 
-from __future__ import annotations
-
 import csv
 import gzip
 import io

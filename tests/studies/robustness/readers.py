@@ -1,7 +1,5 @@
 """Logs read as users read them: an error of ours, or a recording that keeps its promises and lists what is wrong."""
 
-from __future__ import annotations
-
 import importlib
 import traceback
 import warnings

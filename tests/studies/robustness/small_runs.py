@@ -1,7 +1,5 @@
 """Verbs on small inputs: what they write undisturbed; times and the command, which differ by nature, are held."""
 
-from __future__ import annotations
-
 import contextlib
 import csv
 import io

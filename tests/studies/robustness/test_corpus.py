@@ -1,7 +1,5 @@
 """Each file of the corpus ends as it did: in an error of one line, in a list of defects, or in what it promises."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A file that another process truncates or overwrites while it is read: an error of ours or a recording, never a signal."""
 
-from __future__ import annotations
-
 import mmap
 import os
 import sys

@@ -5,8 +5,6 @@ of log and mapping and what was asked; ``found`` holds the very files. A command
 with code 2 and one line of ours; never with a traceback, a warning of a library, or characters that steer a terminal.
 """
 
-from __future__ import annotations
-
 import csv
 import json
 import zipfile

@@ -4,8 +4,6 @@ A name becomes code where the same command with another name writes other code. 
 language, its comments and texts are taken out, and what is left must be that of a vehicle and a flight with plain names.
 """
 
-from __future__ import annotations
-
 import ast
 import contextlib
 import csv

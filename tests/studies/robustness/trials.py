@@ -1,7 +1,5 @@
 """Hostile inputs in a copy of this process, with limits: each ends in an error of ours or in a result that keeps its promises."""
 
-from __future__ import annotations
-
 import faulthandler
 import os
 import resource

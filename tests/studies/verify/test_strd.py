@@ -1,7 +1,5 @@
 """Files of NIST StRD's form: a problem of our own whose optimum is known to 30 digits, and files that are wrong."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

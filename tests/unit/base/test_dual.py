@@ -1,7 +1,5 @@
 """Derivatives of NumPy's functions against differences in many digits, and the second ones of nested duals."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import mpmath

@@ -1,7 +1,5 @@
 """Files that belong together are written all or none; leftovers are swept; archives say no more than they hold."""
 
-from __future__ import annotations
-
 import io
 import os
 import shutil

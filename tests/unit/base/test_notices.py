@@ -1,7 +1,5 @@
 """Notices: typed, printed once, and the page that lists them."""
 
-from __future__ import annotations
-
 import importlib
 import json
 import math

@@ -1,7 +1,5 @@
 """Rotations against SciPy's, against a naive twin, and against the symbols of the equations of motion."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

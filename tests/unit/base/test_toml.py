@@ -1,7 +1,5 @@
 """Keys of many parts, which Python's parser reads for minutes, told from dots in texts; advice on unknown names."""
 
-from __future__ import annotations
-
 import pytest
 
 from stoop.base.text import MOST_LISTED, nearest

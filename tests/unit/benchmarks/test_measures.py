@@ -1,7 +1,5 @@
 """Solvers of others, which benchmarks compare, simulate the same equations at the same cost."""
 
-from __future__ import annotations
-
 import importlib
 import sys
 from dataclasses import replace

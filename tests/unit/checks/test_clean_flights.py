@@ -1,7 +1,5 @@
 """No clean flight is accused: simulated airplanes and multirotors, in wind and gusts, with and without maneuvers."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from unit.flown import maneuver

@@ -1,7 +1,5 @@
 """Inputs that cannot tell, a hover that tells little of wings, and windows in which an aircraft stands, each in one line."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Channels that contradict each other: the wrong line is told, a right mapping is not accused."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from unit.checks.test_clean_flights import OWN

@@ -1,7 +1,5 @@
 """Slopes of lift, side force and controls; the largest residuals are those that a stable sort puts first."""
 
-from __future__ import annotations
-
 import warnings
 
 import numpy as np

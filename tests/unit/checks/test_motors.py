@@ -1,7 +1,5 @@
 """A vehicle file with one line wrong contradicts the flight of the right one; right files are not accused."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from itertools import permutations

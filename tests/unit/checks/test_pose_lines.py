@@ -1,7 +1,5 @@
 """Wrong lines of a log of pose alone: each is named, the drafted mapping corrects it, and a sound log is not accused."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

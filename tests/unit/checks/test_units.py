@@ -1,7 +1,5 @@
 """A wrong unit or sign of a mapping, degrees where radians belong among them, is reported, with the line to change."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A mapping judged as a whole: simulated flights in wind, after ground time in which the estimator holds zeros."""
 
-from __future__ import annotations
-
 import functools
 import tomllib
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The command line in this process, a small flight file, and a fitted model, each made once."""
 
-from __future__ import annotations
-
 import contextlib
 import io
 from collections.abc import Callable, Sequence

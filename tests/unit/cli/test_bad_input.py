@@ -1,7 +1,5 @@
 """Whatever is wrong with what the user gives: one line that names the file and the fix, code 2, nothing written."""
 
-from __future__ import annotations
-
 import math
 import os
 import re

@@ -1,7 +1,5 @@
 """Text of files comes to a terminal by one border only: printable, on as many lines as were meant, and never as markup."""
 
-from __future__ import annotations
-
 import ast
 import io
 import re

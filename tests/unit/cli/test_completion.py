@@ -1,7 +1,5 @@
 """Completion, asked of bash itself; the scripts of zsh and fish are read by these where they are installed."""
 
-from __future__ import annotations
-
 import argparse
 import os
 import shutil

@@ -1,7 +1,5 @@
 """`stoop design` and `stoop simulate`: what they write and say; their refusals stand in test_bad_input."""
 
-from __future__ import annotations
-
 import json
 import re
 import shlex

@@ -1,7 +1,5 @@
 """Mappings, models, examples and vehicle files: printed or written as they stand, and never over another."""
 
-from __future__ import annotations
-
 import json
 import re
 import shlex

@@ -1,7 +1,5 @@
 """`stoop frequency` and `stoop rotors`: what flights show, and what is said of those that cannot tell."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """`stoop identify` and its neighbors as a user meets them, on logs as an autopilot writes them, too."""
 
-from __future__ import annotations
-
 import json
 import re
 import shlex

@@ -1,7 +1,5 @@
 """`stoop info`: what is in a log, in words and in JSON."""
 
-from __future__ import annotations
-
 import json
 import re
 import shlex

@@ -1,7 +1,5 @@
 """The entry point: verbs, exit codes, one line of complaint, and nothing heavy before a verb is chosen."""
 
-from __future__ import annotations
-
 import importlib.util
 import re
 import subprocess

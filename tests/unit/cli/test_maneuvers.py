@@ -1,7 +1,5 @@
 """`stoop maneuvers` as a user meets it: known maneuvers are found, edited windows are fitted, bad logs are told."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from pathlib import Path

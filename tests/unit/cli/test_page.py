@@ -1,7 +1,5 @@
 """The same words on a terminal and in a pipe; nothing from a file is markup; numbers and columns of text."""
 
-from __future__ import annotations
-
 import argparse
 import io
 import json

@@ -1,7 +1,5 @@
 """Closed or broken streams, bad environments and tight limits: a result or one line, never a traceback."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """`stoop reproduce`, `verify` and `compare`: what is written, said, refused; the same command gives the same bytes."""
 
-from __future__ import annotations
-
 import sys
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """No verb replaces a file that it reads, a file without --overwrite, or what is no regular file; no input is without end."""
 
-from __future__ import annotations
-
 import os
 import socket
 import sys

@@ -1,7 +1,5 @@
 """`stoop trim` and `stoop linearize`: the paper's (14), options that reach the equations, modes, no rounding errors."""
 
-from __future__ import annotations
-
 import json
 import math
 import re

@@ -1,7 +1,5 @@
 """`stoop tune`: margins of gains around the demonstration, its surfaces moved by commands."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path

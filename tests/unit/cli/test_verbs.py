@@ -1,7 +1,5 @@
 """Parsers, help, completion, docs/commands.md and defaults of the Python interface agree with the table of verbs."""
 
-from __future__ import annotations
-
 import argparse
 import importlib
 import inspect

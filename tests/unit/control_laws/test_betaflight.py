@@ -1,7 +1,5 @@
 """Betaflight's rate law, angle mode and mixer beside naive twins and their recorded responses."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Callable

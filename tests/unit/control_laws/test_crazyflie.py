@@ -1,7 +1,5 @@
 """The rate and attitude laws of the Crazyflie beside a naive twin and its recorded responses."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from functools import partial

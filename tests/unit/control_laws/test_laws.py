@@ -1,7 +1,5 @@
 """Laws of autopilots beside naive twins, their responses beside the recorded ones of the twins, and bad parameters."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Mapping

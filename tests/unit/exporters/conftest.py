@@ -1,7 +1,5 @@
 """Vehicles that are exported, their steady flights, and a JSBSim that holds them."""
 
-from __future__ import annotations
-
 import pytest
 
 from stoop.simulation import Trim, trim

@@ -1,7 +1,5 @@
 """Agreement of another tool with our simulation: every axis and channel, by NumPy's own regression."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A simulated flight goes out as the log of an autopilot, or as a table, and comes back the same."""
 
-from __future__ import annotations
-
 from functools import cache
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Units of FMI: what is written is read back by ElementTree. FMPy flies them in test_other_simulators."""
 
-from __future__ import annotations
-
 import io
 import zipfile
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Gazebo's systems hold a vehicle to first order, exactly where they have its terms, and the files say what the equations do."""
 
-from __future__ import annotations
-
 import math
 import re
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Files with which a maneuver is flown: their scripts send the designed input, by clocks and links that are not there."""
 
-from __future__ import annotations
-
 import math
 import re
 from dataclasses import replace

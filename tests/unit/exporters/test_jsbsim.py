@@ -1,7 +1,5 @@
 """Aircraft files read back, whatever the vehicle is called; functions compute its terms; the autopilot holds the attitude."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from xml.etree import ElementTree as ET

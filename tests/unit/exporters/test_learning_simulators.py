@@ -1,7 +1,5 @@
 """Files of learning simulators as their own readers take them, and parameter sets that keep the correlations of the draws."""
 
-from __future__ import annotations
-
 import ast
 import io
 import json

@@ -1,7 +1,5 @@
 """MATLAB functions, Simulink scripts and linear models, read back: MATLAB by an evaluator that knows assignments alone."""
 
-from __future__ import annotations
-
 import ast
 import io
 import json

@@ -1,7 +1,5 @@
 """Other simulators fly the exports as the kernel does, and a lost axis shows in the statistics (full tier)."""
 
-from __future__ import annotations
-
 import zipfile
 from dataclasses import replace
 from pathlib import Path

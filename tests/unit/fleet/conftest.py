@@ -1,7 +1,5 @@
 """Few simulated sequences for the threshold of alarms: the rate of false alarms has tests of its own."""
 
-from __future__ import annotations
-
 import pytest
 
 from stoop.fleet import analysis

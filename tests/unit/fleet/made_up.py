@@ -1,7 +1,5 @@
 """A made-up fleet: thrusts of a rotor that is exchanged once, drags, a season and an update."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A made-up fleet: changes of a vehicle and updates of all are found, dated and explained."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

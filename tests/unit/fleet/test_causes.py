@@ -1,7 +1,5 @@
 """Causes by all figures of a vehicle: the part that a figure depends on, the event on which others changed with it."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 

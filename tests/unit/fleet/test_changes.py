@@ -1,7 +1,5 @@
 """Steps and drifts: a naive twin, the rate of false alarms, and what was flown."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

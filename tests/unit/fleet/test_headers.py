@@ -1,7 +1,5 @@
 """What logs say of themselves, and where they contradict each other."""
 
-from __future__ import annotations
-
 from datetime import UTC, datetime
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Figures of a flight: errors that hold, priors taken off, and reasons where a flight cannot tell."""
 
-from __future__ import annotations
-
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path

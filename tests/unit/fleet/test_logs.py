@@ -1,7 +1,5 @@
 """Which files are tables, and what makes a log be read again."""
 
-from __future__ import annotations
-
 import json
 import shutil
 import uuid

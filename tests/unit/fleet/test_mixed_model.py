@@ -1,7 +1,5 @@
 """The mixed model of a fleet: published meta-analysis, analysis of variance, and simulated fleets."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.stats import norm

@@ -1,7 +1,5 @@
 """The page of a fleet: what it shows, what came from a file as text, and its size with many flights."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from functools import cache

@@ -1,7 +1,5 @@
 """Fleets that are made up: what is drawn, what changes, and what the logs say."""
 
-from __future__ import annotations
-
 from itertools import islice
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """The folder of a fleet and the verb: alarms are told once and withdrawn; an error loses nothing."""
 
-from __future__ import annotations
-
 import json
 import re
 from datetime import UTC, datetime

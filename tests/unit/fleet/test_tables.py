@@ -1,7 +1,5 @@
 """Tables of parts and of figures from elsewhere, and what is wrong with one."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A fleet is updated from logs by the command and from Python alike; what cannot be used is told, and leaves nothing behind."""
 
-from __future__ import annotations
-
 import re
 import shutil
 from concurrent.futures import ThreadPoolExecutor

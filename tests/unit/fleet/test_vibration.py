@@ -1,7 +1,5 @@
 """Vibration of a flight: of each rotor by its speed, and what no rotor tells, from logs that are faster than a grid."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Logs of made columns and the mappings that read them; body rates of angles, written down once."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 

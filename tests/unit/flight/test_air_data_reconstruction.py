@@ -1,7 +1,5 @@
 """Simulate, then recover: flights of known wind, pitot, biases and incidence, as a log holds them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any

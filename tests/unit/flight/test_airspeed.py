@@ -1,7 +1,5 @@
 """The airspeed of an ArduPilot log high above the sea: what ARSP holds is equivalent, what a flight holds true."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

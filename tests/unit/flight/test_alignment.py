@@ -1,7 +1,5 @@
 """Clocks that disagree: a known shift must come back, to a fraction of a sample, with an honest error."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

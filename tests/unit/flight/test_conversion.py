@@ -1,7 +1,5 @@
 """Other axes turned into ours, against matrices written by hand; outputs become deflections by tables, curves, mixers."""
 
-from __future__ import annotations
-
 import tomllib
 from pathlib import Path
 

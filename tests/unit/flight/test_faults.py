@@ -1,7 +1,5 @@
 """Suspected faults: each kind is found where it was put, and none where there is only noise."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

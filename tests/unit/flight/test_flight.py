@@ -1,7 +1,5 @@
 """A flight holds arrays, of which a data set is made when it is asked for; its files come back bit for bit."""
 
-from __future__ import annotations
-
 import copy
 import json
 import pickle

@@ -1,7 +1,5 @@
 """Frequency responses and spectra: SciPy's estimators as twin, an analytic response, gaps, inputs that move together."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

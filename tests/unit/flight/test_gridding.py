@@ -1,7 +1,5 @@
 """The grid: filtered as theory says, exact where nothing is to be done, silent in gaps; attitudes follow Slerp and rates."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Tables of hostile numbers: each ends in a flight with its summary, or in one line."""
 
-from __future__ import annotations
-
 import contextlib
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """From a CSV to a flight, and what goes wrong on the way: one line, naming the file and the fix."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

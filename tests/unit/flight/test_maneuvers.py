@@ -1,7 +1,5 @@
 """Maneuvers are found where they were flown, named by their axis; where a vehicle flies, and which pulses are motors."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.signal import lfilter

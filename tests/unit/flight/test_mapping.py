@@ -1,7 +1,5 @@
 """Mappings: what is taken from which stream, what the ready ones find, and what a mistake is told as."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Advice on a mapping, applied: other keys stay, lists change in one place, and what is not confirmed is left."""
 
-from __future__ import annotations
-
 import tomllib
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Drafted mappings: a flight written with other names, units and signs comes back; pulses are motors or surfaces."""
 
-from __future__ import annotations
-
 import tomllib
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Motion of a pose: that of paths whose derivatives are known, and what is lost where tracking jumps."""
 
-from __future__ import annotations
-
 import tomllib
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Slow readings in fast rows count where they were taken; what merely changes slowly was read in every row."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Segments: cut exactly where an input is missing, as a naive twin cuts them."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Which stretches of a flight are windows: maneuvers of any size and length, flights that are one; the greedy choice."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

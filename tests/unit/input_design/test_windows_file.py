@@ -1,7 +1,5 @@
 """windows.toml: what is written comes back, and whatever an editor leaves in it is taken or refused in a line."""
 
-from __future__ import annotations
-
 import tomllib
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """A kernel of the pendulum, compiled once per session in a cache of its own."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

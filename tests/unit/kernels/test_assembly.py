@@ -1,7 +1,5 @@
 """The compiled time loops work on whole vector registers."""
 
-from __future__ import annotations
-
 import platform
 import re
 from importlib.resources import files

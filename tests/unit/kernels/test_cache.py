@@ -1,7 +1,5 @@
 """Compiled modules on disk: reused, shared, and not loaded where they are not what was written."""
 
-from __future__ import annotations
-
 import ast
 import errno
 import functools

@@ -1,7 +1,5 @@
 """The branch-free elementary functions against 40 digits."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 

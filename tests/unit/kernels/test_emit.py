@@ -1,7 +1,5 @@
 """The generated source: nothing of the user's text in it, parameter-only work outside the time loop."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

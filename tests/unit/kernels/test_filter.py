@@ -1,7 +1,5 @@
 """The compiled filter against a plain one, on a linear system whose transition is known."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import sympy as sp

@@ -1,7 +1,5 @@
 """What every compiled model promises, shown on a pendulum and its plain twin."""
 
-from __future__ import annotations
-
 import functools
 import math
 import multiprocessing

@@ -1,7 +1,5 @@
 """Rewritten equations have the values of those that were given, and take fewer operations."""
 
-from __future__ import annotations
-
 import ast
 from collections.abc import Callable, Sequence
 from typing import Any

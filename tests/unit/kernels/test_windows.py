@@ -1,7 +1,5 @@
 """Windows side by side against one call per window."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

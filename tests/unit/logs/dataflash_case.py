@@ -1,7 +1,5 @@
 """A small DataFlash log with everything in it, in both forms."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from stoop.exporters.log_bytes import Table, dataflash_bytes

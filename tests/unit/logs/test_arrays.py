@@ -1,7 +1,5 @@
 """Files of arrays, written by the libraries themselves: clocks are found, damage is an error in one line."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

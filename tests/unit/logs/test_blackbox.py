@@ -1,7 +1,5 @@
 """Blackbox logs: bytes as they are published, an independent decoder, and damage anywhere."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

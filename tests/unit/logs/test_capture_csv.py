@@ -1,7 +1,5 @@
 """Exports of OptiTrack Motive and Vicon: several header lines, y or z up, names per body; and commands in a file beside them."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Compiled walks are kept with checksums: a damaged file of theirs is compiled anew, never run, never unpickled."""
 
-from __future__ import annotations
-
 import errno
 import json
 import shutil

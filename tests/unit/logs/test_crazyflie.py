@@ -1,7 +1,5 @@
 """Crazyflie micro-SD logs: what is written comes back; what is damaged is named by its place."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

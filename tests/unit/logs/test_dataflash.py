@@ -1,7 +1,5 @@
 """DataFlash: the same numbers as pymavlink; damage is listed with its place; nothing crashes, whatever the bytes."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from unittest import mock
 

@@ -1,7 +1,5 @@
 """A reader in a child: what it may take is limited, and how it ends is one line."""
 
-from __future__ import annotations
-
 import importlib.util
 import json
 import os

@@ -3,8 +3,6 @@
 Damage anywhere is tried by tests/studies/robustness.
 """
 
-from __future__ import annotations
-
 from contextlib import suppress
 from pathlib import Path
 

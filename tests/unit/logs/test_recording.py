@@ -1,7 +1,5 @@
 """Time on a log's own clock: as many samples kept as can be, in order."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

@@ -1,7 +1,5 @@
 """ROS bags that the library wrote: the same numbers as it reads; damage is an error in one line, or a defect."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any

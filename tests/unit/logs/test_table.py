@@ -1,7 +1,5 @@
 """CSV logs: a mapping names columns, units and signs, every mistake is named; a folder of PX4 topics needs none."""
 
-from __future__ import annotations
-
 import gzip
 import math
 import tomllib

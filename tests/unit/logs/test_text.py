@@ -1,7 +1,5 @@
 """CSV tables: what was written is read; what is damaged yields what is left, or one typed error."""
 
-from __future__ import annotations
-
 import gzip
 import re
 from contextlib import suppress

@@ -1,7 +1,5 @@
 """ULog: what the log holds is what pyulog, an independent reader, finds in it; damage costs what it covers."""
 
-from __future__ import annotations
-
 import struct
 from dataclasses import replace
 from pathlib import Path

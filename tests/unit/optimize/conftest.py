@@ -1,7 +1,5 @@
 """A small problem with many wrong optima: a decaying oscillation of unknown frequency, with a sensor bias."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, field
 

@@ -1,7 +1,5 @@
 """Other libraries: calls are counted, an end of the run passes through, and the process stays as it was."""
 
-from __future__ import annotations
-
 import importlib
 import warnings
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Both ways down: linear problems, bounds, nothing to stand on, more digits than a cost can show."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Every optimizer: determinism, resuming, stopping, bounds, bad numbers; and what the default concludes."""
 
-from __future__ import annotations
-
 import pickle
 from collections.abc import Callable
 from dataclasses import fields, is_dataclass

@@ -1,7 +1,5 @@
 """Dask: out of reach, without workers, with unfit workers, lost on the way; one line each, and nothing lost."""
 
-from __future__ import annotations
-
 import os
 import re
 import socket

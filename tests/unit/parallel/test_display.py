@@ -1,7 +1,5 @@
 """What the command line says of a campaign."""
 
-from __future__ import annotations
-
 import argparse
 import re
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The result does not depend on who does the work, in which order, or how often it was interrupted."""
 
-from __future__ import annotations
-
 import itertools
 import signal
 import sqlite3

@@ -1,7 +1,5 @@
 """Runs that differ in their stop only are one task; equal values are equal texts, and come back to the last bit."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

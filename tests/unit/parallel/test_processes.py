@@ -1,7 +1,5 @@
 """Worker processes: one thread each, replaced when they die, gone when the campaign ends."""
 
-from __future__ import annotations
-
 import multiprocessing
 import os
 import signal

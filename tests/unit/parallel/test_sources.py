@@ -1,7 +1,5 @@
 """Which sources, versions and processor results depend on, and that driver, worker and store hold on to them."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A store takes what is its own, refuses everything else in one line, and destroys nothing."""
 
-from __future__ import annotations
-
 import os
 import re
 import sqlite3

@@ -1,7 +1,5 @@
 """What the campaigns of these tests do."""
 
-from __future__ import annotations
-
 import os
 import signal
 import time

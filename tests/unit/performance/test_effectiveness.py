@@ -1,7 +1,5 @@
 """Weak rotors: loads as in the equations of motion, truth by balance of forces comes back, healthy flights are left alone."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

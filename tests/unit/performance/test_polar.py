@@ -1,7 +1,5 @@
 """The polar's regression against truth, and momentum theory against its closed form."""
 
-from __future__ import annotations
-
 import warnings
 from dataclasses import replace
 

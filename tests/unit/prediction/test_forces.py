@@ -1,7 +1,5 @@
 """The specific force of vehicles with rotors beside a flight, on simulated flights whose truth is known."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Scores of open-loop predictions: by hand, for a straight path, and for a linear system that ARX must find."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from stoop.base.variables import POSITION

@@ -1,7 +1,5 @@
 """Initial states of predictions, estimated with the model from before the window, against simulated truth."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

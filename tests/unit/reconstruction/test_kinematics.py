@@ -1,7 +1,5 @@
 """Kinematics against truth: errors put into sensors come back, and what cannot be told is not."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

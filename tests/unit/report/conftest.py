@@ -1,7 +1,5 @@
 """The made-up identification, of a few channels, for tests of a report."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The page of a flight: everything in sight, whatever the log lacks."""
 
-from __future__ import annotations
-
 import base64
 import json
 import re

@@ -1,7 +1,5 @@
 """Numbers, formulas, scales and words of pages and of results in a few lines."""
 
-from __future__ import annotations
-
 import math
 import tomllib
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Pages of studies and plots: complete, self-contained, deaf to hostile text, data at the right pixels."""
 
-from __future__ import annotations
-
 import re
 import xml.etree.ElementTree as ET
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The paper's aircraft, a small one with mixers, lags and delays, and a quadrotor."""
 
-from __future__ import annotations
-
 import pytest
 from naive.texts import V_TAIL_LATERAL, V_TAIL_MIXERS
 

@@ -1,7 +1,5 @@
 """What becomes of signals on their way: delays, exact by whole samples; dead zones and rate limits of servos."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

@@ -1,7 +1,5 @@
 """Derivatives: by hand from the coefficients of the file, by differences, along both axes, and their errors."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

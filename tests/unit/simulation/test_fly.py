@@ -1,7 +1,5 @@
 """Simulated flights: what is recorded is what the instruments would have seen."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Linear models against central differences of the compiled equations, and against what textbooks say."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from typing import Any

@@ -1,7 +1,5 @@
 """Maneuver files: their shapes, and one line for whatever cannot be flown."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

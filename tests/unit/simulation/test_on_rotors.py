@@ -1,7 +1,5 @@
 """Flights on rotors: what is recorded gives the same flight again, and the autopilot flies what it is asked to."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path

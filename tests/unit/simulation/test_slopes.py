@@ -1,7 +1,5 @@
 """Rotors with inertia whose speed is recorded: what spins them up turns the body, however the flight is computed."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

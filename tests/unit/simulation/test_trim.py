@@ -1,7 +1,5 @@
 """Steady flight against statics on paper: on rotors, and of a flying wing, with sideslip or in a glide."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

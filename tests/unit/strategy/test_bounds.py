@@ -1,7 +1,5 @@
 """Default bounds are no knowledge, those of the file and physics are; a search is confirmed where it explains more in the end."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from functools import cache

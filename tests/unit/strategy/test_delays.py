@@ -1,7 +1,5 @@
 """Delays of commands and of sensors are found in the record; a file that gives one decides, and none is made up."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 

@@ -1,7 +1,5 @@
 """`--extend`: a missing lag is added if a held-back window confirms it, and a right model stays as it is."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace

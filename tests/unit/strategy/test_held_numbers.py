@@ -1,7 +1,5 @@
 """Moments of inertia that no body has are held; priors that the flight contradicts are widened; right ones stay."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Every decision applies where the data call for it, and only there; without any a fit is textbook output error."""
 
-from __future__ import annotations
-
 import argparse
 import io
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Roll modes with the lag of a servo, and vehicles that take commands, for loops of autopilots."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike
 

@@ -1,7 +1,5 @@
 """Flights under the law of an autopilot: where loops begin to swing, wind, turns, limits, and what is refused."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from functools import partial
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Closed loops that logs show: beside loops step by step, in gusts under an attitude loop, and beside wrong models."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import cache

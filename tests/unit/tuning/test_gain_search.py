@@ -1,7 +1,5 @@
 """Proposed gains: beside a grid of all gains, over draws, within the noise; files of parameters; what is refused."""
 
-from __future__ import annotations
-
 import itertools
 from dataclasses import replace
 from pathlib import Path

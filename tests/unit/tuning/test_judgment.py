@@ -1,7 +1,5 @@
 """How commands reach the surfaces of a vehicle, and what draws with unstable loops count as."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from unit.tuning.made_up import SURFACES, TAIL, quad, rolling, v_tail, wing

@@ -1,7 +1,5 @@
 """Loops around linear plants: margins beside python-control's, beside loops in the time domain, and counts of growing poles."""
 
-from __future__ import annotations
-
 import control
 import numpy as np
 import pytest

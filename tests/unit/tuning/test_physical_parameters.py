@@ -1,7 +1,5 @@
 """Physics in an autopilot's parameters: beside formulas by hand, and beside what its own filter predicts in wind."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from functools import cache

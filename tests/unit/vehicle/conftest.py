@@ -1,7 +1,5 @@
 """The paper's aircraft as text, so that tests can spoil it."""
 
-from __future__ import annotations
-
 from importlib.resources import files
 
 import pytest

@@ -1,7 +1,5 @@
 """What an estimation assumes of a file that leaves lags, delays and errors of thrust out."""
 
-from __future__ import annotations
-
 import pytest
 import sympy as sp
 

@@ -1,7 +1,5 @@
 """The catalogue of extensions: at its null value each changes nothing, and its lines are a valid vehicle file."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Vehicle files that say something impossible: one line that names the file, the key and the remedy."""
 
-from __future__ import annotations
-
 import contextlib
 import math
 import re

@@ -1,7 +1,5 @@
 """Vehicles with rotors against their plain twin: every feature of the tables, far from hover and in motion."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib.resources import files

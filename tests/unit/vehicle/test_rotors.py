@@ -1,7 +1,5 @@
 """Vehicles with rotors, by hand: balance at hover, which way each motor turns it, what air and motion do."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from typing import Any

@@ -1,7 +1,5 @@
 """Aerodynamic terms: what is allowed means what Python means; the rest is refused in one line."""
 
-from __future__ import annotations
-
 import ast
 import math
 import re

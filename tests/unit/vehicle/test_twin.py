@@ -1,7 +1,5 @@
 """The compiled model against its plain twin: every feature of the vehicle file, in all three reductions."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field

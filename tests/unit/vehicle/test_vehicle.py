@@ -1,7 +1,5 @@
 """Numbers of a vehicle: which are there, which are free, and which of them decide the equations."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

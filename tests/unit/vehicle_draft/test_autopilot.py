@@ -1,7 +1,5 @@
 """Parameters of PX4 and ArduPilot: mixers, ranges, motors. Expected values are those of the autopilots' own tables."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

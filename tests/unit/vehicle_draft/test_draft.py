@@ -1,7 +1,5 @@
 """Drafted vehicle files: they load, trim, and hold the mixers that an autopilot's log was made with."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Mapping
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Drafts of vehicles with rotors: positions and turning by the parameters, thrust by the level of hover."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import replace

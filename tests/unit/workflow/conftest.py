@@ -1,7 +1,5 @@
 """One finished job and its folder, shared by these tests."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """Assessments and modes of a job: the same for any number of workers, written, refused; equal maneuvers agree."""
 
-from __future__ import annotations
-
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """An unfinished search goes on where it was, and only if it is the same; Ctrl-C waits while a finished one is written down."""
 
-from __future__ import annotations
-
 import signal
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace

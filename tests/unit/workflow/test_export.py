@@ -1,7 +1,5 @@
 """Exports of an identification: its flight, its estimates with all their digits, its covariance."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """A fitted model in memory and in its folder: every verb gives the same numbers, and nothing is written unasked."""
 
-from __future__ import annotations
-
 import shutil
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor

@@ -1,7 +1,5 @@
 """Tables, datasets and windows in memory become flights and windows, or give one line of advice."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

@@ -1,7 +1,5 @@
 """A search and its result: what is refused before it, what stands in the result, and files that can be read again."""
 
-from __future__ import annotations
-
 import json
 import re
 from dataclasses import replace

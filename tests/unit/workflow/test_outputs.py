@@ -1,7 +1,5 @@
 """The output folder: nothing of the user's is lost, neither files that lie there nor results; what was read is named."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import os

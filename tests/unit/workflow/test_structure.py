@@ -1,7 +1,5 @@
 """`stoop structure`: the file that it writes is a vehicle with the chosen terms, comments and all, and identify takes it."""
 
-from __future__ import annotations
-
 import csv
 from pathlib import Path
 

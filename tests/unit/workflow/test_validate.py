@@ -1,7 +1,5 @@
 """Prediction from the folder of an identification: the figures that identify itself gives, and what is refused."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from dataclasses import replace
