@@ -1,5 +1,6 @@
 """Claims of docs/security.md that no other test holds: what the source calls, what a run reaches, what workers listen to."""
 
+import functools
 import os
 import re
 import stat
@@ -53,10 +54,14 @@ sys.exit(code)
 # What the source calls; the rules S of Ruff forbid evaluation, pickles, shells and insecure temporary files.
 
 
+@functools.cache
+def sources() -> dict[str, str]:
+    return {p.relative_to(PACKAGE).as_posix(): p.read_text("utf-8") for p in PACKAGE.rglob("*.py")}
+
+
 def places(pattern: str) -> set[str]:
     """Return the files of the package in whose code a pattern is found."""
-    files = ((p, p.read_text(encoding="utf-8")) for p in PACKAGE.rglob("*.py"))
-    return {p.relative_to(PACKAGE).as_posix() for p, text in files if re.search(pattern, text, re.MULTILINE)}
+    return {name for name, text in sources().items() if re.search(pattern, text, re.MULTILINE)}
 
 
 def test_programs_connections_and_servers_have_one_place_each() -> None:
@@ -96,7 +101,7 @@ def test_temporary_folders_are_closed_to_others(tmp_path: Path, monkeypatch: pyt
 
 def test_environment_variables_are_those_of_the_page() -> None:
     pattern = re.compile(r"""(?:environ\.get|getenv)\(\s*["']([A-Z_]+)["']""")
-    read = {name for p in PACKAGE.rglob("*.py") for name in pattern.findall(p.read_text(encoding="utf-8"))}
+    read = {name for text in sources().values() for name in pattern.findall(text)}
     page = (Path(__file__).parents[2] / "docs" / "security.md").read_text(encoding="utf-8")
     assert read == set(re.findall(r"^\| `([A-Z_]+)` \|", page, re.MULTILINE)) - {"TMPDIR"}
 
