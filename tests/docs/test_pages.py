@@ -7,6 +7,7 @@ import runpy
 import tomllib
 from functools import cache, reduce
 from importlib.resources import files
+from pathlib import Path
 
 import pytest
 
@@ -128,3 +129,16 @@ def test_examples_of_two_pages_are_the_same() -> None:
     windows = "--maneuver 140:145 146:152 160:168.3 --validate 187:196"
     for page in (ROOT / "README.md", DOCS / "vtail.md"):
         assert any(windows in " ".join(command.split()) for command in commands(page))
+
+
+def test_a_table_that_differs_is_named_and_rewritten(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    main = runpy.run_path(str(ROOT / "scripts" / "tables.py"))["main"]
+    (tmp_path / "a.csv").write_text("kind,x,y\nwings,0.12345,-3e-05\nrotors,1,2\nwings,,4\n", "utf-8")
+    head = "<!-- rows of a.csv where kind = wings\n| {kind} | {x:%.1f} | {y:.2g} |\n-->\n| a | b | c |\n| --- | --- | --- |\n"
+    (page := tmp_path / "page.md").write_text(f"# T\n\n{head}| wings | 1 | 2 |\n\nText.\n", "utf-8")
+    assert main(["--check"], tmp_path) == 1
+    assert "page.md: the table of a.csv differs" in capsys.readouterr().out
+    assert main([], tmp_path) == main(["--check"], tmp_path) == 0
+    assert page.read_text("utf-8") == f"# T\n\n{head}| wings | 12.3 | −3e−5 |\n| wings | – | 4 |\n\nText.\n"

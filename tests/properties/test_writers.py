@@ -7,6 +7,7 @@ import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from tempfile import NamedTemporaryFile
 from typing import Any
 
 import pytest
@@ -27,7 +28,7 @@ ALLOWED = {
 }  # fmt: skip  #: modules that may write a file by themselves
 WRITES = re.compile(
     r"\b(write_text|write_bytes|to_netcdf|copytree|copyfile|copy2|NamedTemporaryFile|mkstemp|touch)\("
-    r"|open\(.*(['\"][wax]b?\+?['\"]|O_W|O_RDWR)"
+    r"|open\(.*(['\"](?:[wax]b?\+?|r?b?\+b?)['\"]|O_W|O_RDWR)"
 )
 
 
@@ -119,3 +120,17 @@ def test_what_a_result_writes_is_whole_or_not_there(lacking: Any, tmp_path: Path
     with watched(monkeypatch, tmp_path):
         lacking.result.save(tmp_path / "result.json")
         save_state(tmp_path / "state.npz", lacking.estimate.outcome.state)
+
+
+def test_an_uploaded_log_is_on_the_disk_before_it_is_moved(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    uploads = pytest.importorskip("stoop.app.uploads")
+    upload = object.__new__(uploads.Upload)
+    part = NamedTemporaryFile(dir=tmp_path, delete=False)  # noqa: SIM115
+    answer: dict[str, Any] = {"set_header": lambda *_: None, "finish": lambda _: None}
+    vars(upload).update(answer, folder=tmp_path, into="", name="a.ulg", file=part)
+    part.write(b"log")
+    with watched(monkeypatch, tmp_path):
+        upload.post()
+    assert (tmp_path / "a.ulg").read_bytes() == b"log"

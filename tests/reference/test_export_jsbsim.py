@@ -9,6 +9,7 @@ import pytest
 
 from stoop.base.files import write_files
 from stoop.base.rotations import to_body
+from stoop.errors import SimulationError
 from stoop.exporters import jsbsim_aircraft
 from stoop.exporters import jsbsim_flight as js
 from stoop.exporters.jsbsim_comparison import compare
@@ -192,3 +193,10 @@ def test_a_number_can_be_changed_in_flight(tmp_path: Path) -> None:
     flown.advance(point.inputs, point.inputs)
     x = point.inputs[0]
     assert flown.read()["Z"] / before == pytest.approx(6.0 * x / (2.5 + 6.0 * x), rel=5e-3)
+
+
+def test_an_aircraft_that_jsbsim_does_not_know(tmp_path: Path) -> None:
+    record = js.steady_record(vehicle := load("twin-boom"), trim(vehicle, 35.0, 200.0), 1.0)
+    exported(tmp_path, vehicle)
+    with pytest.raises(SimulationError, match="JSBSim does not take"):
+        js.jsbsim_readings(tmp_path, "another", record, None)

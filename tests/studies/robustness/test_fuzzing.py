@@ -12,7 +12,9 @@ from studies.robustness.corpus import cases as corpus
 from studies.robustness.damage import damaged
 from studies.robustness.documents import ASKS, read_document
 from studies.robustness.readers import FLIGHT, GUARDED, OURS, READER, read_case
-from studies.robustness.trials import BAD, READ, Bounds, Child, Ended, cases, check
+from studies.robustness.trials import BAD, READ, REFUSED, Bounds, Child, Ended, cases, check, try_case
+
+from stoop.errors import LogError
 
 BYTES = {"state": "words", "store": "pages", "flight": "words"}  #: documents that are no text -> form
 
@@ -97,3 +99,14 @@ def test_a_table_of_a_million_samples_takes_the_memory_of_what_is_kept(tmp_path:
     bounds = Bounds(seconds=60, address_space=2**31, memory=kept + 2**29)
     with closing(Child(readers.ask_apart, bounds)) as child:
         assert child(Case("csv", "", "lines", "a.csv", MAPPING, FLIGHT, READ, content)) == Ended(READ)
+
+
+def test_only_an_error_of_ours_is_no_failure(tmp_path: Path) -> None:
+    def run(folder: Path, raised: Exception) -> str:
+        (folder / "left").mkdir()
+        raise raised
+
+    for error in (ValueError("x"), ZeroDivisionError(), LogError(""), MemoryError()):
+        assert try_case(run, tmp_path, error).outcome in BAD
+    assert try_case(run, tmp_path, LogError(f"{tmp_path}a.ulg: cut")) == Ended(REFUSED, "a.ulg: cut")
+    assert not list(tmp_path.iterdir())

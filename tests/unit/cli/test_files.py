@@ -7,6 +7,7 @@ import shutil
 import sys
 import tomllib
 from pathlib import Path
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -162,3 +163,8 @@ def test_questions() -> None:
     assert (found.engine, len(told)) == ("electric", 2)
     assert "usual" in shown[4]  # a span for this mass
     assert list(answers) == []
+
+
+def test_the_end_of_the_answers_is_an_interruption() -> None:
+    with pytest.raises(KeyboardInterrupt):
+        asked(Request(), Evidence(), Mock(side_effect=EOFError), print)

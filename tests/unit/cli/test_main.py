@@ -7,6 +7,7 @@ import sys
 import time
 import types
 from collections.abc import Callable
+from importlib.metadata import EntryPoint
 from pathlib import Path
 
 import pytest
@@ -139,3 +140,14 @@ def test_warnings_of_libraries_do_not_reach_the_user(tmp_path: Path) -> None:
     )
     assert quiet == ""
     assert "boo" in loud
+
+
+def test_old_table_of_another_package(monkeypatch: pytest.MonkeyPatch, cli: Cli) -> None:
+    module = types.ModuleType("old_plugin")
+    module.verbs = {"hum": ("old_plugin:run", "hum a tune")}  # type: ignore[attr-defined]
+    monkeypatch.setitem(sys.modules, "old_plugin", module)
+    points = [EntryPoint("hum", "old_plugin:verbs", "stoop.verbs")]
+    monkeypatch.setattr("importlib.metadata.entry_points", lambda **_: points)
+    code, _, err = cli("hum")
+    assert code == 2
+    assert err.startswith("stoop: error: old_plugin:verbs: no table of verbs; update or remove its package")

@@ -9,6 +9,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import sympy as sp
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from naive import march, oscillator
 
 from stoop.kernels import Kernel, SymbolicModel, compiler, load_kernel
@@ -202,9 +204,9 @@ def test_shapes_that_do_not_fit_are_refused(pendulum: Kernel) -> None:
 
 
 def test_thread_count_can_be_set(monkeypatch: pytest.MonkeyPatch) -> None:
-    for given in ("3", "0", "-1", "many", ""):
-        monkeypatch.setenv("STOOP_THREADS", given)
-        assert thread_count() == 3 if given == "3" else thread_count() >= 1
+    for text in ("3", "0", "-1", "many", ""):
+        monkeypatch.setenv("STOOP_THREADS", text)
+        assert thread_count() == 3 if text == "3" else thread_count() >= 1
 
 
 def test_functions_of_numbers_are_numbers_in_every_lane(tmp_path, monkeypatch):
@@ -236,3 +238,14 @@ def test_a_candidate_costs_the_same_in_every_lane(reduced: str) -> None:
         order = np.roll(np.arange(count), shift)
         assert np.array_equal(kernel.cost(rows[:, order], x[:, order], u, z, w, 0.02), J[order])
         assert np.array_equal(kernel.trajectories(rows[:, order], x[:, order], u, 0.02), y[order])
+
+
+@settings(max_examples=40)
+@given(st.lists(st.floats(), min_size=5, max_size=5), st.integers(0, 9))
+def test_any_numbers_give_a_cost_and_leave_the_others(pendulum, numbers, lane):
+    (p, x), (z, w) = candidates(10), record()
+    before = pendulum.cost(p, x, inputs(), z, w, DT)
+    p[:, lane], x[:, lane] = numbers[:3], numbers[3:]
+    after, others = pendulum.cost(p, x, inputs(), z, w, DT), np.arange(10) != lane
+    assert np.array_equal(before[others], after[others])
+    assert after[lane] >= 0.0
