@@ -125,3 +125,17 @@ def test_commands_at_an_end_of_their_range_are_named() -> None:
     found = _limited(vehicle, [SimpleNamespace(inputs=inputs)])  # type: ignore[list-item]
     told = [(n.code, n.subject, n.values["end"], n.values["share"]) for n in found]
     assert told == [("command-saturated", area.names[i], end, 0.1) for i, end in ((0, "upper"), (1, "lower"))]
+
+
+GUSTS = "\n[turbulence]\nairspeed = 5.0\n" + "".join(
+    f"{axis} = {{ intensity = 2.0, length = 20.0 }}\n" for axis in "uvw"
+)
+
+
+@pytest.mark.parametrize(
+    ("name", "gusts"), [("octo-x", ""), ("quadplane", ""), ("quad-x", GUSTS), ("hexa-x", GUSTS)]
+)
+def test_other_right_files_and_gusts_are_not_accused(name: str, gusts: str) -> None:
+    text = resolve_vehicle(name).text
+    for inputs in (INPUTS, ()):
+        assert found(text, flown(parse_vehicle(text + gusts, name), *inputs)) == []

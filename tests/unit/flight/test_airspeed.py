@@ -58,6 +58,11 @@ def test_true_airspeed_in_2000_m(tmp_path: Path) -> None:
         ([BARO, POS, standard], "by pressure and temperature", 1.0),
         ([BARO, POS, hot], "by pressure and temperature", expanded),
         ([BARO, broken], "by the pressure, in the standard atmosphere", 1.0),
+        (
+            [BARO, POS],
+            "by the pressure, in the standard atmosphere",
+            1.0,
+        ),  # 0 degrees for ever: no thermometer
         ([POS], "by the altitude, in the standard atmosphere", 1.0),
         ([], "the log has neither pressure nor altitude to compute the density", EQUIVALENT / TRUE),
     ):

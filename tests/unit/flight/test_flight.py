@@ -136,6 +136,16 @@ def test_sentences_of_older_files_come_back(tmp_path: Path) -> None:
     assert [str(found) for found in back.air.notices] == sentences
 
 
+def test_a_part_of_a_flight_is_none(tmp_path: Path) -> None:
+    save(holding(np.arange(40.0)), path := tmp_path / "g.nc")
+    whole = path.read_bytes()
+    for end in range(0, len(whole) - 1, 53):
+        path.write_bytes(whole[:end])
+        with pytest.raises(LogError) as caught:
+            load(path)
+        assert "\n" not in str(caught.value)
+
+
 def test_files_that_stoop_did_not_write(tmp_path: Path) -> None:
     path = tmp_path / "g.nc"
     there = holding(np.arange(40.0))

@@ -101,3 +101,13 @@ def test_commands_stand_in_a_file_beside_it(tmp_path: Path) -> None:
     flight = load(tmp_path, mapping, rate=RATE)
     assert {"pn", "pe", "pd", "psi", "motor_1"} <= flight.names
     assert np.isfinite(flight.column("motor_1")).mean() > 0.95
+
+
+def test_lines_that_lack_cells_lack_readings(tmp_path: Path) -> None:
+    head, _, rows = motive({"Quad": 0}).partition("Frame,")
+    first, *lines = rows.splitlines()
+    for cells in (1, 2, 5, 8):
+        short = "\n".join(",".join(line.split(",")[:cells]) for line in lines)
+        columns, _ = read_table(written(tmp_path, f"{head}Frame,{first}\n{short}\n"))
+        assert np.isnan(columns["pos_e [m]"]).all()
+        assert np.isnan(columns["time [s]"]).all() == (cells < 2)

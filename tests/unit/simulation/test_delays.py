@@ -191,6 +191,9 @@ def test_lanes_are_what_single_servos_are(servos: Vehicle) -> None:
 
 def test_numbers_of_servos(servos: Vehicle) -> None:
     assert not actuator_rows(parse_vehicle(BASE, "plain"))
+    deciding = {servos.parameters[row].name.removeprefix("controls.") for row in actuator_rows(servos)}
+    assert deciding >= {"aileron.delay", "aileron.dead_zone", "elevator.rate_limit", "rudder.dead_zone",
+                        "rudder.mix.pwm_3", "rudder.mix.pwm_4"}  # fmt: skip
     known = {p.name: (p.free, p.unit, p.lower, p.upper) for p in servos.parameters}
     assert known["controls.elevator.rate_limit"] == (False, "rad/s", 0.4, 10.0)
     assert known["controls.rudder.dead_zone"] == (False, "rad", 0.0, 0.1)
