@@ -49,6 +49,13 @@ def _failures_of_detectors(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(notices, "detector_failed", raised)
 
 
+@pytest.fixture
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Change to an empty folder and return it."""
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
 @pytest.fixture(scope="session")
 def shared_data() -> Path:
     """Return the folder of shared data; skip without it, unless in CI, where its absence is a failure."""

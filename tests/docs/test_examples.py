@@ -27,12 +27,6 @@ PRINTED = {
 }  # fmt: skip
 
 
-@pytest.fixture
-def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
-
-
 def alike(shown: str, printed: str) -> bool:
     a, b = shown.split(), printed.split()
     return len(a) == len(b) and all(map(same, a, b))

@@ -23,3 +23,9 @@ def flight(aircraft: Vehicle) -> Flight:
 @pytest.fixture(scope="session")
 def wrong(aircraft: Vehicle) -> Vehicle:
     return misled(aircraft, 3)
+
+
+@pytest.fixture
+def blank_page(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Write an empty page where a report would be rendered, which takes its time."""
+    monkeypatch.setattr("stoop.report.identification.render", lambda model: "<html></html>")

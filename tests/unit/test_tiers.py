@@ -75,21 +75,10 @@ def test_the_rule_fails_a_run_with_a_slow_test_but_for_guards_and_a_first_time(
     (tests / "tiers.txt").write_text("guard tests/test_x.py::test_c\n")
     (tests / "test_x.py").write_text(RUN)
     (tmp_path / "pyproject.toml").write_text('[tool.pytest.ini_options]\npythonpath = ["tests"]\n')
-    command = [
-        sys.executable,
-        "-m",
-        "pytest",
-        "-q",
-        "-p",
-        "no:cacheprovider",
-        "-n",
-        workers,
-        "--tier",
-        "standard",
-    ]
-    quiet = os.environ | {
-        "STOOP_CACHE_DIR": str(tmp_path / "cache")
-    }  # others may compile into the user's meanwhile
+    options = ["-q", "-p", "no:cacheprovider", "-n", workers, "--tier", "standard"]
+    command = [sys.executable, "-m", "pytest", *options]
+    # others may compile into the user's cache meanwhile, which excuses a slow test
+    quiet = os.environ | {"STOOP_CACHE_DIR": str(tmp_path / "cache")}
     done = subprocess.run(command, cwd=tmp_path, env=quiet, capture_output=True, text=True, check=False)
     assert done.returncode == 1, done.stdout + done.stderr
     rules = [line for line in done.stdout.splitlines() if line.startswith("RULE: ")]

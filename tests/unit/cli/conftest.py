@@ -52,12 +52,6 @@ def done(cli: Callable[..., Answer]) -> Callable[..., str]:
 
 
 @pytest.fixture
-def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
-
-
-@pytest.fixture
 def refused(cli: Cli, here: Path) -> Refused:
     """Return what runs a command in an empty folder and gives its one line of complaint; every file stays as it was."""
 

@@ -99,11 +99,6 @@ def test_numbers_that_are_freed(aircraft: Vehicle, capsys: pytest.CaptureFixture
 SHORT = "--maneuver 0:6 --optimizer de-rand-1-bin"
 
 
-@pytest.fixture
-def blank_page(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("stoop.report.identification.render", lambda model: "<html></html>")
-
-
 @pytest.mark.usefixtures("blank_page")
 def test_ctrl_c_keeps_the_best_and_resume_goes_on(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     keep, kept = Checkpoint.keep, []

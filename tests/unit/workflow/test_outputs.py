@@ -29,9 +29,7 @@ from stoop.workflow.outputs import ARCHIVES, check_folder, file_hashes, place_ou
 NAMES = ("vehicle.toml", "flight.nc", "estimate.npz", "traces.npz", "report.html", "result.json")
 
 
-@pytest.fixture(autouse=True)
-def blank_page(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("stoop.report.identification.render", lambda model: "<html></html>")
+pytestmark = pytest.mark.usefixtures("blank_page")
 
 
 def names(folder: Path) -> list[str]:
