@@ -103,17 +103,24 @@ def test_without_rates_or_time_nothing_is_found(hexa: Flight) -> None:
 
 @pytest.mark.parametrize("name", ["quad-x", "hexa-x"])
 def test_commands_in_any_other_order_are_put_in_theirs_at_once(name: str) -> None:
-    right = resolve_vehicle(name)
+    """The record is permuted, and the suggested file has the channel that holds the command of each rotor."""
+    right, channel_of = resolve_vehicle(name), r'(?s)(\[rotor\.{}\].*?channel = ")(\w+)'
     flight, channels = flown(right, *INPUTS), sorted(rotor.channel for rotor in right.file.rotor.values())
+    columns = {str(n): flight.column(str(n)) for n in flight.data.data_vars}
     rng, every = np.random.default_rng(0), [*permutations(channels)][1:]
     for order in every if name == "quad-x" else [rng.permutation(channels) for _ in range(12)]:
-        taken = dict(zip(channels, order, strict=True))
-        text = re.sub(r'(?<=channel = ")motor_\d', lambda m, taken=taken: str(taken[m[0]]), right.text)
-        (one,) = found(text, flight)
+        taken = dict(zip(channels, map(str, order), strict=True))
+        permuted = {**columns, **{channel: columns[held] for channel, held in taken.items()}}
+        (one,) = found(
+            right.text, replace(from_columns("sim", flight.time, permuted, ()), sources=flight.sources)
+        )
         assert one.values["kind"] in ("exchange", "order")
-        for rotor, channel in re.findall(r'"(motor_\d)" in \[rotor\.(\w+)\]', str(one.values["suggestion"])):
-            text = re.sub(rf'(?s)(\[rotor\.{channel}\].*?channel = ")\w+', rf"\g<1>{rotor}", text, count=1)
-        assert text == right.text
+        text = right.text
+        for channel, rotor in re.findall(r'"(motor_\d)" in \[rotor\.(\w+)\]', str(one.values["suggestion"])):
+            text = re.sub(channel_of.format(rotor), rf"\g<1>{channel}", text, count=1)
+        for rotor, its in right.file.rotor.items():
+            (written,) = (m[2] for m in re.finditer(channel_of.format(rotor), text))
+            assert taken[written] == its.channel
 
 
 def test_commands_at_an_end_of_their_range_are_named() -> None:
