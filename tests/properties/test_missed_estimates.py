@@ -21,7 +21,6 @@ from stoop.base.units import FOOT, POUND_FORCE
 from stoop.control_laws.ardupilot import plane
 from stoop.control_laws.rate_law import SETPOINT
 from stoop.estimate.regression.least_squares import Priors, Rows, solve
-from stoop.estimate.regression.recursive import RealTime
 from stoop.exporters.ardupilot_parameters import frame
 from stoop.exporters.fmu import Quantity, Unit, description
 from stoop.exporters.jsbsim_loads import _LOADS
@@ -179,17 +178,6 @@ def test_errors_of_a_regression_are_those_of_the_textbook() -> None:
     np.testing.assert_allclose(found.values, [expected.intercept, expected.slope])
     errors = [expected.intercept_stderr, expected.stderr]
     np.testing.assert_allclose(np.sqrt(np.diag(found.covariance)), errors, rtol=1e-9)
-
-
-def test_a_recursive_lag_follows_a_ramp_exactly() -> None:
-    """The response of a first-order lag to a ramp from rest is t - T (1 - exp(-t / T))."""
-    dt, lag, rate = 0.01, 0.05, 3.0
-    servo: Any = RealTime.__new__(RealTime)
-    servo._dt, servo._lags, servo._parameters = dt, {}, np.array([[lag]])
-    servo._vehicle = SimpleNamespace(rows={"controls.elevator.lag": 0})
-    time = dt * np.arange(40)
-    found = [servo._lagged("elevator", command) for command in (rate * time).tolist()]
-    np.testing.assert_allclose(found, rate * (time - lag * (1.0 - np.exp(-time / lag))), atol=1e-12)
 
 
 def test_gains_are_proposed_for_nineteen_draws_of_twenty() -> None:

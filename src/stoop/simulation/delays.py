@@ -53,28 +53,28 @@ def delayed(signal: FloatArray, samples: float | FloatArray, every: int = 1) -> 
     return out
 
 
-def play(command: FloatArray, width: float, start: float | None = None) -> FloatArray:
+def play(command: FloatArray, width: float) -> FloatArray:
     """Return positions (n,) of what stays while its command (n,) is within half a width of it, and else follows.
 
-    It begins at `start`, at the first command when absent.
+    It begins at the first command.
     """
     if width == 0.0:
         return command
-    half, position, out = 0.5 * width, float(command[0]) if start is None else start, []
+    half, position, out = 0.5 * width, float(command[0]), []
     for c in command.tolist():
         position = min(max(position, c - half), c + half)
         out.append(position)
     return np.array(out)
 
 
-def rate_limited(command: FloatArray, step: float, start: float | None = None) -> FloatArray:
+def rate_limited(command: FloatArray, step: float) -> FloatArray:
     """Return positions (n,) of what follows its command (n,) by at most `step` from sample to sample.
 
-    It begins at `start`, at the first command when absent.
+    It begins at the first command.
     """
-    if start is None and not np.abs(np.diff(command)).max(initial=0.0) > step:
+    if not np.abs(np.diff(command)).max(initial=0.0) > step:
         return command
-    position, out = float(command[0]) if start is None else start, []
+    position, out = float(command[0]), []
     for c in command.tolist():
         position = min(max(c, position - step), position + step)
         out.append(position)

@@ -63,7 +63,6 @@ EXPERIMENTS: Final[Mapping[str, tuple[str, str]]] = {
         ("windows", "windows that are proposed: maneuvers found, errors foretold (10 flights each); reads --data DIR"),
         ("design", "a designed input against a 3-2-1-1, predicted and achieved (100 flights each)"),
         ("structure", "whether the true terms are found among candidates (200 aircraft)"),
-        ("recursive", "estimates in flight against those of the whole record (50 flights)"),
         ("propagate", "intervals of trims, modes, limits and control hold the truth (60 flights and more)"),
         ("jsbsim", "stock aircraft of JSBSim identified from their outputs (10 flights each)"),
         ("multirotor", "JSBSim's F450 identified from its outputs (10 flights, by speeds and by commands)"),

@@ -149,13 +149,7 @@ def test_a_sine_through_play_has_flat_tops_and_lags_by_half_the_width() -> None:
 
 
 @given(signals, st.floats(1e-3, 1.0), st.floats(1e-3, 1.0))
-def test_bounds_of_play_and_rate_and_a_record_in_two_parts(signal, width, step):
-    half = len(signal) // 2
-    for move, size in ((play, width), (rate_limited, step)):
-        whole = move(signal, size, start=0.1)
-        first = move(signal[:half], size, start=0.1)
-        second = move(signal[half:], size, start=float(first[-1]))
-        assert np.array_equal(np.concatenate([first, second]), whole)
+def test_bounds_of_play_and_rate(signal, width, step):
     assert np.array_equal(play(signal, 0.0), signal)
     assert np.array_equal(rate_limited(signal, np.inf), signal)
     assert np.array_equal(rate_limited(signal, float(np.abs(np.diff(signal)).max())), signal)

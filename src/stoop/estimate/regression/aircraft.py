@@ -102,7 +102,7 @@ def states_of(
     vehicle: Vehicle,
     start: Mapping[str, Any],
     readings: Mapping[str, FloatArray],
-    inputs: FloatArray | None = None,
+    inputs: FloatArray,
 ) -> dict[str, FloatArray]:
     """Return the states at the center of gravity.
 
@@ -113,7 +113,7 @@ def states_of(
     out |= {n: np.zeros(count) for n in {"beta", "p", "q", "r", "phi", "psi"} - set(vehicle.outputs)}
     read = {c: np.nan_to_num(v) for c, v in readings.items() if c in START_NAMES}
     out |= true_values(vehicle, read)
-    if inputs is None or not vehicle.motion:
+    if not vehicle.motion:
         return at_center_of_gravity(vehicle, out)
     moving = at_center_of_gravity(vehicle, out | recorded_motion(vehicle, inputs, out))
     return moving | recorded_motion(vehicle, inputs, moving)
