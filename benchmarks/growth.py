@@ -172,7 +172,7 @@ def _replicates(count: int) -> Call:
 
 def _chains(draws: int) -> Call:
     values = np.random.default_rng(0).standard_normal((CHAINS, draws // CHAINS, 32))
-    return lambda: Chains.of("none", values, values[:, :, 0])
+    return lambda: Chains.of(values, values[:, :, 0])
 
 
 GROWTHS: Final = (

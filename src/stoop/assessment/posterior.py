@@ -29,7 +29,7 @@ from scipy.linalg import cho_factor, cho_solve
 
 from stoop.assessment.assessment import Finding, Optimum, Watch, likelihood_optimum, linearize
 from stoop.assessment.error_bars import ErrorBars
-from stoop.assessment.sampling import SAMPLER, Chains, Coordinates, libraries, library, sample
+from stoop.assessment.sampling import SAMPLER, Chains, Coordinates, check_libraries, library, sample
 from stoop.assessment.uncertainty import MAX_RHAT
 from stoop.base.arrays import FloatArray
 from stoop.base.blas import on_one_blas_thread
@@ -63,14 +63,6 @@ class Target:
     def center(self) -> FloatArray:
         """The estimate (k,)."""
         return self.optimum.z[: self.size]
-
-    def __call__(self, X: FloatArray) -> FloatArray:
-        """Return the log density (W,) of points (W, k); minus infinity outside of the box."""
-        inside = ((X >= 0.0) & (X <= 1.0)).all(axis=1)
-        out = np.full(len(X), -np.inf)
-        if inside.any():
-            out[inside] = self._marginal(self._residuals(X[inside]))[0]
-        return out
 
     def slopes(self, x: FloatArray, directions: FloatArray) -> tuple[float, FloatArray]:
         """Return the log density at a point (k,), of the box or beside it, and its derivatives (m,) along (k, m)."""
@@ -204,7 +196,7 @@ class Posterior:
     @on_one_blas_thread
     def __call__(self, fit: Estimate, bars: ErrorBars, seed: int, watch: Watch) -> Finding:
         """Return standard deviations and equal-tailed intervals, and the draws as ``posterior.nc``."""
-        libraries()
+        check_libraries()
         target = posterior_target(fit, bars)
         chains = sample(target, coordinates(target), seed, watch)
         every = chains.draws.reshape(-1, target.size)
@@ -259,7 +251,7 @@ def _file(fit: Estimate, seed: int, chains: Chains) -> bytes:
     data = arviz.from_dict(
         posterior={p.name: values[:, :, i] for i, p in enumerate(layout.parameters)},
         sample_stats={"lp": chains.density[:, ::thin]},
-        attrs={"inference_library": chains.library, "seed": seed, **chains.figures, "thin": thin},
+        attrs={"inference_library": "nutpie", "seed": seed, **chains.figures, "thin": thin},
     )
     for p in layout.parameters:
         data.posterior[p.name].attrs["units"] = p.unit

@@ -6,8 +6,7 @@ steps of the narrowest place. `Coordinates` straighten it by a triangular map: e
 weaker ones and scaled by an exponential of them. The map is one to one whatever its numbers, so the draws are of the
 density itself however well it fits.
 
-A density is drawn from by NUTS (nutpie), whose every step takes the derivatives in all directions. Where nutpie is not
-installed, an ensemble of walkers (emcee) takes its place, with steps from a reference and from differences of walkers.
+A density is drawn from by NUTS (nutpie), whose every step takes the derivatives in all directions.
 
 References
 ----------
@@ -15,10 +14,6 @@ M. D. Parno and Y. M. Marzouk, "Transport map accelerated Markov chain Monte Car
 Quantification* 6(2), 2018, pp. 645-682.
 M. D. Hoffman and A. Gelman, "The No-U-Turn Sampler: adaptively setting path lengths in Hamiltonian Monte Carlo", *Journal
 of Machine Learning Research* 15, 2014, pp. 1593-1623.
-S. L. Cotter, G. O. Roberts, A. M. Stuart and D. White, "MCMC methods for functions: modifying old algorithms to make them
-faster", *Statistical Science* 28(3), 2013, pp. 424-446 (the preconditioned Crank-Nicolson proposal).
-D. Foreman-Mackey, D. W. Hogg, D. Lang and J. Goodman, "emcee: the MCMC hammer", *Publications of the Astronomical Society of
-the Pacific* 125, 2013, pp. 306-312.
 A. Vehtari, A. Gelman, D. Simpson, B. Carpenter and P.-C. Buerkner, "Rank-normalization, folding, and localization: an
 improved R-hat for assessing convergence of MCMC", *Bayesian Analysis* 16(2), 2021, pp. 667-718.
 """
@@ -26,7 +21,6 @@ improved R-hat for assessing convergence of MCMC", *Bayesian Analysis* 16(2), 20
 from __future__ import annotations
 
 import importlib
-import time
 import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -38,14 +32,13 @@ from scipy.special import expit
 from stoop.assessment.uncertainty import MAX_RHAT
 from stoop.base.arrays import FloatArray
 from stoop.base.extras import install
-from stoop.base.text import remaining
 from stoop.errors import IdentificationError
 from stoop.kernels.kernel import thread_count
 
 
 @dataclass(frozen=True)
 class SamplerSettings:
-    """Settings of the samplers and of their checks."""
+    """Settings of the sampler and of its checks."""
 
     box_std: float = 0.29  #: of a value thrown blindly into a box of width 1
     corner: float = 0.3  #: standard deviations over which a bound is rounded
@@ -57,33 +50,16 @@ class SamplerSettings:
     tuning: int = 300  #: draws of every chain that find length and scale of steps, and are thrown away
     draws: int = 900  #: of every chain
     rounds: int = 5  #: of as many chains more, until all together have converged
-    blend: float = 0.05  #: of the spread of a walkers' reference that stays when it is fitted to draws
-    steps_per_round: int = 250  #: of walkers between looks at convergence
-    max_steps: int = 8000  #: of walkers
-    min_walkers: int = 32
-    warm_up: tuple[int, ...] = (150, 300)  #: steps of walkers thrown away; after each the reference is fitted
-    step_lengths: tuple[float, ...] = (
-        1.0,
-        0.7,
-        0.4,
-        0.2,
-        0.1,
-    )  #: of a proposal; 1 forgets where it came from
-    differences: float = 0.4  #: share of proposals from the differences of walkers
     file_draws: int = 25000  #: draws in the file, at most
     block: int = 512  #: points that are mapped at a time
 
 
 SAMPLER: Final = SamplerSettings()
-MISSING: Final = f"the posterior needs nutpie (or emcee) and arviz; {install('posterior')}"
+MISSING: Final = f"the posterior needs nutpie and arviz; {install('posterior')}"
 
 
 class Density(Protocol):
     """Logarithm of a density on the unit box, up to a constant."""
-
-    def __call__(self, X: FloatArray) -> FloatArray:
-        """Return it (W,) at points (W, k); minus infinity where there is none."""
-        ...
 
     def slopes(self, x: FloatArray, directions: FloatArray) -> tuple[float, FloatArray]:
         """Return it at a point (k,), and its derivatives (m,) along directions (k, m)."""
@@ -176,7 +152,6 @@ class Chains:
     #: of a standard deviation, of this), ``acceptance`` (mean), ``chains``, ``steps``, and ``divergences`` of Hamiltonian
     #: Monte Carlo
     figures: dict[str, float]
-    library: str  #: that drew them
 
     @property
     def sample_size(self) -> float:
@@ -192,7 +167,7 @@ class Chains:
         )
 
     @classmethod
-    def of(cls, drawn_by: str, draws: FloatArray, density: FloatArray, **more: float) -> Self:
+    def of(cls, draws: FloatArray, density: FloatArray, **more: float) -> Self:
         """Return the chains with their figures."""
         arviz = library("arviz")
         square = (draws - draws.mean(axis=(0, 1))) ** 2
@@ -208,7 +183,7 @@ class Chains:
                 ),
             }
         counts = {"chains": float(draws.shape[0]), "steps": float(draws.shape[1])}
-        return cls(draws, density, figures | more | counts, drawn_by)
+        return cls(draws, density, figures | more | counts)
 
 
 Watch = Callable[[str], None]
@@ -217,10 +192,10 @@ Watch = Callable[[str], None]
 def sample(target: Density, coordinates: Coordinates, seed: int, watch: Watch = lambda _: None) -> Chains:
     """Draw until R-hat, the effective sample size and the error of standard deviations are good, or as often as allowed.
 
-    `watch` receives the progress. Errors are those of :func:`libraries`.
+    `watch` receives the progress. Errors are those of :func:`check_libraries`.
     """
-    runs = hamiltonian if libraries() == "nutpie" else ensemble
-    for chains in runs(target, coordinates, seed, watch):
+    check_libraries()
+    for chains in hamiltonian(target, coordinates, seed, watch):
         if chains.converged:
             break
     return chains
@@ -263,7 +238,7 @@ def hamiltonian(target: Density, coordinates: Coordinates, seed: int, watch: Wat
         points, volume = coordinates.points(xi.reshape(-1, k))
         more = {"acceptance": float(accepted.mean()), "divergences": float(diverging.sum())}
         density = height - volume.reshape(height.shape)
-        yield Chains.of("nutpie", points.reshape(xi.shape), density, **more, gradients=float(evaluations))
+        yield Chains.of(points.reshape(xi.shape), density, **more, gradients=float(evaluations))
 
 
 def _finished(run: Any, watch: Callable[[], None]) -> Any:
@@ -279,80 +254,10 @@ def _finished(run: Any, watch: Callable[[], None]) -> Any:
         raise
 
 
-def ensemble(target: Density, coordinates: Coordinates, seed: int, watch: Watch) -> Iterator[Chains]:
-    """Yield a run of walkers, longer and longer."""
-    emcee, k = library("emcee"), len(coordinates.center)
-    walkers, random = max(SAMPLER.min_walkers, 2 * k + 2), np.random.RandomState(seed)
-
-    def density(xi: FloatArray) -> FloatArray:
-        points, volume = coordinates.points(xi)
-        return np.nan_to_num(target(points) + volume, nan=-np.inf, posinf=-np.inf, neginf=-np.inf)
-
-    # walkers start where the density is above zero; one that is lost begins beside one that is not
-    points = random.standard_normal((walkers, k))
-    lost = ~np.isfinite(density(points))
-    if lost.all():
-        points *= 1e-3
-        lost = ~np.isfinite(density(points))
-    if lost.any() and not lost.all():
-        points[lost] = (1.0 - 1e-3) * points[~lost][random.randint(np.sum(~lost), size=int(lost.sum()))]
-
-    reference, state = Reference(np.zeros(k), np.eye(k)), emcee.State(points, random_state=random.get_state())
-    for steps in (*SAMPLER.warm_up, 0):
-        moves = [
-            (emcee.moves.MHMove(reference.propose), 1.0 - SAMPLER.differences),
-            (emcee.moves.DEMove(), SAMPLER.differences),
-        ]
-        walk = emcee.EnsembleSampler(walkers, k, density, vectorize=True, moves=moves)
-        if steps:
-            state = walk.run_mcmc(state, steps, skip_initial_state_check=True)
-            reference = reference.fitted(walk.get_chain(discard=steps // 2, flat=True))
-    began = time.perf_counter()
-    while walk.iteration < SAMPLER.max_steps:
-        state = walk.run_mcmc(state, SAMPLER.steps_per_round, skip_initial_state_check=True)
-        left = remaining(time.perf_counter() - began, walk.iteration, SAMPLER.max_steps)
-        watch(f"posterior: {walk.iteration} of at most {SAMPLER.max_steps} steps of every walker{left}")
-        xi = np.swapaxes(walk.get_chain(), 0, 1)
-        found, volume = coordinates.points(xi.reshape(-1, k))
-        heights = walk.get_log_prob().T - volume.reshape(xi.shape[:2])
-        acceptance = float(np.mean(walk.acceptance_fraction))
-        yield Chains.of("emcee", found.reshape(xi.shape), heights, acceptance=acceptance)
-
-
-@dataclass(frozen=True, eq=False)
-class Reference:
-    """A normal distribution near the one that walkers draw from."""
-
-    center: FloatArray  #: (k,)
-    factor: FloatArray  #: (k, k); its product with its own transpose is the covariance
-
-    def propose(self, X: FloatArray, random: np.random.RandomState) -> tuple[FloatArray, FloatArray]:
-        """Return new points (W, k) and what the acceptance owes to the proposal (W,): emcee's `MHMove`.
-
-        The preconditioned Crank-Nicolson step leaves this distribution as it is, whatever its length; lengths are mixed.
-        """
-        reach = random.choice(SAMPLER.step_lengths, size=(len(X), 1))
-        before = np.linalg.solve(self.factor, (X - self.center).T).T
-        after = np.sqrt(1.0 - reach**2) * before + reach * random.standard_normal(X.shape)
-        owed = 0.5 * (np.sum(after**2, axis=1) - np.sum(before**2, axis=1))
-        return self.center + after @ self.factor.T, owed
-
-    def fitted(self, draws: FloatArray) -> Reference:
-        """Return the reference with center and spread of draws (m, k), kept definite by a little of this one."""
-        own = np.cov(draws.T).reshape(draws.shape[1], -1)
-        spread = (1.0 - SAMPLER.blend) * own + SAMPLER.blend * self.factor @ self.factor.T
-        return Reference(np.asarray(draws.mean(axis=0)), np.asarray(np.linalg.cholesky(spread)))
-
-
-def libraries() -> str:
-    """Return the name of the library that draws; an IdentificationError says that none is installed."""
-    library("arviz")
-    try:
-        library("nutpie")
-    except IdentificationError:
-        library("emcee")
-        return "emcee"
-    return "nutpie"
+def check_libraries() -> None:
+    """Import nutpie and arviz; an IdentificationError says that one is not installed."""
+    for name in ("nutpie", "arviz"):
+        library(name)
 
 
 def library(name: str) -> Any:

@@ -118,7 +118,7 @@ def _read(arguments: argparse.Namespace) -> tuple[Vehicle, list[Flight], Options
     """Return vehicle, flights and options; refuse a method, a name or an assessment before the search."""
     from stoop.assessment.assessment import check_method
     from stoop.assessment.profile import check_names
-    from stoop.assessment.sampling import libraries
+    from stoop.assessment.sampling import check_libraries
     from stoop.estimate.fit import Options
     from stoop.estimate.methods import find
     from stoop.estimate.noise import read_covariance
@@ -141,7 +141,7 @@ def _read(arguments: argparse.Namespace) -> tuple[Vehicle, list[Flight], Options
         chosen = choose_method(arguments.method, vehicle, flights, strategy=strategy_of(arguments))
         check_method(chosen.options.method, [n for n in asked if asked[n]])
         if arguments.posterior:
-            libraries()
+            check_libraries()
         check_names([p.name for p in vehicle.parameters if p.free], arguments.profile or ())
     return vehicle, flights, settings
 
