@@ -128,7 +128,7 @@ def conflicts(offsets: list[float], information: float) -> int:
     problem, inverse = SimpleNamespace(layout=SimpleNamespace(parameters=priors)), np.eye(count) / precise
     fit: Any = SimpleNamespace(problem=problem, estimates=estimates)
     found = SimpleNamespace(information=precise * np.eye(count), corrected=inverse, cramer_rao=inverse)
-    bars: Any = SimpleNamespace(free=np.arange(count), uncertainty=found, scatter=None)
+    bars: Any = SimpleNamespace(free=np.arange(count), uncertainty=found, of_free=lambda *names: inverse)
     return len(prior_tests(fit, bars).conflicts)
 
 

@@ -14,7 +14,6 @@ import numpy as np
 import pytest
 from scipy.stats import linregress
 
-from stoop.assessment.error_bars import _as_known
 from stoop.base import files
 from stoop.base.autopilots import FRAMES
 from stoop.base.units import FOOT, POUND_FORCE
@@ -282,12 +281,6 @@ def test_ailerons_roll_and_elevons_together_do_not() -> None:
     assert apart.roll == pytest.approx(apart.moment[0], rel=0.05)
     assert together.moment[0] == pytest.approx(0.0, abs=1e-12)
     assert together.force[2] < -0.1
-
-
-def test_an_error_is_widened_up_to_the_prior() -> None:
-    """What is known before the data bounds what a wider model leaves open, and never narrows an error."""
-    std, variance = np.array([1.0, 1.0, 1.0]), np.array([100.0, 0.44, 100.0])
-    np.testing.assert_allclose(_as_known(std, variance, np.array([2.0, np.inf, 0.5])), [2.0, 1.2, 1.0])
 
 
 def test_frames_of_ardupilot_are_found_by_their_azimuths() -> None:

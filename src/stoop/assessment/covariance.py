@@ -141,7 +141,7 @@ def windowed_covariance(
         r, S = by_window(segment, own, gap, gap_jacobian)
         met = gap_jacobian.reshape(-1, gap_jacobian.shape[2])
         middle += window_scatter(leave_windows_out(r, S, inverse.factor), S) - met.T @ met
-    return marked(inverse.matrix @ middle @ inverse.matrix, inverse.determined)
+    return np.asarray(inverse.matrix @ middle @ inverse.matrix)
 
 
 def by_window(

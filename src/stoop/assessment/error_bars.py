@@ -7,14 +7,16 @@ determine of each parameter.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Callable, Collection, Hashable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Final
 
 import numpy as np
 
 from stoop.assessment.clusters import Scatter, cluster_scatter
 from stoop.assessment.coloring import ColoredNoise, Coloring, autocorrelation
+from stoop.assessment.components import Component, excess, of_held_inertia, of_scatter, within_priors
 from stoop.assessment.contributions import LIMITS as EXCITATION
 from stoop.assessment.contributions import Contribution, contributions
 from stoop.assessment.covariance import (
@@ -22,17 +24,16 @@ from stoop.assessment.covariance import (
     inverse_information,
     marked,
     standard_errors,
-    widened,
     windowed_covariance,
 )
 from stoop.base.arrays import BoolArray, FloatArray, IntArray
 from stoop.base.blas import on_one_blas_thread
 from stoop.base.notices import Notice, notice
 from stoop.estimate.estimate import Estimate
-from stoop.estimate.response import Responses
-from stoop.problem.evidence import PieceEvidence, Unknown, invert
-from stoop.results.uncertainty import CorrelatedPair, NearNullDirection
+from stoop.problem.evidence import Evidence, PieceEvidence, Unknown, invert
+from stoop.results.uncertainty import COMPONENTS, CorrelatedPair, NearNullDirection
 
+GIVEN_MODEL: Final = ("noise", "color", "windows")  #: components that hold if the model is right
 CORRELATION_LAGS: Final = 200  #: samples over which the residual autocorrelation is shown
 
 
@@ -62,10 +63,17 @@ class Uncertainty:
 
     information: FloatArray  #: (k, k); Fisher's, for white residuals, priors included
     cramer_rao: FloatArray  #: (k, k); its inverse: right if the residuals are white, else too small
-    corrected: FloatArray  #: (k, k); after Morelli and Klein: right for colored residuals, given the model
+    colored: (
+        FloatArray  #: (k, k); after Morelli and Klein: right for colored residuals; finite in all directions
+    )
     noise: ColoredNoise  #: the color found, of the weighted residuals
     autocorrelation: FloatArray  #: (ny, lags + 1); of the residuals
     coloring: Coloring  #: residuals and sensitivities that these come from
+
+    @property
+    def corrected(self) -> FloatArray:
+        """Covariance (k, k) for colored residuals, given the model; infinite where nothing is known."""
+        return marked(self.colored, self.coloring.inverse.determined)
 
 
 def estimate_uncertainty(
@@ -85,11 +93,10 @@ def estimate_uncertainty(
     coloring = Coloring(tuple(pieces), inverse, prior, white, observed(inverse.factor))
     noise = coloring.noise
     lags = min(CORRELATION_LAGS, max(len(piece.residual) for piece in pieces) - 1)
-    corrected = inverse.matrix if white else coloring.covariance(noise)
     return Uncertainty(
         information=information,
         cramer_rao=marked(inverse.matrix, inverse.determined),
-        corrected=marked(corrected, inverse.determined),
+        colored=inverse.matrix if white else coloring.covariance(noise),
         noise=noise,
         autocorrelation=autocorrelation([piece.residual for piece in pieces], lags),
         coloring=coloring,
@@ -98,36 +105,69 @@ def estimate_uncertainty(
 
 @dataclass(frozen=True, eq=False)
 class ErrorBars:
-    """Uncertainty of the parameters and nuisances of a fit, in SI; k = parameters, then nuisances."""
+    """Uncertainty of the parameters and nuisances of a fit, in SI; k = parameters, then nuisances.
 
-    #: (k, k), corrected for color, weighting and the scatter of maneuvers; zero for what is at a bound or not estimated
-    covariance: FloatArray
-    #: (k,), standard errors of that covariance, what weightings disagree about no more than the priors allow, and of what the
-    #: model lacks where that was looked for
-    std: FloatArray
-    conditional_std: FloatArray  #: (k,), corrected for color alone: right as far as the model is
-    #: (k,), as if residuals were white; NaN where a method does not use their color
-    cramer_rao_std: FloatArray
+    The covariance is the sum of the components, and standard errors are the square roots of its diagonal.
+    """
+
+    components: tuple[Component, ...]  #: of the `free` unknowns, in the order of `COMPONENTS`
+    determined: BoolArray  #: (f,); the others have infinite variance
+    count: int  #: k
     at_bound: BoolArray  #: (k,) bool; whether the estimate lies at a bound
     identifiability: dict[str, Identifiability]  #: by parameter; those at a bound have none
     conditional: tuple[str, ...]  #: more than twice as uncertain if the parameters at a bound were free
     uncertainty: Uncertainty  #: of the `free` unknowns
     free: IntArray  #: (f,); the unknowns that are estimated and not at a bound; noise intensities come last
     priors: FloatArray  #: (f,), root-mean-square errors of their estimates by their priors alone; infinite without one
+    apart: FloatArray  #: (f,), difference of the estimates by two weightings
     contributions: tuple[Contribution, ...] = ()  #: of controls and motions
     #: of maneuvers or flights, whichever is larger; None where there is one maneuver
     scatter: Scatter | None = None
 
-    def with_model_error(self, variance: FloatArray) -> ErrorBars:
-        """Return error bars with a further variance (f,) of the `free` unknowns; none becomes wider than its prior allows.
+    @cached_property
+    def covariance(self) -> FloatArray:
+        """Covariance (k, k); zero for what is at a bound or not estimated."""
+        return self.part(*COMPONENTS)
 
-        The covariance stays that of the model as it is, which behaves as the flight did: what it lacks moves the numbers, and the
-        two together hardly move what they describe.
-        """
-        own = self.free < len(self.std)
-        std, free = self.std.copy(), self.free[own]
-        std[free] = _as_known(std[free], variance[own], self.priors[own])
-        return replace(self, std=std)
+    @cached_property
+    def std(self) -> FloatArray:
+        """Standard errors (k,)."""
+        return standard_errors(self.covariance)
+
+    @cached_property
+    def conditional_std(self) -> FloatArray:
+        """Standard errors (k,) given the model."""
+        return standard_errors(self.part(*GIVEN_MODEL))
+
+    @cached_property
+    def cramer_rao_std(self) -> FloatArray:
+        """Standard errors (k,) as if residuals were white; NaN where a method does not use their color."""
+        white = self.uncertainty.coloring.white
+        return np.full(self.count, np.nan) if white else standard_errors(self.part("noise"))
+
+    def of_free(self, *names: str) -> FloatArray:
+        """Return the sum (f, f) of some components."""
+        total = np.zeros((len(self.free),) * 2)
+        for component in self.components:
+            total += component.covariance if component.name in names else 0.0
+        return marked(total, self.determined)
+
+    def part(self, *names: str) -> FloatArray:
+        """Return the sum (k, k) of some components."""
+        own = self.free < self.count
+        out = np.zeros((self.count,) * 2)
+        out[np.ix_(self.free[own], self.free[own])] = self.of_free(*names)[np.ix_(own, own)]
+        return out
+
+    def with_model_error(self, shifts: FloatArray) -> ErrorBars:
+        """Return error bars with the covariance (f, f) of shifts of the `free` unknowns by what the model lacks."""
+        lacking = within_priors(np.outer(self.apart, self.apart) + shifts, self.priors)
+        kept = (c for c in self.components if c.name != "model")
+        return replace(self, components=(*kept, Component("model", lacking)))
+
+    def without(self, names: Collection[str]) -> ErrorBars:
+        """Return error bars without some components."""
+        return replace(self, components=tuple(c for c in self.components if c.name not in names))
 
     def rejected(self, reason: Notice) -> ErrorBars:
         """Return error bars of which none is a confident statement, for one reason; earlier doubts stay."""
@@ -138,120 +178,95 @@ class ErrorBars:
         return replace(self, identifiability=doubted)
 
 
-def _as_known(std: FloatArray, variance: FloatArray, priors: FloatArray) -> FloatArray:
-    """Return standard errors (k,) with a further variance (k,), none by that wider than its prior allows."""
-    return np.maximum(std, np.minimum(np.sqrt(std**2 + variance), priors))
-
-
 @on_one_blas_thread
 def error_bars(fit: Estimate) -> ErrorBars:
-    """Return the error bars of a fit, whatever its method.
+    """Return the error bars of a fit, whatever its method; what its model lacks is added by `ErrorBars.with_model_error`.
 
     Noise intensities take part and are not returned.
     """
     evidence = fit.evidence
     unknowns, free = evidence.unknowns, evidence.free
     pieces, prior = [piece.of(free) for piece in evidence.pieces], evidence.prior[np.ix_(free, free)]
-    found = estimate_uncertainty(pieces, prior, evidence.white, fit.observed_information)
-    corrected, cramer_rao = found.corrected, found.cramer_rao
+    uncertainty = estimate_uncertainty(pieces, prior, evidence.white, fit.observed_information)
+    determined, estimated = uncertainty.coloring.inverse.determined, [unknowns[i] for i in free]
+    given = _given_model(pieces, prior, uncertainty, evidence.inflation)
+    covariance = np.sum([c.covariance for c in given], axis=0)
+    scatter = _scatter(fit, uncertainty, sum(u.kind == "parameter" for u in estimated))
+    more = [Component("held", of_held_inertia(fit, uncertainty.coloring))]
+    if scatter is not None:
+        more.insert(0, Component("maneuvers", of_scatter(scatter, covariance)))
+    at_bound = np.array([u.fixed == "bound" for u in unknowns])
+    each = identifiability(estimated, uncertainty.information, marked(covariance, determined))
+    own = {u.name: j for u, j in zip(estimated, each, strict=True) if u.kind == "parameter"}
+    contributed = _contributions(fit, uncertainty, prior)
+    k = sum(u.kind != "noise" for u in unknowns)
+    bars = ErrorBars(
+        components=(*given, *more),
+        determined=determined,
+        count=k,
+        at_bound=at_bound[:k],
+        identifiability=_doubted(own, contributed) | _not_estimated(unknowns),
+        conditional=_conditional(evidence, standard_errors(uncertainty.cramer_rao)) if at_bound.any() else (),
+        uncertainty=uncertainty,
+        free=free,
+        priors=np.array([u.prior_error for u in estimated]),
+        apart=fit.disagreement[free],
+        contributions=contributed,
+        scatter=scatter,
+    )
+    return bars.with_model_error(np.zeros_like(prior))
+
+
+def _given_model(
+    pieces: Sequence[PieceEvidence], prior: FloatArray, found: Uncertainty, inflation: float
+) -> list[Component]:
+    """Return the components that hold if the model is right: noise, its color, and windows."""
+    inverse = found.coloring.inverse
+    white = inverse.matrix if inflation == 1.0 else inverse_information(pieces, prior, inflation).matrix
+    out = [Component("noise", white), Component("color", found.colored - white)]
     gaps = [(p.gaps, p.gap_jacobian) for p in pieces if p.gaps is not None and p.gap_jacobian is not None]
     if gaps:
         windowed = windowed_covariance(pieces, [p.edges for p in pieces], gaps, prior)
-        corrected = corrected if windowed is None else widened(windowed, corrected)
-    if evidence.inflation != 1.0:
-        independent = inverse_information(pieces, prior, evidence.inflation)
-        cramer_rao = marked(independent.matrix, independent.determined)
-    at_bound, conditional = np.array([u.fixed == "bound" for u in unknowns]), tuple[str, ...]()
-    if at_bound.any():  # what is known only as long as the parameters at a bound are right there
-        every = np.flatnonzero([u.fixed != "method" for u in unknowns])
-        whole = inverse_information(
-            [p.of(every) for p in evidence.pieces], evidence.prior[np.ix_(every, every)]
-        )
-        wide = standard_errors(marked(whole.matrix, whole.determined))[np.isin(every, free)]
-        leaning = free[wide > LIMITS.conditional_ratio * standard_errors(found.cramer_rao)]
-        conditional = tuple(unknowns[i].name for i in leaning if unknowns[i].kind == "parameter")
-    known, k = [unknowns[i] for i in free], sum(u.kind != "noise" for u in unknowns)
-    conditional_std = np.zeros(len(unknowns))
-    conditional_std[free] = standard_errors(corrected)
-    # what is not known, however alike maneuvers are
-    each_known = identifiability(known, found.information, corrected)
-    judged, plain = fit.white_evidence, found
-    if judged is not evidence:
-        plain = estimate_uncertainty([piece.of(free) for piece in judged.pieces], prior)
-    each = contributions(fit.problem.layout.vehicle, judged, plain.information, plain.noise)
-    doubtful = {n: c.variable for c in each if c.systematic > EXCITATION.refused for n in c.parameters}
-    scatter = _scatter(fit, found, sum(u.kind == "parameter" for u in known))
-    if scatter is not None:
-        stretch = np.ones(len(free))
-        stretch[: len(scatter.stretch)] = scatter.stretch
-        corrected = corrected * np.outer(stretch, stretch)
-    corrected = corrected + _of_held_inertia(fit, found.coloring)
-    # of two weightings, both right where the model is
-    apart, priors = fit.disagreement[free], np.array([u.prior_error for u in known])
-    std = np.zeros(len(unknowns))
-    std[free] = _as_known(standard_errors(corrected), apart**2, priors)
-    corrected = corrected + np.outer(apart, apart)
-    own = {u.name: j for u, j in zip(known, each_known, strict=True) if u.kind == "parameter"}
-    for name in (n for n in doubtful if own[n].identifiable):
-        reason = notice("systematic-residuals", doubtful[name])
-        own[name] = replace(own[name], identifiable=False, reason=reason)
-    idle_reason = notice("not-estimated")
-    idle = [u.name for u in unknowns if u.kind == "parameter" and u.fixed == "method"]
-    covariance = np.zeros((len(unknowns),) * 2)
-    covariance[np.ix_(free, free)] = corrected
-    white = np.full(len(unknowns), np.nan if evidence.white else 0.0)  # what is assumed is no finding
-    white[free] = np.nan if evidence.white else standard_errors(cramer_rao)
-    return ErrorBars(
-        covariance=covariance[:k, :k],
-        std=std[:k],
-        conditional_std=conditional_std[:k],
-        cramer_rao_std=white[:k],
-        at_bound=at_bound[:k],
-        identifiability=own | {n: Identifiability(n, False, idle_reason, np.inf, np.inf, 0.0) for n in idle},
-        conditional=conditional,
-        uncertainty=found,
-        free=free,
-        priors=priors,
-        contributions=each,
-        scatter=scatter,
-    )
+        if windowed is not None:
+            out.append(Component("windows", excess(windowed, found.colored)))
+    return out
 
 
-def held_inertia(fit: Estimate) -> dict[str, float]:
-    """Return the priors of the moments of inertia that are held, by name."""
+def _conditional(evidence: Evidence, std: FloatArray) -> tuple[str, ...]:
+    """Return the parameters that are known only as long as those at a bound are right there, from standard errors (f,)."""
+    free, unknowns = evidence.free, evidence.unknowns
+    every = np.flatnonzero([u.fixed != "method" for u in unknowns])
+    whole = inverse_information([p.of(every) for p in evidence.pieces], evidence.prior[np.ix_(every, every)])
+    wide = standard_errors(marked(whole.matrix, whole.determined))[np.isin(every, free)]
+    leaning = free[wide > LIMITS.conditional_ratio * std]
+    return tuple(unknowns[i].name for i in leaning if unknowns[i].kind == "parameter")
+
+
+def _contributions(fit: Estimate, found: Uncertainty, prior: FloatArray) -> tuple[Contribution, ...]:
+    """Return the contributions of controls and motions, judged by residuals that are weighted as white."""
+    judged = fit.white_evidence
+    if judged is not fit.evidence:
+        found = estimate_uncertainty([piece.of(fit.evidence.free) for piece in judged.pieces], prior)
+    return contributions(fit.problem.layout.vehicle, judged, found.information, found.noise)
+
+
+def _doubted(
+    known: Mapping[str, Identifiability], contributed: Sequence[Contribution]
+) -> dict[str, Identifiability]:
+    """Return what the data say of each parameter, in doubt where systematic residuals may be all that it contributes."""
+    doubtful = {n: c.variable for c in contributed if c.systematic > EXCITATION.refused for n in c.parameters}
     return {
-        p.name: p.prior
-        for p in fit.problem.layout.vehicle.parameters
-        if p.name.startswith("mass.inertia.") and not p.free and p.prior is not None
+        name: replace(one, identifiable=False, reason=notice("systematic-residuals", doubtful[name]))
+        if name in doubtful and one.identifiable
+        else one
+        for name, one in known.items()
     }
 
 
-def _of_held_inertia(fit: Estimate, coloring: Coloring) -> FloatArray:
-    """Return the covariance (f, f) that moments of inertia add which are held (consider covariance).
-
-    The estimates move with a held number c by dx/dc = -D^-1 S' s, with the sensitivities S and s of the readings
-    (Tapley, Schutz and Born, *Statistical Orbit Determination*, 2004, section 6.2). How wrong c may be is what the flight leaves
-    of its prior, and how far the flight would move it, if no further than the prior.
-    """
-    held = held_inertia(fit)
-    responses = fit.responses() if held else Responses()
-    own = [(j, held[e.name]) for j, e in enumerate(responses.extensions) if e.name in held]
-    if not own:
-        return np.zeros_like(coloring.prior)
-    columns, priors = np.array([j for j, _ in own]), np.array([prior for _, prior in own])
-    total, information = np.zeros((len(coloring.prior), len(own))), np.diag(priors**-2.0)
-    slope = np.zeros(len(own))
-    gaps = responses.gaps or [None] * len(coloring.segments)
-    for segment, readings, gap in zip(coloring.segments, responses.pieces, gaps, strict=True):
-        residual, S = segment.rows()
-        _, s = replace(segment, jacobian=readings, gap_jacobian=gap).of(columns).rows()
-        total += S.T @ s
-        information += s.T @ s
-        slope += s.T @ residual
-    moved = coloring.inverse.matrix @ total
-    left = np.linalg.inv(information - total.T @ moved)
-    far = np.clip(left @ slope, -priors, priors)
-    return np.asarray(moved @ (left + np.outer(far, far)) @ moved.T)
+def _not_estimated(unknowns: Sequence[Unknown]) -> dict[str, Identifiability]:
+    reason = notice("not-estimated")
+    idle = [u.name for u in unknowns if u.kind == "parameter" and u.fixed == "method"]
+    return {n: Identifiability(n, False, reason, np.inf, np.inf, 0.0) for n in idle}
 
 
 def _scatter(fit: Estimate, found: Uncertainty, count: int) -> Scatter | None:

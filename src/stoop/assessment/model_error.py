@@ -1,4 +1,4 @@
-r"""Variance of estimates by a model that lacks something.
+r"""Covariance of estimates by a model that lacks something.
 
 Error bars from residuals hold for the model. Where the score tests of its extensions together are significant, it lacks some of
 them, or something that they stand for. They are taken as random, each with a variance of its own, those of greatest evidence
@@ -7,7 +7,7 @@ covariance S of their scores z by noise,
 
 .. math:: z \sim N(0, S + G T G), \qquad T = \mathrm{diag}(\tau^2),
 
-and the estimates, which move by L for a unit of each, have the further variances of L T L' (consider covariance).
+and the estimates, which move by L for a unit of each, have the further covariance L T L' (consider covariance).
 
 References
 ----------
@@ -42,7 +42,7 @@ ROUNDING: Final = 1e-10
 
 @on_one_blas_thread
 def model_error(known: Scored, considered: Collection[str] = ()) -> FloatArray:
-    """Return the variance (k,) that what the model lacks adds to the unknowns; zero where it lacks nothing.
+    """Return the covariance (k, k) that what the model lacks adds to the unknowns; zero where it lacks nothing.
 
     Left out are numbers that the file gives, changes that make no sense, and what is `considered` already.
     """
@@ -54,12 +54,13 @@ def model_error(known: Scored, considered: Collection[str] = ()) -> FloatArray:
     kept = np.flatnonzero(own.tested & sense)
     count = len(own.shifts)
     if not kept.size:
-        return np.zeros(count)
+        return np.zeros((count, count))
     z, G, S = own.score[kept], own.information[np.ix_(kept, kept)], own.noise[np.ix_(kept, kept)]
     std = np.sqrt(np.diag(S))
     if lacks_nothing(z / std, S / np.outer(std, std)):
-        return np.zeros(count)
-    return np.asarray(own.shifts[:, kept] ** 2 @ variances(z, G, S))
+        return np.zeros((count, count))
+    shifts = own.shifts[:, kept]
+    return np.asarray(shifts * variances(z, G, S) @ shifts.T)
 
 
 def lacks_nothing(statistics: FloatArray, correlation: FloatArray) -> bool:

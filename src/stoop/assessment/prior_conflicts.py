@@ -27,7 +27,7 @@ from typing import Final
 import numpy as np
 from scipy.stats import chi2, norm
 
-from stoop.assessment.error_bars import LIMITS, ErrorBars
+from stoop.assessment.error_bars import GIVEN_MODEL, LIMITS, ErrorBars
 from stoop.assessment.verdict import LIMITS as VERDICT
 from stoop.base.arrays import BoolArray, FloatArray, IntArray
 from stoop.estimate.estimate import Estimate
@@ -121,14 +121,13 @@ def prior_tests(fit: Estimate, bars: ErrorBars) -> PriorTests:
     known = [(i, p) for i, p in enumerate(layout.parameters) if p.prior is not None and i in place]
     if not known:
         return PriorTests()
-    std = standard_deviations(bars, there)
-    K = found.corrected[np.ix_(there, there)]
+    K = bars.of_free(*GIVEN_MODEL, "maneuvers")[np.ix_(there, there)]
     own = np.array([place[i] for i, _ in known], dtype=np.intp)
     estimates = np.array([fit.estimates[p.name] for _, p in known])
     means, prior = np.array([p.prior_about(x) for (_, p), x in zip(known, estimates, strict=True)]).T
     error = np.zeros(len(there))
     error[own] = estimates - means
-    one = _Linearized(found.information[np.ix_(there, there)], K * np.outer(std, std), own, error, prior)
+    one = _Linearized(found.information[np.ix_(there, there)], K, own, error, prior)
     conflicts, names = list[PriorConflict](), [p.name for _, p in known]
     while len(conflicts) < len(names) and (worst := one.worst(names, means, LEVEL)):
         conflicts.append(worst[1])
@@ -141,11 +140,3 @@ def prior_tests(fit: Estimate, bars: ErrorBars) -> PriorTests:
     along = axes[:, kept].T @ (one.error[own] / one.prior)[seen]
     total, degrees = float(np.sum(along**2 / values[kept])), int(kept.sum())
     return PriorTests(tuple(conflicts), total, degrees, float(chi2.sf(total, degrees)) if degrees else 1.0)
-
-
-def standard_deviations(bars: ErrorBars, there: IntArray) -> FloatArray:
-    """Return the factors (f,) by which the scatter of maneuvers widens the error bars of some free unknowns."""
-    stretch = np.ones(len(bars.free))
-    if bars.scatter is not None:
-        stretch[: len(bars.scatter.stretch)] = bars.scatter.stretch
-    return stretch[there]

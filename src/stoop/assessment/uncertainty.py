@@ -53,6 +53,7 @@ from stoop.problem.evidence import invert
 from stoop.results.result import ParameterEstimate, Result
 from stoop.results.uncertainty import (
     SCATTER_LEVEL,
+    Components,
     IdentifiabilityAnalysis,
     Interval,
     JointTest,
@@ -89,6 +90,7 @@ def with_uncertainty(result: Result, fit: Estimate, bars: ErrorBars) -> Result:
             intervals[name] = Interval(shown, p.estimate - reach, p.estimate + reach)
         methods[key] = MethodIntervals(intervals)
     names = [p.name for p in fit.problem.layout.parameters]
+    parts = {c.name: np.diag(bars.part(c.name))[: len(names)].tolist() for c in bars.components}
     related = correlation(bars.covariance[: len(names), : len(names)])
     model = flown_model(result, fit)
     singular, directions = _directions(fit, bars, names)
@@ -106,6 +108,7 @@ def with_uncertainty(result: Result, fit: Estimate, bars: ErrorBars) -> Result:
     return replace(
         result,
         uncertainty=methods,
+        components=Components({c: dict(zip(names, own, strict=True)) for c, own in parts.items()}),
         trust=tuple(method_agreement(result.parameters, methods)),
         identifiability=IdentifiabilityAnalysis(singular, analyses, worst_pairs(names, related), directions),
     )

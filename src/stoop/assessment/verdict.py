@@ -23,7 +23,6 @@ from typing import Final
 import numpy as np
 from scipy.stats import binom
 
-from stoop.assessment.covariance import standard_errors
 from stoop.base.notices import Notice, distinct, notice, of_severity, paragraph
 from stoop.base.variables import EULER, RATES, SPECIFIC_FORCE, VELOCITY
 from stoop.results.result import MIN_SIGNAL_TO_NOISE, GoodnessOfFit, ManeuverResult, NoiseCovariance, Result
@@ -226,11 +225,8 @@ def _sizes(result: Result, needed: Sequence[Use]) -> dict[str, float]:
 
 def _contradictions(result: Result, sizes: Mapping[str, float]) -> Iterator[Notice]:
     """Yield the strongest extension that would change required parameters beyond their error bars, or a number of the vehicle."""
-    model = zip(result.covariance.names, standard_errors(result.covariance.matrix).tolist(), strict=True)
-    stated = {n: sigma / result.parameters[n].std_error for n, sigma in model if n in sizes and sigma}
     for test in result.extensions.standing:
-        # tests count moves in standard errors of the model as it is
-        moves = {n: moved * stated[n] for n, moved in test.moves.items() if n in stated}
+        moves = {n: moved for n, moved in test.moves.items() if n in sizes}
         shares = {n: _share(result, n, moved, sizes[n]) for n, moved in moves.items()}
         present = test.value - test.change
         if test.kind == "number" and present != 0.0 and not test.name.startswith("sensors."):

@@ -111,7 +111,8 @@ def strategy_of(arguments: argparse.Namespace) -> Strategy:
         strategy = Strategy.textbook().only(*arguments.only)
     elif arguments.without:
         strategy = strategy.without(*arguments.without)
-    return strategy.including("extensions") if arguments.extend else strategy
+    strategy = strategy.including("extensions") if arguments.extend else strategy
+    return strategy.without_component(*arguments.without_component)
 
 
 def _read(arguments: argparse.Namespace) -> tuple[Vehicle, list[Flight], Options]:

@@ -78,6 +78,9 @@ def _everything(out: Page, result: Result, forces: Sequence[ForceFigures]) -> No
 
     out.heading("estimates")
     out.text(summary.estimates_table(result.parameters))
+    if result.components.variances:
+        out.heading("shares of the variance by component")
+        out.text(str(result.components))
     if len(result.uncertainty) > len(summary.BASIC_METHODS):
         out.heading("standard errors by method")
         out.text(summary.methods_table(result))

@@ -164,6 +164,18 @@ def interval_rows(intervals: Sequence[tuple[str, float, Interval | None]], descr
     return drawing(width, height, description, parts)
 
 
+def share_row(shares: Mapping[str, float], description: str) -> Markup:
+    """Return a bar that is stacked from shares, by class; a negative one is not drawn."""
+    width, left, parts = 240.0, 0.0, list[Markup]()
+    total = math.fsum(max(share, 0.0) for share in shares.values())
+    for kind, share in shares.items():
+        wide = width * max(share, 0.0) / total
+        if wide > 0.0:
+            parts.append(element("rect", x=left, y=1.0, width=wide, height=10.0, class_=kind))
+        left += wide
+    return drawing(width, 12.0, description, parts)
+
+
 def correlation_map(names: Sequence[str], matrix: FloatArray) -> Markup:
     """Return the lower triangle of a correlation matrix (k, k) as a map, blue below zero, red above."""
     size = max(9.0, min(24.0, 680.0 / max(len(names), 1)))

@@ -12,7 +12,7 @@ from markupsafe import Markup, escape
 from stoop.assessment.covariance import NORMAL_95, correlation
 from stoop.base.notices import paragraph
 from stoop.base.numbers import NOTHING, clock, compact, number, readable_unit, rounded_to_error, window
-from stoop.report.charts import correlation_map, forest_row, interval_rows, repeatability_panel
+from stoop.report.charts import correlation_map, forest_row, interval_rows, repeatability_panel, share_row
 from stoop.report.model import Model
 from stoop.report.sheet import (
     Bullets,
@@ -30,7 +30,7 @@ from stoop.report.sheet import (
 )
 from stoop.results.modes import ConditionModes, DerivedValue, MeasuredMode, ModeEstimate
 from stoop.results.result import Quantity, Result
-from stoop.results.uncertainty import MethodIntervals
+from stoop.results.uncertainty import COMPONENTS, MethodIntervals
 
 STRONG_CORRELATION: Final = 0.9  #: pairs above are listed
 MAX_PAIRS: Final = 12
@@ -84,6 +84,10 @@ UNCERTAINTY_LEAD: Final = (
     "The same estimates with 95 % intervals by each method, on a scale of each parameter’s own; the dashed line is the "
     "estimate. A faded bar that runs to the edge is open: the data give no limit there. A hollow dot has no interval: the "
     "parameter is not identifiable."
+)
+COMPONENTS_LEAD: Final = (
+    "The covariance is the sum of these components; the bars show the share of each in the variance of a parameter. A component "
+    "of less than nothing, where correlated residuals tell more than white ones would, is not drawn."
 )
 HOW_IDENTIFIABLE: Final = "What would make it identifiable"
 MULTIPLE: Final = "With a multiple correlation of nearly 1 the others can replace a parameter."
@@ -264,8 +268,31 @@ def uncertainty_section(identification: Model) -> Section | None:
     parts += [Bullets(result.trust)] if result.trust else []
     parts += [Legend(keys)]
     parts += [Bullets(notes, "notes")] if notes else []
-    parts += [Table("", head, tuple(rows), columns, tuple(kinds), caption), *_identifiability(identification)]
+    parts += [Table("", head, tuple(rows), columns, tuple(kinds), caption), *_components(identification)]
+    parts += _identifiability(identification)
     return Section("Uncertainty, by method", parts, "Uncertainty")
+
+
+def _components(identification: Model) -> list[Part]:
+    """Return what each component adds to the variances, as stacked bars; nothing for a result of an older version."""
+    found, rows = identification.result.components, []
+    for name, one in identification.result.parameters.items():
+        shares = found.shares(name)
+        if shares:
+            texts = [f"{c} {100.0 * share:.0f} %" for c, share in shares.items()]
+            drawn = share_row({f"component-{c}": s for c, s in shares.items()}, f"{name}: {', '.join(texts)}")
+            rows.append((label(identification, name), drawn, rounded_to_error(one.estimate, one.std_error)[1],
+                         *(f"{100.0 * share:.0f} %" for share in shares.values())))  # fmt: skip
+    if not rows:
+        return []
+    names = list(found.variances)
+    keys = [(f"swatch component-{name}key", f"{name}: {COMPONENTS.get(name, name)}") for name in names]
+    head, columns = (
+        ("Parameter", "Shares, drawn", "Std. error", *names),
+        ("", "methods", *["n"] * (len(names) + 1)),
+    )
+    table = Table("Shares of the variance", head, tuple(rows), columns)
+    return [Heading("Components of the covariance"), Prose(COMPONENTS_LEAD, muted=True), Legend(keys), table]
 
 
 def method_figures(one: MethodIntervals) -> str:

@@ -1,6 +1,6 @@
 """The result of an identification, and its versioned JSON form.
 
-`Result` is what ``result.json`` holds (schema ``stoop-result/1``, described in ``docs/result-schema.md``).
+`Result` is what ``result.json`` holds (schema ``stoop-result/2``, described in ``docs/result-schema.md``).
 Traces are the curves of its maneuvers, which the JSON does not carry.
 This module needs NumPy only, so that reading a result is cheap.
 """
@@ -27,7 +27,7 @@ from stoop.results.decisions import DecisionRecord
 from stoop.results.extensions import ExtensionTests
 from stoop.results.modes import ConditionModes
 from stoop.results.response_misfit import ResponseMisfit
-from stoop.results.uncertainty import IdentifiabilityAnalysis, MethodIntervals, Repeatability
+from stoop.results.uncertainty import Components, IdentifiabilityAnalysis, MethodIntervals, Repeatability
 from stoop.results.verdict import Verdict
 
 if TYPE_CHECKING:
@@ -35,7 +35,8 @@ if TYPE_CHECKING:
 
 Role: TypeAlias = Literal["fit", "validation"]
 
-SCHEMA: Final = "stoop-result/1"
+SCHEMA: Final = "stoop-result/2"
+READABLE: Final = ("stoop-result/1", SCHEMA)  #: the first had errors that were not those of its covariance
 NAN: Final = math.nan
 MAX_BYTES: Final = 2**24  #: of a file
 #: process noise by method, in files that hold it in a notice
@@ -300,7 +301,7 @@ class Result:
     """What ``result.json`` holds; see ``docs/result-schema.md`` for every key."""
 
     parameters: Mapping[str, ParameterEstimate]  #: the free parameters, in the order of the covariance
-    covariance: Covariance
+    covariance: Covariance  #: its diagonal holds the squares of the standard errors
     noise_covariance: NoiseCovariance
     initial_states: tuple[InitialState, ...]
     biases: tuple[SensorBiases, ...]
@@ -324,6 +325,9 @@ class Result:
     repeatability: Repeatability = field(default_factory=Repeatability)  #: empty unless it was asked for
     #: by method: ``corrected``, ``cramer_rao``, and what was asked for of ``bootstrap``, ``posterior``, ``profile``
     uncertainty: Mapping[str, MethodIntervals] = field(default_factory=dict)
+    components: Components = field(
+        default_factory=Components
+    )  #: of the covariance; empty in files of older versions
     #: which of them to trust and why; sentences in the JSON
     trust: tuple[Notice, ...] = field(default=(), metadata=AS_SENTENCES)
     identifiability: IdentifiabilityAnalysis = field(default_factory=IdentifiabilityAnalysis)
@@ -425,7 +429,7 @@ class AirDataTrace:
 
 
 def to_json(result: Result) -> str:
-    """Return `result` as JSON text of schema ``stoop-result/1``; NaN and infinities become ``null``."""
+    """Return `result` as JSON text of schema ``stoop-result/2``; NaN and infinities become ``null``."""
     document = {"schema": SCHEMA, **plain(result), "warnings": list(result.warnings)}
     return json.dumps(document, indent=1, allow_nan=False, ensure_ascii=False) + "\n"
 
@@ -436,7 +440,7 @@ def from_json(text: str, where: str = "result") -> Result:
     Parameters
     ----------
     text : str
-        JSON of schema ``stoop-result/1``.
+        JSON of schema ``stoop-result/2`` or 1.
     where : str
         What an error calls the text, normally its file name.
 
@@ -452,7 +456,7 @@ def from_json(text: str, where: str = "result") -> Result:
             f"{where}: no JSON that can be read ({error}); name the result.json of stoop identify"
         ) from error
     schema = document.get("schema") if isinstance(document, dict) else None
-    if schema != SCHEMA:
+    if schema not in READABLE:
         raise StoopError(f"{where}: has schema {schema!r}; this version reads {SCHEMA!r}")
     try:
         if "notices" not in document:  # written before notices had codes

@@ -15,6 +15,40 @@ from stoop.base.notices import AS_PARAGRAPH, AS_SENTENCES, AS_TEXT, Notice, noti
 NAN: Final = math.nan
 SCATTER_LEVEL: Final = 0.05  #: chance of calling a scatter too large that is not
 MANY: Final = 20  #: parameters compared, from which some scatter by chance
+#: components of the covariance, in the order of their sum, with what each is
+COMPONENTS: Final[Mapping[str, str]] = {
+    "noise": "measurement noise as if it were white (Cramer-Rao)",
+    "color": "correlated residuals and the curvature of the cost (Morelli and Klein 1997; White 1982)",
+    "windows": "scatter between windows that begin anew (Newey and West 1987; Bell and McCaffrey 2002)",
+    "maneuvers": "disagreement of maneuvers or flights (Bell and McCaffrey 2002; Smyth 2004)",
+    "held": "moments of inertia that are held (Tapley, Schutz and Born 2004)",
+    "model": "what the model lacks, by score tests and by two weightings (MacKay 1992; Hausman 1978)",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Components:
+    """What each component adds to the variances of the parameters; they add up to the squares of the standard errors."""
+
+    #: by component of `COMPONENTS`, then by parameter; square of the parameter's unit
+    variances: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+
+    def shares(self, name: str) -> dict[str, float]:
+        """Return the share of each component in the variance of a parameter; empty without a finite variance."""
+        parts = {component: own[name] for component, own in self.variances.items() if name in own}
+        total = math.fsum(parts.values())
+        return {c: v / total for c, v in parts.items()} if math.isfinite(total) and total > 0.0 else {}
+
+    def __str__(self) -> str:
+        """Return the standard error of each parameter and the shares of its variance, %, one line each."""
+        names = list(dict.fromkeys(name for own in self.variances.values() for name in own))
+        wide = max([len("parameter"), *map(len, names)])
+        lines = [f"{'parameter':{wide}} {'std_error':>11}" + "".join(f"{c:>11}" for c in self.variances)]
+        for name in names:
+            total, shares = math.fsum(own[name] for own in self.variances.values()), self.shares(name)
+            cells = (f"{100.0 * shares[c]:10.1f}%" if shares else "-".rjust(11) for c in self.variances)
+            lines.append(f"{name:{wide}} {math.sqrt(max(total, 0.0)):11.4g}{''.join(cells)}")
+        return "\n".join(lines)
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ is a field of :class:`stoop.estimate.treatment.Treatment`. Around a fit it may a
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -14,7 +14,8 @@ from typing import Any, Final, TypeAlias
 
 import numpy as np
 
-from stoop.assessment.error_bars import ErrorBars, error_bars, held_inertia
+from stoop.assessment.components import held_inertia
+from stoop.assessment.error_bars import ErrorBars, error_bars
 from stoop.assessment.extensions import scored, tests_of
 from stoop.assessment.model_error import model_error
 from stoop.base.interrupts import deferred_interrupt
@@ -47,6 +48,8 @@ class Setup:
     free_method: bool
     #: decisions that are switched on
     names: frozenset[str]
+    #: components that the covariance does not hold
+    left_out: frozenset[str] = frozenset()
     #: method where the filter does not explain the data as gusts; empty where none is modeled
     in_calm: str = ""
     notices: tuple[Notice, ...] = ()
@@ -119,7 +122,7 @@ class Fitted:
     @cached_property
     def tested(self) -> Tested:
         """Error bars, and score tests of extensions of the model."""
-        tested, cut = (self.tests, False) if self.tests else test(self.estimate)
+        tested, cut = (self.tests, False) if self.tests else test(self.estimate, self.setup.left_out)
         if cut:
             self.__dict__["tested"] = tested  # the next reader finds them
             raise KeyboardInterrupt
@@ -161,17 +164,20 @@ class Fitted:
         return replace(self, estimate=replace(self.estimate, outcome=outcome))
 
 
-def test(found: Estimate) -> tuple[Tested, bool]:
-    """Return error bars and score tests of a fit, and whether Ctrl-C came meanwhile: a search that has ended is not lost."""
+def test(found: Estimate, left_out: Collection[str]) -> tuple[Tested, bool]:
+    """Return error bars and score tests of a fit, and whether Ctrl-C came meanwhile: a search that has ended is not lost.
+
+    The covariance does not hold the components that are `left_out`.
+    """
     with deferred_interrupt() as ctrl_c:
-        notices, bars = list[Notice](), error_bars(found)
+        notices, bars = list[Notice](), error_bars(found).without(left_out)
         tests, known = ExtensionTests(), attempt(notices, None, scored, found, bars)
         if known is not None:
+            nothing = np.zeros((len(bars.free),) * 2)
+            shifts = attempt(notices, nothing, model_error, known, held_inertia(found))
+            given, bars = bars, bars.with_model_error(shifts).without(left_out)
             tests = attempt(notices, tests, tests_of, known, found, bars)
-            more = attempt(notices, np.zeros(len(bars.free)), model_error, known, held_inertia(found))
-            whole = bars.with_model_error(more)
-            notices += _widened(found, bars, whole)
-            bars = whole
+            notices += _widened(found, given, bars)
     return Tested(bars, tests, tuple(notices)), ctrl_c.came
 
 

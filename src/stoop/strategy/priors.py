@@ -58,7 +58,7 @@ def widen(setup: Setup, fit: Fitter) -> Fitted:
 
 def _with_tests(found: Fitted) -> tuple[Fitted, bool]:
     """Return a fit with its error bars, and whether Ctrl-C came meanwhile."""
-    tested, cut = (found.tests, False) if found.tests else test(found.estimate)
+    tested, cut = (found.tests, False) if found.tests else test(found.estimate, found.setup.left_out)
     return replace(found, tests=tested), cut
 
 

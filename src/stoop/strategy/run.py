@@ -43,7 +43,10 @@ def setup_of(
     if options.treatment != DEFAULTS.treatment:
         raise IdentificationError("treatment: a strategy decides it; switch decisions off with strategy=")
     known = replace(options, method=options.method or OUTPUT_ERROR, treatment=strategy.treatment)
-    return Setup(vehicle, flights, tuple(fitted), tuple(held_back), known, not options.method, strategy.names)
+    method = not options.method
+    return Setup(
+        vehicle, flights, tuple(fitted), tuple(held_back), known, method, strategy.names, strategy.left_out
+    )
 
 
 def choose_method(
@@ -114,7 +117,7 @@ def fit(
 
 def with_tests(found: Fitted) -> Fitted:
     """Return a fit with its error bars and score tests; Ctrl-C meanwhile makes it one that was interrupted."""
-    tested, cut = (found.tests, False) if found.tests else test(found.estimate)
+    tested, cut = (found.tests, False) if found.tests else test(found.estimate, found.setup.left_out)
     found = replace(found, tests=tested)
     return found.interrupted("error bars were computed") if cut else found
 

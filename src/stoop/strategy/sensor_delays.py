@@ -58,7 +58,7 @@ def find_delay(setup: Setup) -> Change | None:
 def free_delays(setup: Setup, fit: Fitter) -> Fitted:
     """Return the fit with the delays of sensors that it asks for among its unknowns."""
     saved = first = best = fit(setup)
-    tested, cut = test(first.estimate)
+    tested, cut = test(first.estimate, setup.left_out)
     began, vehicle = time.perf_counter(), setup.vehicle
     freed = dict[str, str]()  # name: that of its parameter
     ended = first.estimate.outcome.status != "interrupted"
@@ -83,7 +83,7 @@ def free_delays(setup: Setup, fit: Fitter) -> Fitted:
         freed[extension.name] = ".".join(next(iter(entries)))
         first = first if base is best else base
         best, vehicle = found, longer
-        tested, cut = test(best.estimate)
+        tested, cut = test(best.estimate, setup.left_out)
     outcome = replace(best.estimate.outcome, state=saved.estimate.outcome.state)  # saved, and resumed
     best = replace(best, estimate=replace(best.estimate, outcome=outcome), tests=tested)
     if freed:

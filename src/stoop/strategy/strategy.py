@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Final, Literal
 
 from stoop.base.text import nearest
 from stoop.errors import IdentificationError
 from stoop.estimate.treatment import Treatment
+from stoop.results.uncertainty import COMPONENTS
 from stoop.strategy.assumptions import ASSUMPTIONS
 from stoop.strategy.bounds import BOUNDS
 from stoop.strategy.decision import Decision
@@ -51,6 +52,7 @@ DECISIONS: Final[tuple[Decision, ...]] = (
     PRIORS,
 )
 NAMES: Final = tuple(one.name for one in DECISIONS)
+SWITCHED: Final = tuple(name for name in COMPONENTS if name != "noise")  #: components that can be left out
 
 
 @dataclass(frozen=True)
@@ -61,6 +63,8 @@ class Strategy:
     ----------
     names : frozenset of str
         Of `NAMES`.
+    left_out : frozenset of str
+        Components that the covariance does not hold, of `stoop.results.uncertainty.COMPONENTS`.
 
     Examples
     --------
@@ -69,6 +73,7 @@ class Strategy:
     """
 
     names: frozenset[str]
+    left_out: frozenset[str] = frozenset()
 
     def __post_init__(self) -> None:
         if not isinstance(self.names, frozenset):
@@ -77,6 +82,8 @@ class Strategy:
             )
         for name in sorted(map(str, self.names - set(NAMES))):
             raise IdentificationError(f"decision '{name}': not known; {nearest(name, NAMES)}")
+        for name in sorted(map(str, self.left_out - set(SWITCHED))):
+            raise IdentificationError(f"component '{name}': cannot be left out; {nearest(name, SWITCHED)}")
 
     @classmethod
     def default(cls) -> Strategy:
@@ -104,7 +111,12 @@ class Strategy:
 
     def without(self, *names: str) -> Strategy:
         """Return the strategy with some decisions switched off."""
-        return Strategy(_of(self, "without") - Strategy(frozenset(names)).names)
+        return replace(self, names=_of(self, "without") - Strategy(frozenset(names)).names)
+
+    def without_component(self, *names: str) -> Strategy:
+        """Return the strategy with a covariance that does not hold some components."""
+        _of(self, "without_component")
+        return replace(self, left_out=self.left_out | set(names))
 
     @classmethod
     def only(cls, *names: str) -> Strategy:
@@ -113,7 +125,7 @@ class Strategy:
 
     def including(self, *names: str) -> Strategy:
         """Return the strategy with some decisions switched on."""
-        return Strategy(_of(self, "including") | set(names))
+        return replace(self, names=_of(self, "including") | set(names))
 
     @cached_property
     def decisions(self) -> tuple[Decision, ...]:

@@ -34,6 +34,7 @@ from stoop.problem.prepare import decoupled, prepare
 from stoop.problem.windows import Window
 from stoop.results.decisions import switched_off
 from stoop.results.result import AirDataTrace, ManeuverTrace, ParameterEstimate, Quantity, Result, Role
+from stoop.results.uncertainty import Components
 from stoop.results.verdict import Verdict
 from stoop.vehicle import Vehicle
 from stoop.vehicle.notation import symbols
@@ -114,6 +115,11 @@ class FittedModel:
     frequency = Verb("stoop.workflow.frequency:frequency")
     export = Verb("stoop.workflow.export:export")
     design = Verb("stoop.workflow.design:design")
+
+    @property
+    def uncertainty(self) -> Components:
+        """What each component adds to the variances of the parameters; prints as a table."""
+        return self.result.components
 
     def assess(self, *assessments: Assessment, watch: Callable[[str], None] | None = None) -> FittedModel:
         """Return this model with the uncertainty by further methods.

@@ -47,6 +47,7 @@ EXPERIMENTS: Final[Mapping[str, tuple[str, str]]] = {
         ("feedback", "bias and coverage under an autopilot in gusts, by the default method (24 flights each)"),
         ("unstable", "bias and coverage for aircraft that only an autopilot holds (24 flights each)"),
         ("extensions", "missing parts of a model are named: size and power of the tests (20 flights a defect)"),
+        ("components", "what each component of the covariance is worth (48 cases, 6 flights each)"),
         ("defaults", "from a log to a model by the defaults alone (40 flights of 20 made-up vehicles)"),
         ("decisions", "what each decision of a fit is worth (150 vehicles, real flights); reads --data DIR"),
         ("verdict", "how often the verdict refuses good models and trusts bad ones (416 cases)"),

@@ -241,7 +241,7 @@ def judged(truth: np.ndarray, scores: np.ndarray) -> PriorTests:
     fit: Any = SimpleNamespace(problem=SimpleNamespace(layout=layout), estimates=known)
     covariance = inverse @ (np.diag(STD**-2.0) + COLORED * DATA) @ inverse
     found = SimpleNamespace(information=information, corrected=covariance, cramer_rao=inverse)
-    bars: Any = SimpleNamespace(free=np.arange(COUNT), uncertainty=found, scatter=None)
+    bars: Any = SimpleNamespace(free=np.arange(COUNT), uncertainty=found, of_free=lambda *names: covariance)
     return prior_tests(fit, bars)
 
 

@@ -165,8 +165,7 @@ def cases() -> Iterator[tuple[str, Result, tuple[Use, ...], str, tuple[str, ...]
         ("5 of 20 scatter", scattering(5), some, USED, {"verdict-scatter"}),
         ("a response is missed", missed(1.1 * LIMITS.error), "trusted", simulate, {"verdict-response"}),
         ("a response is met", missed(0.9 * LIMITS.error), "trusted", USED, set()),
-        # the lag moves Clp by 8 standard errors of the model as it is, of which the stated one holds ten
-        ("error bars hold it", dataclasses.replace(lacking(moves={"Clp": 8.0}), parameters={
+        ("error bars hold it", dataclasses.replace(lacking(moves={"Clp": 2.9}), parameters={
          "Clp": ParameterEstimate(-0.5, 0.1), "CD0": CD0}), some, USED, {"verdict-lacks"}),
     ):  # fmt: skip
         yield subject, given, USES, grade, justified, against

@@ -108,7 +108,7 @@ def test_every_part_survives() -> None:
 def test_what_is_no_result_is_refused_in_one_line(tmp_path: Path) -> None:
     whole, uneven = json.loads(to_json(minimal())), {"names": ["a"], "matrix": [[1], [1, 2]]}
     bad = [{"maneuvers": [{"role": "other"}]}, {"parameters": 3}, {"cost": "much"}, {"covariance": uneven}]
-    schemas = ['{"schema": "stoop-result/2"}', '{"schema": "stoop-result/1"}']
+    schemas = ['{"schema": "stoop-result/3"}', '{"schema": "stoop-result/1"}']
     for text in ("", "{", "[1]", "[" * 100_000, *schemas, *(json.dumps(whole | one) for one in bad)):
         with pytest.raises(StoopError) as caught:
             from_json(text, "folder/result.json")

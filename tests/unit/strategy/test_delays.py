@@ -179,7 +179,7 @@ def asks_for_a_delay(monkeypatch: pytest.MonkeyPatch) -> list[tuple[float, float
         return before.cost - after.cost
 
     for name, one in {
-        "test": lambda found: (sensor_delays.Tested(bars(), asked.pop() if asked else ExtensionTests()), False),
+        "test": lambda found, left_out: (sensor_delays.Tested(bars(), asked.pop() if asked else ExtensionTests()), False),
         "penalized_rise": rise, "log_likelihood_rise": lambda *fits: (rise(*fits), 1.0), "_notices": lambda *args: [],
     }.items():  # fmt: skip
         monkeypatch.setattr(sensor_delays, name, one)

@@ -5,7 +5,8 @@ from functools import cache
 import numpy as np
 import pytest
 
-from stoop.assessment.error_bars import error_bars, held_inertia
+from stoop.assessment.components import held_inertia
+from stoop.assessment.error_bars import error_bars
 from stoop.estimate.estimate import Estimate
 from stoop.estimate.fit import Options
 from stoop.flight import Flight

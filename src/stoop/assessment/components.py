@@ -1,0 +1,107 @@
+r"""Components of the covariance of estimates: what each source of error adds.
+
+The covariance of the estimates is the sum of
+
+- ``noise``: the inverse of Fisher's information, priors included, as if residuals were white (Cramer-Rao);
+- ``color``: what correlated residuals and the curvature of the cost add to it (`stoop.assessment.coloring`);
+- ``windows``: what the scatter between windows that begin anew adds (`stoop.assessment.covariance`);
+- ``maneuvers``: what the disagreement of maneuvers or flights adds (`stoop.assessment.clusters`);
+- ``held``: the priors of moments of inertia that are held (consider covariance);
+- ``model``: what the model lacks, by the score tests of its extensions (`stoop.assessment.model_error`) and by the
+  difference of two weightings.
+
+With the covariance :math:`C` before it, ``windows`` is the positive semidefinite part of :math:`W - C` in coordinates in which
+:math:`C` is one: the least that makes no variance smaller than that of either. ``maneuvers`` is :math:`E C E` with
+:math:`E = \mathrm{diag}\sqrt{f^2 - 1}` and the factors :math:`f \ge 1` on standard errors. A shift of the estimates by what
+the model lacks, of covariance :math:`K`, cannot exceed what the priors allow: with a measurement of zero of each shift, of the
+error :math:`s` of its prior, it is :math:`K - K (K + \mathrm{diag}\,s^2)^{-1} K`.
+
+References
+----------
+B. D. Tapley, B. E. Schutz and G. H. Born, *Statistical Orbit Determination*, 2004, section 6.2.
+J. A. Hausman, "Specification tests in econometrics", *Econometrica* 46(6), 1978, pp. 1251-1271.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from stoop.assessment.clusters import Scatter
+from stoop.assessment.coloring import Coloring
+from stoop.base.arrays import FloatArray
+from stoop.estimate.estimate import Estimate
+from stoop.estimate.response import Responses
+
+
+@dataclass(frozen=True, eq=False)
+class Component:
+    """What one source of error adds to the covariance (f, f) of the estimated unknowns; `name` is one of `COMPONENTS`."""
+
+    name: str
+    covariance: FloatArray
+
+
+def excess(covariance: FloatArray, before: FloatArray) -> FloatArray:
+    """Return what a covariance (f, f) adds to another of the same estimates where it is larger, positive semidefinite."""
+    scale = np.sqrt(np.maximum(np.diag(before), np.finfo(float).tiny))
+    values, vectors = np.linalg.eigh(before / np.outer(scale, scale))
+    kept = values > np.finfo(float).eps * len(values) * values[-1]
+    root, vectors = np.sqrt(values[kept]), vectors[:, kept]
+    white = (vectors.T @ (covariance / np.outer(scale, scale)) @ vectors) / np.outer(root, root)
+    gains, axes = np.linalg.eigh(white)
+    rows = scale[:, None] * (vectors * root) @ axes * np.sqrt(np.maximum(gains - 1.0, 0.0))
+    return np.asarray(rows @ rows.T)
+
+
+def of_scatter(scatter: Scatter, before: FloatArray) -> FloatArray:
+    """Return what the disagreement of maneuvers adds to a covariance (f, f)."""
+    more = np.zeros(len(before))
+    more[: len(scatter.stretch)] = np.sqrt(np.maximum(scatter.stretch**2 - 1.0, 0.0))
+    return np.asarray(before * np.outer(more, more))
+
+
+def within_priors(shifts: FloatArray, priors: FloatArray) -> FloatArray:
+    """Return the covariance (f, f) of shifts of the estimates given that priors (f,), infinite where there is none, hold."""
+    rows = shifts / priors
+    known = np.isfinite(priors)
+    inner = np.eye(int(known.sum())) + (rows / priors[:, None])[np.ix_(known, known)]
+    across = rows[:, known]
+    return np.asarray(shifts - across @ np.linalg.solve(inner, across.T))
+
+
+def held_inertia(fit: Estimate) -> dict[str, float]:
+    """Return the priors of the moments of inertia that are held, by name."""
+    return {
+        p.name: p.prior
+        for p in fit.problem.layout.vehicle.parameters
+        if p.name.startswith("mass.inertia.") and not p.free and p.prior is not None
+    }
+
+
+def of_held_inertia(fit: Estimate, coloring: Coloring) -> FloatArray:
+    """Return the covariance (f, f) that moments of inertia add which are held.
+
+    The estimates move with a held number c by dx/dc = -D^-1 S' s, with the sensitivities S and s of the readings. How wrong c may
+    be is what the flight leaves of its prior, and how far the flight would move it, if no further than the prior.
+    """
+    held = held_inertia(fit)
+    responses = fit.responses() if held else Responses()
+    own = [(j, held[e.name]) for j, e in enumerate(responses.extensions) if e.name in held]
+    if not own:
+        return np.zeros_like(coloring.prior)
+    columns, priors = np.array([j for j, _ in own]), np.array([prior for _, prior in own])
+    total, information = np.zeros((len(coloring.prior), len(own))), np.diag(priors**-2.0)
+    slope = np.zeros(len(own))
+    gaps = responses.gaps or [None] * len(coloring.segments)
+    for segment, readings, gap in zip(coloring.segments, responses.pieces, gaps, strict=True):
+        residual, S = segment.rows()
+        _, s = replace(segment, jacobian=readings, gap_jacobian=gap).of(columns).rows()
+        total += S.T @ s
+        information += s.T @ s
+        slope += s.T @ residual
+    moved = coloring.inverse.matrix @ total
+    left = np.linalg.inv(information - total.T @ moved)
+    far = np.clip(left @ slope, -priors, priors)
+    return np.asarray(moved @ (left + np.outer(far, far)) @ moved.T)
