@@ -1,11 +1,14 @@
 """One uncertainty: each error of the table is the square root of its variance in the covariance matrix."""
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
+from stoop.strategy import decision
 from stoop.workflow import FittedModel
 
 
@@ -24,3 +27,33 @@ def test_errors_of_the_table_are_those_of_the_covariance(lacking: FittedModel, t
         parts = {c: own[name] for c, own in written["components"]["variances"].items()}
         assert sum(parts.values()) == pytest.approx(root**2, rel=1e-9), (name, parts)
     assert any(own > 0.0 for own in written["components"]["variances"]["model"].values())
+
+
+def test_a_component_that_is_left_out_is_not_in_the_sum(lacking: FittedModel) -> None:
+    """Estimates and the other components stay."""
+    whole, less = (decision.test(lacking.estimate, left_out)[0].bars for left_out in ((), ("model",)))
+    held = {c.name: np.diag(whole.part(c.name)) for c in whole.components}
+    assert_allclose(whole.std**2, sum(held.values()))
+    assert_allclose(less.std**2, sum(held[name] for name in held if name != "model"))
+    assert np.all(less.std[:3] < 0.5 * whole.std[:3])
+
+
+def test_shares_of_the_components_are_printed_and_drawn(lacking: FittedModel, tmp_path: Path) -> None:
+    shares = lacking.uncertainty.shares("Cmalpha")
+    assert sum(shares.values()) == pytest.approx(1.0)
+    row = next(line.split() for line in str(lacking.uncertainty).splitlines() if line.startswith("Cmalpha"))
+    assert float(row[1]) == pytest.approx(lacking.parameters["Cmalpha"].std_error, rel=1e-3)
+    assert [float(cell.rstrip("%")) for cell in row[2:]] == pytest.approx(
+        [100.0 * s for s in shares.values()], abs=0.06
+    )
+    page = lacking.plot.uncertainty().save(tmp_path / "page.html").read_text(encoding="utf-8")
+    drawn = re.search(r'aria-label="Cmalpha: noise[^"]*">(.*?)</svg>', page)
+    assert drawn is not None
+    wide = {
+        kind: float(width)
+        for width, kind in re.findall(r'width="([0-9.]+)" height="10" class="component-(\w+)"', drawn[1])
+    }
+    positive = {name: share for name, share in shares.items() if share > 1e-3}
+    total = sum(share for share in shares.values() if share > 0.0)
+    for name, share in positive.items():
+        assert wide[name] == pytest.approx(240.0 * share / total, abs=0.6), name

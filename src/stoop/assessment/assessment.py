@@ -23,7 +23,7 @@ from typing import Any, Final, Literal, Protocol
 
 import numpy as np
 
-from stoop.assessment.error_bars import ErrorBars, error_bars
+from stoop.assessment.error_bars import ErrorBars
 from stoop.assessment.uncertainty import method_agreement
 from stoop.base.arrays import FloatArray, IntArray
 from stoop.base.npz import read_arrays
@@ -92,14 +92,14 @@ class Assessment(Protocol):
 
 
 def assess(
-    result: Result, fit: Estimate, assessments: Sequence[Assessment], watch: Watch
+    result: Result, fit: Estimate, bars: ErrorBars, assessments: Sequence[Assessment], watch: Watch
 ) -> tuple[Result, dict[str, bytes]]:
     """Return the result with what the assessments found and which methods agree, and the files that they give.
 
     An IdentificationError says that the fit is of a method that cannot be assessed so, or that an extra is not installed.
     """
     check_method(result.method, [assessment.name for assessment in assessments])
-    bars, uncertainty, files = error_bars(fit), dict(result.uncertainty), dict[str, bytes]()
+    uncertainty, files = dict(result.uncertainty), dict[str, bytes]()
     for assessment in assessments:
         found = assessment(fit, bars, result.seed, watch)
         uncertainty[assessment.name] = found.intervals

@@ -43,6 +43,11 @@ class Component:
     covariance: FloatArray
 
 
+def nonzero(component: Component) -> tuple[Component, ...]:
+    """Return a component, or nothing where it adds nothing."""
+    return (component,) if component.covariance.any() else ()
+
+
 def excess(covariance: FloatArray, before: FloatArray) -> FloatArray:
     """Return what a covariance (f, f) adds to another of the same estimates where it is larger, positive semidefinite."""
     scale = np.sqrt(np.maximum(np.diag(before), np.finfo(float).tiny))

@@ -16,7 +16,7 @@ import numpy as np
 
 from stoop.assessment.clusters import Scatter, cluster_scatter
 from stoop.assessment.coloring import ColoredNoise, Coloring, autocorrelation
-from stoop.assessment.components import Component, excess, of_held_inertia, of_scatter, within_priors
+from stoop.assessment.components import Component, excess, nonzero, of_held_inertia, of_scatter, within_priors
 from stoop.assessment.contributions import LIMITS as EXCITATION
 from stoop.assessment.contributions import Contribution, contributions
 from stoop.assessment.covariance import (
@@ -162,8 +162,8 @@ class ErrorBars:
     def with_model_error(self, shifts: FloatArray) -> ErrorBars:
         """Return error bars with the covariance (f, f) of shifts of the `free` unknowns by what the model lacks."""
         lacking = within_priors(np.outer(self.apart, self.apart) + shifts, self.priors)
-        kept = (c for c in self.components if c.name != "model")
-        return replace(self, components=(*kept, Component("model", lacking)))
+        kept = tuple(c for c in self.components if c.name != "model")
+        return replace(self, components=(*kept, *nonzero(Component("model", lacking))))
 
     def without(self, names: Collection[str]) -> ErrorBars:
         """Return error bars without some components."""
@@ -192,16 +192,15 @@ def error_bars(fit: Estimate) -> ErrorBars:
     given = _given_model(pieces, prior, uncertainty, evidence.inflation)
     covariance = np.sum([c.covariance for c in given], axis=0)
     scatter = _scatter(fit, uncertainty, sum(u.kind == "parameter" for u in estimated))
-    more = [Component("held", of_held_inertia(fit, uncertainty.coloring))]
-    if scatter is not None:
-        more.insert(0, Component("maneuvers", of_scatter(scatter, covariance)))
+    held = nonzero(Component("held", of_held_inertia(fit, uncertainty.coloring)))
+    maneuvers = () if scatter is None else nonzero(Component("maneuvers", of_scatter(scatter, covariance)))
     at_bound = np.array([u.fixed == "bound" for u in unknowns])
     each = identifiability(estimated, uncertainty.information, marked(covariance, determined))
     own = {u.name: j for u, j in zip(estimated, each, strict=True) if u.kind == "parameter"}
     contributed = _contributions(fit, uncertainty, prior)
     k = sum(u.kind != "noise" for u in unknowns)
     bars = ErrorBars(
-        components=(*given, *more),
+        components=(*given, *maneuvers, *held),
         determined=determined,
         count=k,
         at_bound=at_bound[:k],

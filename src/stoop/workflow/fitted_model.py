@@ -34,7 +34,7 @@ from stoop.problem.prepare import decoupled, prepare
 from stoop.problem.windows import Window
 from stoop.results.decisions import switched_off
 from stoop.results.result import AirDataTrace, ManeuverTrace, ParameterEstimate, Quantity, Result, Role
-from stoop.results.uncertainty import Components
+from stoop.results.uncertainty import COMPONENTS, Components
 from stoop.results.verdict import Verdict
 from stoop.vehicle import Vehicle
 from stoop.vehicle.notation import symbols
@@ -136,8 +136,15 @@ class FittedModel:
             The folder of the model holds no evidence of the fit, or the method cannot be assessed so.
         """
         from stoop.assessment.assessment import assess
+        from stoop.strategy.decision import test
 
-        result, files = assess(self.result, self.estimate, assessments, watch or (lambda text: None))
+        held = self.uncertainty.variances or COMPONENTS
+        tested, cut = test(self.estimate, COMPONENTS.keys() - held.keys())
+        if cut:
+            raise KeyboardInterrupt
+        result, files = assess(
+            self.result, self.estimate, tested.bars, assessments, watch or (lambda text: None)
+        )
         return replace(self.with_result(result), attachments={**self.attachments, **files})
 
     @cached_property

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
+from functools import partial
 from itertools import combinations
 from typing import Any, Final
 
@@ -53,13 +54,14 @@ def _scene(fly: Callable[[int], scenes.Scene], seed: int) -> Flown:
 
 #: case -> group, and from a seed to what is fitted
 CASES: Final[Mapping[str, tuple[str, Callable[[int], Flown]]]] = {
-    **{n: ("fleet", lambda seed, n=n: _fleet(n, seed)) for n in decision_fleet.CASES},
-    **{n: ("right" if n.startswith("exact") else "lacking", lambda seed, n=n: _lacking(n, seed))
-       for n in misspecified.CASES},
-    **{f"feedback-{n}": ("feedback", lambda seed, n=n: _scene(feedback.CASES[n].fly, seed)) for n in feedback.CASES},
-    "ar1": ("right", lambda seed: _scene(scenes.in_autoregressive_noise, seed)),
-    "white": ("right", lambda seed: _scene(scenes.in_white_noise, seed)),
-}  # fmt: skip
+    **{n: ("fleet", partial(_fleet, n)) for n in decision_fleet.CASES},
+    **{
+        n: ("right" if n.startswith("exact") else "lacking", partial(_lacking, n)) for n in misspecified.CASES
+    },
+    **{f"feedback-{n}": ("feedback", partial(_scene, one.fly)) for n, one in feedback.CASES.items()},
+    "ar1": ("right", partial(_scene, scenes.in_autoregressive_noise)),
+    "white": ("right", partial(_scene, scenes.in_white_noise)),
+}
 
 
 @study.work
@@ -116,7 +118,7 @@ def _figures(
             sizes.append(abs(one.estimate))
             slopes.append(slope)
     G = np.array(slopes).reshape(-1, len(rows))
-    whole = np.einsum("fi,ij,fj->f", G, sum(parts.values())[np.ix_(rows, rows)], G)
+    whole = np.einsum("fi,ij,fj->f", G, np.sum([*parts.values()], axis=0)[np.ix_(rows, rows)], G)
     kept = np.sqrt(np.maximum(whole, 0.0)) > LEAST * np.array(sizes)
     variances = {
         c: np.einsum("fi,ij,fj->f", G, p[np.ix_(rows, rows)], G)[kept].tolist() for c, p in parts.items()

@@ -171,6 +171,8 @@ def test_what_is_no_strategy_or_method_is_one_line_with_the_fix() -> None:
         (switched, "--textbook --without bounds", "--textbook and --without: give one"),
         (switched, "--only bounds --without gusts", "--only and --without: give one"),
         (switched, "--extend --without extensions", "--without extensions contradict"),
+        (switched, "--without-component noise", "component 'noise': cannot be left out"),
+        (switched, "--without-component gusts", "component 'gusts': cannot be left out"),
     ):  # fmt: skip
         with pytest.raises(IdentificationError, match=advice) as error:
             call(given)
@@ -189,6 +191,16 @@ def test_names_and_switches_choose_decisions() -> None:
         ("--only faults --only bounds", {"faults", "bounds"}),
     ):  # fmt: skip
         assert switched(words).names == names, words
+
+
+def test_components_of_the_covariance_are_left_out_beside_any_decisions() -> None:
+    default, chosen = (
+        Strategy.default(),
+        switched("--without-component model --without bounds --without-component held"),
+    )
+    assert (chosen.left_out, chosen.names) == ({"model", "held"}, default.names - {"bounds"})
+    assert chosen == default.without_component("model", "held").without("bounds")
+    assert default.without("bounds").left_out == frozenset()
 
 
 def test_the_app_writes_the_switches_that_give_the_checked_decisions() -> None:
