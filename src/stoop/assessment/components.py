@@ -7,8 +7,8 @@ The covariance of the estimates is the sum of
 - ``windows``: what the scatter between windows that begin anew adds (`stoop.assessment.covariance`);
 - ``maneuvers``: what the disagreement of maneuvers or flights adds (`stoop.assessment.clusters`);
 - ``held``: the priors of moments of inertia that are held (consider covariance);
-- ``model``: what the model lacks, by the score tests of its extensions (`stoop.assessment.model_error`) and by the
-  difference of two weightings.
+- ``model``: what the model lacks, by the score tests of its extensions (`stoop.assessment.model_error`) and by what chance
+  does not explain of the difference of two weightings.
 
 With the covariance :math:`C` before it, ``windows`` is the positive semidefinite part of :math:`W - C` in coordinates in which
 :math:`C` is one: the least that makes no variance smaller than that of either. ``maneuvers`` is :math:`E C E` with
@@ -25,6 +25,7 @@ J. A. Hausman, "Specification tests in econometrics", *Econometrica* 46(6), 1978
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Final
 
 import numpy as np
 
@@ -33,6 +34,9 @@ from stoop.assessment.coloring import Coloring
 from stoop.base.arrays import FloatArray
 from stoop.estimate.estimate import Estimate
 from stoop.estimate.response import Responses
+
+#: of the covariance of efficient weights, which the other exceeds it by at least
+LEAST_GAIN: Final = 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,16 +52,33 @@ def nonzero(component: Component) -> tuple[Component, ...]:
     return (component,) if component.covariance.any() else ()
 
 
-def excess(covariance: FloatArray, before: FloatArray) -> FloatArray:
-    """Return what a covariance (f, f) adds to another of the same estimates where it is larger, positive semidefinite."""
-    scale = np.sqrt(np.maximum(np.diag(before), np.finfo(float).tiny))
-    values, vectors = np.linalg.eigh(before / np.outer(scale, scale))
+def _roots(covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return rows (f, r) whose products are a covariance (f, f) of rank r, and their left inverse (r, f)."""
+    scale = np.sqrt(np.maximum(np.diag(covariance), np.finfo(float).tiny))
+    values, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
     kept = values > np.finfo(float).eps * len(values) * values[-1]
     root, vectors = np.sqrt(values[kept]), vectors[:, kept]
-    white = (vectors.T @ (covariance / np.outer(scale, scale)) @ vectors) / np.outer(root, root)
-    gains, axes = np.linalg.eigh(white)
-    rows = scale[:, None] * (vectors * root) @ axes * np.sqrt(np.maximum(gains - 1.0, 0.0))
+    return scale[:, None] * vectors * root, (vectors / root).T / scale
+
+
+def excess(covariance: FloatArray, before: FloatArray) -> FloatArray:
+    """Return what a covariance (f, f) adds to another of the same estimates where it is larger, positive semidefinite."""
+    rows, inverse = _roots(before)
+    gains, axes = np.linalg.eigh(inverse @ covariance @ inverse.T)
+    rows = rows @ axes * np.sqrt(np.maximum(gains - 1.0, 0.0))
     return np.asarray(rows @ rows.T)
+
+
+def beyond_chance(difference: FloatArray, covariance: FloatArray, efficient: FloatArray) -> FloatArray:
+    """Return the part (f,) of a difference of two estimates that their covariances (f, f) do not explain.
+
+    With those of `efficient` weights a right model makes the difference d one of the covariance V of the other less this
+    (Hausman). Its square d' V^-1 d then has the mean r, the number of directions; of a larger one the rest is not chance.
+    """
+    _, inverse = _roots(efficient)
+    gains, axes = np.linalg.eigh(inverse @ covariance @ inverse.T)
+    square = float(np.sum((axes.T @ (inverse @ difference)) ** 2 / np.maximum(gains - 1.0, LEAST_GAIN)))
+    return difference * np.sqrt(max(0.0, 1.0 - len(gains) / square)) if square > 0.0 else difference
 
 
 def of_scatter(scatter: Scatter, before: FloatArray) -> FloatArray:

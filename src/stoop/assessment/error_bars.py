@@ -16,7 +16,15 @@ import numpy as np
 
 from stoop.assessment.clusters import Scatter, cluster_scatter
 from stoop.assessment.coloring import ColoredNoise, Coloring, autocorrelation
-from stoop.assessment.components import Component, excess, nonzero, of_held_inertia, of_scatter, within_priors
+from stoop.assessment.components import (
+    Component,
+    beyond_chance,
+    excess,
+    nonzero,
+    of_held_inertia,
+    of_scatter,
+    within_priors,
+)
 from stoop.assessment.contributions import LIMITS as EXCITATION
 from stoop.assessment.contributions import Contribution, contributions
 from stoop.assessment.covariance import (
@@ -119,7 +127,9 @@ class ErrorBars:
     uncertainty: Uncertainty  #: of the `free` unknowns
     free: IntArray  #: (f,); the unknowns that are estimated and not at a bound; noise intensities come last
     priors: FloatArray  #: (f,), root-mean-square errors of their estimates by their priors alone; infinite without one
-    apart: FloatArray  #: (f,), difference of the estimates by two weightings
+    apart: (
+        FloatArray  #: (f,), what chance does not explain of the difference of the estimates by two weightings
+    )
     contributions: tuple[Contribution, ...] = ()  #: of controls and motions
     #: of maneuvers or flights, whichever is larger; None where there is one maneuver
     scatter: Scatter | None = None
@@ -197,7 +207,13 @@ def error_bars(fit: Estimate) -> ErrorBars:
     at_bound = np.array([u.fixed == "bound" for u in unknowns])
     each = identifiability(estimated, uncertainty.information, marked(covariance, determined))
     own = {u.name: j for u, j in zip(estimated, each, strict=True) if u.kind == "parameter"}
-    contributed = _contributions(fit, uncertainty, prior)
+    plain, apart = uncertainty, fit.disagreement[free]
+    if fit.white_evidence is not evidence:
+        plain = estimate_uncertainty([piece.of(free) for piece in fit.white_evidence.pieces], prior)
+        apart = beyond_chance(apart, plain.colored, uncertainty.colored)
+    contributed = contributions(
+        fit.problem.layout.vehicle, fit.white_evidence, plain.information, plain.noise
+    )
     k = sum(u.kind != "noise" for u in unknowns)
     bars = ErrorBars(
         components=(*given, *maneuvers, *held),
@@ -209,7 +225,7 @@ def error_bars(fit: Estimate) -> ErrorBars:
         uncertainty=uncertainty,
         free=free,
         priors=np.array([u.prior_error for u in estimated]),
-        apart=fit.disagreement[free],
+        apart=apart,
         contributions=contributed,
         scatter=scatter,
     )
@@ -239,14 +255,6 @@ def _conditional(evidence: Evidence, std: FloatArray) -> tuple[str, ...]:
     wide = standard_errors(marked(whole.matrix, whole.determined))[np.isin(every, free)]
     leaning = free[wide > LIMITS.conditional_ratio * std]
     return tuple(unknowns[i].name for i in leaning if unknowns[i].kind == "parameter")
-
-
-def _contributions(fit: Estimate, found: Uncertainty, prior: FloatArray) -> tuple[Contribution, ...]:
-    """Return the contributions of controls and motions, judged by residuals that are weighted as white."""
-    judged = fit.white_evidence
-    if judged is not fit.evidence:
-        found = estimate_uncertainty([piece.of(fit.evidence.free) for piece in judged.pieces], prior)
-    return contributions(fit.problem.layout.vehicle, judged, found.information, found.noise)
 
 
 def _doubted(

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from functools import partial
 from itertools import combinations
 from typing import Any, Final
@@ -31,6 +32,8 @@ from stoop_studies.verify.propagate import ROTOR, WING
 
 STEP: Final = 0.3  #: standard errors, of the differences by which figures are linearized
 LEAST: Final = 1e-4  #: relative to the size of a figure; one that the numbers hardly move is not compared
+INERTIA: Final = 0.1  #: standard deviation of a held moment of inertia, relative
+MOMENTS: Final = tuple(f"mass.inertia.{axis}" for axis in ("xx", "yy", "zz"))
 SINGLE: Final = tuple(name for name in COMPONENTS if name != "noise")
 LEFT_OUT: Final = ((), *((n,) for n in SINGLE), *combinations(("color", "maneuvers", "model"), 2))
 KINDS: Final = ("numbers", "figures")
@@ -40,6 +43,17 @@ Flown = tuple[Any, Vehicle, str]  #: a scene, the vehicle that flew, and a metho
 def _fleet(name: str, seed: int) -> Flown:
     posed = decision_fleet.pose(name, seed)
     return posed, posed.start.with_numbers({n: {"value": v} for n, v in posed.truth.items()}), ""
+
+
+def _held(seed: int) -> Flown:
+    """Return a flight whose user holds the moments of inertia at values that are wrong by as much as their priors say."""
+    posed, truth, method = _fleet("aircraft-calm", seed)
+    drawn = 1.0 + INERTIA * np.random.default_rng(seed).standard_normal(len(MOMENTS))
+    held = {
+        n: {"value": truth.value(n) * float(x), "prior": INERTIA * truth.value(n), "free": False}
+        for n, x in zip(MOMENTS, drawn, strict=True)
+    }
+    return replace(posed, start=posed.start.with_numbers(held)), truth, method
 
 
 def _lacking(name: str, seed: int) -> Flown:
@@ -59,6 +73,7 @@ CASES: Final[Mapping[str, tuple[str, Callable[[int], Flown]]]] = {
         n: ("right" if n.startswith("exact") else "lacking", partial(_lacking, n)) for n in misspecified.CASES
     },
     **{f"feedback-{n}": ("feedback", partial(_scene, one.fly)) for n, one in feedback.CASES.items()},
+    "held": ("held", _held),
     "ar1": ("right", partial(_scene, scenes.in_autoregressive_noise)),
     "white": ("right", partial(_scene, scenes.in_white_noise)),
 }

@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from scipy.linalg import toeplitz
 
 from stoop.assessment.clusters import Scatter
-from stoop.assessment.components import excess, of_scatter, within_priors
+from stoop.assessment.components import beyond_chance, excess, of_scatter, within_priors
 
 
 def drawn(rng: np.random.Generator, count: int, rank: int) -> np.ndarray:
@@ -59,3 +60,22 @@ def test_scatter_of_maneuvers_multiplies_standard_errors() -> None:
     assert_allclose(np.sqrt(np.diag(total) / np.diag(before)), [1.0, 1.5, 2.0, 1.0, 1.0])
     assert_allclose(of_scatter(Scatter(3, 5, 1.5, np.full(5, 2.0)), before), 3.0 * before)
     assert np.linalg.eigvalsh(correlation(total)).min() > 0.0
+
+
+@pytest.mark.parametrize(("lacking", "least", "most"), [(0.0, 0.0, 0.2), (3.0, 0.5, 1.0)])
+def test_two_weightings_of_a_right_model_differ_by_chance(lacking: float, least: float, most: float) -> None:
+    """Least squares, and generalized least squares by the true color, of a regression that may lack a product."""
+    rng, n = np.random.default_rng(4), 300
+    color = toeplitz(0.9 ** np.arange(n))
+    root, shares = np.linalg.cholesky(color), []
+    for _ in range(60):
+        X = np.cumsum(rng.standard_normal((n, 10)), axis=0) / 5.0
+        y = root @ rng.standard_normal(n) + lacking * np.tanh(X[:, 0] * X[:, 1])
+        plain, G = np.linalg.pinv(X), np.linalg.solve(root, X)
+        efficient = np.linalg.inv(G.T @ G)
+        difference = plain @ y - efficient @ G.T @ np.linalg.solve(root, y)
+        counted = beyond_chance(difference, plain @ color @ plain.T, efficient)
+        shares.append(np.sum(counted**2) / np.sum(difference**2))
+    assert least <= np.mean(shares) <= most
+    nothing = np.zeros(10)
+    assert_allclose(beyond_chance(nothing, 2.0 * efficient, efficient), nothing)
