@@ -122,7 +122,6 @@ CASES: dict[str, Callable[[], Case]] = {
     "noise-color": lambda: (
         known(), changed("theta", lambda y, k: y + 0.003 * lfilter([1.0], [1.0, -0.95], random(y, k)))),
     "sensor-delays": lambda: (known(), changed("alpha", lambda y, k: np.r_[[y[0]] * 3, y[:-3]])),
-    "priors": lambda: (with_prior(0.5), flights()),
     "extensions": lambda: (known().with_numbers({"CLelevator": {"value": 0.0, "free": False}}), flights()),
     "method": lambda: (builtin_vehicle("quad-x"), {}),
     "instability": unstable,

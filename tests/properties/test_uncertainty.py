@@ -36,6 +36,8 @@ def test_a_component_that_is_left_out_is_not_in_the_sum(lacking: FittedModel) ->
     assert_allclose(whole.std**2, sum(held.values()))
     assert_allclose(less.std**2, sum(held[name] for name in held if name != "model"))
     assert np.all(less.std[:3] < 0.5 * whole.std[:3])
+    moved = whole.part("model")[:3, :3]  # together: what is lacking moves all three
+    assert np.min(np.abs(moved / np.sqrt(np.outer(*[np.diag(moved)] * 2)))) > 0.5
 
 
 def test_shares_of_the_components_are_printed_and_drawn(lacking: FittedModel, tmp_path: Path) -> None:

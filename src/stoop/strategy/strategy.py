@@ -19,7 +19,6 @@ from stoop.strategy.gusts import GUSTS
 from stoop.strategy.inertia import hold_inertia
 from stoop.strategy.instability import INSTABILITY
 from stoop.strategy.method import METHOD
-from stoop.strategy.priors import PRIORS
 from stoop.strategy.sensor_delays import SENSOR_DELAYS
 
 #: in the order in which they change the problem; of those around a fit each encloses the ones before it
@@ -49,7 +48,6 @@ DECISIONS: Final[tuple[Decision, ...]] = (
     Decision("noise-color", "Do residuals repeat themselves?", treatment="noise_color"),
     EXTENSIONS,
     SENSOR_DELAYS,
-    PRIORS,
 )
 NAMES: Final = tuple(one.name for one in DECISIONS)
 SWITCHED: Final = tuple(name for name in COMPONENTS if name != "noise")  #: components that can be left out
