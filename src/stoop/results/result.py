@@ -45,6 +45,7 @@ FILTERS: Final[Mapping[str, Mapping[str, Any]]] = {
     "filter-error-ekf": {"gain": "varying"},
     "stabilized-output-error": {"gain": "steady", "share": 0.01},
 }
+TOLERANCE: Final = 1e-12  #: relative, of squares of standard errors from the diagonal of the covariance
 MIN_SIGNAL_TO_NOISE: Final = 1.0  #: of a channel's motion; below it chance decides between models
 
 
@@ -341,6 +342,15 @@ class Result:
     process_noise: ProcessNoise = ProcessNoise()
     #: between innovations of neighboring samples, 0 for a right model; NaN of a method without a filter
     innovation_correlation: float = NAN
+
+    def __post_init__(self) -> None:
+        """Refuse standard errors that are not the square roots of the variances; files of version 1 have others."""
+        names, diagonal = self.covariance.names, np.diag(self.covariance.matrix).tolist()
+        known = bool(self.components.variances) and len(names) == len(diagonal)
+        for name, variance in zip(names, diagonal, strict=True) if known else ():
+            std = self.parameters[name].std_error if name in self.parameters else NAN
+            if math.isfinite(variance) and abs(std**2 - variance) > TOLERANCE * variance:
+                raise ValueError(f"std_error of {name} is not that of the covariance")
 
     @property
     def free_count(self) -> str:
