@@ -31,6 +31,7 @@ from stoop_studies.verify import decision_fleet, feedback, misspecified, scenes,
 from stoop_studies.verify.propagate import ROTOR, WING
 
 STEP: Final = 0.3  #: standard errors, of the differences by which figures are linearized
+FAR: Final = 4.0  #: standard errors; a larger error costs the score no more
 LEAST: Final = 1e-4  #: relative to the size of a figure; one that the numbers hardly move is not compared
 INERTIA: Final = 0.1  #: standard deviation of a held moment of inertia, relative
 MOMENTS: Final = tuple(f"mass.inertia.{axis}" for axis in ("xx", "yy", "zz"))
@@ -168,7 +169,9 @@ def _rows(name: str, kind: str, results: Sequence[Mapping[str, Any]]) -> Iterato
             variance = np.maximum(np.sum(used, axis=0), 1e-12 * whole)
             ratio = np.array(one["errors"]) / np.sqrt(variance)
             each.append(np.column_stack([ratio, 0.5 * np.log(variance / whole)]))
-            scores.append(float(np.median(-0.5 * ratio**2 - 0.5 * np.log(variance / whole))))
+            scores.append(
+                float(np.mean(-0.5 * np.minimum(ratio**2, FAR**2) - 0.5 * np.log(variance / whole)))
+            )
         ratio, width = np.vstack(each).T
         base = base or scores
         worth = np.array(base) - scores

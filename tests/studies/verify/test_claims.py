@@ -5,7 +5,17 @@ import numpy as np
 import pytest
 
 from stoop_studies.findings import Setting
-from stoop_studies.verify import capture, coverage, extensions, feedback, fleet, gains, unstable, verdict
+from stoop_studies.verify import (
+    capture,
+    components,
+    coverage,
+    extensions,
+    feedback,
+    fleet,
+    gains,
+    unstable,
+    verdict,
+)
 from stoop_studies.verify import windows as maneuvers
 from stoop_studies.verify.defects import RIGHT, defects
 from stoop_studies.verify.study import error_statistics, run_key
@@ -49,6 +59,24 @@ def test_coverage(module: Any) -> None:
     for wrong in (claims(0.6, only=first), claims(1.0, 1.5, only=first)):
         assert 1 <= wrong.count(False) < len(wrong)
     assert not all(claims(0.6))
+
+
+def test_the_worth_of_components() -> None:
+    """Of errors whose variance is that of two components each is worth having, and a third is not."""
+    noise, records = np.random.default_rng(1), {}
+    setting, parts = Setting(runs=8), {"noise": 1.0, "color": 3.0, "held": 1.0}
+    for seed, case in ((s, c) for s in setting.seeds for c in components.CASES):
+        numbers = {"errors": (2.0 * noise.standard_normal(30)).tolist(), "sizes": [1.0] * 30,
+                   "variances": {c: [v] * 30 for c, v in parts.items()}}  # fmt: skip
+        records[run_key(case, seed)] = {"numbers": numbers, "figures": numbers}
+    found = components.EXPERIMENT.findings(setting, records)
+    verdicts = {c.statement.split()[2]: c.verdict for c in found.claims if "worth having" in c.statement}
+    assert (verdicts["color"], verdicts["held"]) == ("holds", "does not hold")
+    head = [*found.head]
+    for row in (dict(zip(head, row, strict=True)) for row in found.rows):
+        left = 5.0 - sum(parts.get(name, 0.0) for name in str(row["without"]).split(" + "))
+        assert row["width"] == pytest.approx(np.sqrt(left / 5.0))
+        assert row["rms"] == pytest.approx(np.sqrt(4.0 / left), rel=0.2)
 
 
 def test_size_and_power_of_extensions() -> None:
