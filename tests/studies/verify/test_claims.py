@@ -64,7 +64,7 @@ def test_coverage(module: Any) -> None:
 def test_the_worth_of_components() -> None:
     """Of errors whose variance is that of two components each is worth having, and a third is not."""
     noise, records = np.random.default_rng(1), {}
-    setting, parts = Setting(runs=8), {"noise": 1.0, "color": 3.0, "held": 1.0}
+    setting, parts = Setting(runs=4), {"noise": 1.0, "color": 3.0, "held": 1.0}
     for seed, case in ((s, c) for s in setting.seeds for c in components.CASES):
         numbers = {"errors": (2.0 * noise.standard_normal(30)).tolist(), "sizes": [1.0] * 30,
                    "variances": {c: [v] * 30 for c, v in parts.items()}}  # fmt: skip
