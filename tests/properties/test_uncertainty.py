@@ -30,13 +30,12 @@ def test_errors_of_the_table_are_those_of_the_covariance(lacking: FittedModel, t
 
 
 def test_a_component_that_is_left_out_is_not_in_the_sum(lacking: FittedModel) -> None:
-    """Estimates and the other components stay."""
-    whole, less = (decision.test(lacking.estimate, left_out)[0].bars for left_out in ((), ("model",)))
-    held = {c.name: np.diag(whole.part(c.name)) for c in whole.components}
-    assert_allclose(whole.std**2, sum(held.values()))
-    assert_allclose(less.std**2, sum(held[name] for name in held if name != "model"))
-    assert np.all(less.std[:3] < 0.5 * whole.std[:3])
-    moved = whole.part("model")[:3, :3]  # together: what is lacking moves all three
+    """The other components stay; what is lacking moves all three numbers together."""
+    less, result = decision.test(lacking.estimate, ("model",))[0].bars, lacking.result
+    held = {c: np.array([*own.values()]) for c, own in result.components.variances.items()}
+    assert_allclose(less.std[:3] ** 2, sum(held[name] for name in held if name != "model"))
+    moved = result.covariance.matrix - less.covariance[:3, :3]
+    assert_allclose(np.diag(moved), held["model"])
     assert np.min(np.abs(moved / np.sqrt(np.outer(*[np.diag(moved)] * 2)))) > 0.5
 
 
@@ -59,3 +58,26 @@ def test_shares_of_the_components_are_printed_and_drawn(lacking: FittedModel, tm
     total = sum(share for share in shares.values() if share > 0.0)
     for name, share in positive.items():
         assert wide[name] == pytest.approx(240.0 * share / total, abs=0.6), name
+
+
+def test_figures_are_carried_with_the_covariance_of_the_table(lacking: FittedModel) -> None:
+    """Three expressions, against draws of NumPy from the matrix of the result."""
+    written = {
+        "margin": "-Cmalpha / CLalpha",
+        "trim": "-(Cm0 + 0.05 * Cmalpha) / Cmelevator",
+        "product": "Cmelevator * Cmalpha",
+    }
+    found = lacking.propagate(expressions=written, draws=400)
+    names, estimates = lacking.result.covariance.names, {n: p.estimate for n, p in lacking.parameters.items()}
+    drawn = np.random.default_rng(0).multivariate_normal(
+        [*estimates.values()], lacking.result.covariance.matrix, 100_000
+    )
+    numbers = {"CLalpha": lacking.vehicle.value("CLalpha"), **dict(zip(names, drawn.T, strict=True))}
+    Cm0, Cmalpha, Cmelevator = (numbers[n] for n in ("Cm0", "Cmalpha", "Cmelevator"))
+    own = {
+        "margin": -Cmalpha / numbers["CLalpha"],
+        "trim": -(Cm0 + 0.05 * Cmalpha) / Cmelevator,
+        "product": Cmelevator * Cmalpha,
+    }
+    for name, values in own.items():
+        assert found[name].std_error == pytest.approx(np.std(values), rel=0.15), name
