@@ -38,6 +38,7 @@ MOMENTS: Final = tuple(f"mass.inertia.{axis}" for axis in ("xx", "yy", "zz"))
 SINGLE: Final = tuple(name for name in COMPONENTS if name != "noise")
 LEFT_OUT: Final = ((), *((n,) for n in SINGLE), *combinations(("color", "maneuvers", "model"), 2))
 KINDS: Final = ("numbers", "figures")
+NOTHING: Final = "nothing"  #: is left out
 Flown = tuple[Any, Vehicle, str]  #: a scene, the vehicle that flew, and a method that is named
 
 
@@ -154,7 +155,7 @@ def show(setting: Setting, samples: study.Samples) -> Findings:
     records = [row for name, own in groups.items() for kind in KINDS for row in _rows(name, kind, own)]
     kinds = {group for group, _ in CASES.values()}
     summary = [row for row in records if row["case"] in kinds]
-    return Findings.of("Components of the covariance", list(_claims(summary)), records, summary=summary)
+    return Findings.of("Components of the covariance", list(_claims(summary)), records, {"groups": summary})
 
 
 def _rows(name: str, kind: str, results: Sequence[Mapping[str, Any]]) -> Iterator[dict[str, Any]]:
@@ -176,7 +177,7 @@ def _rows(name: str, kind: str, results: Sequence[Mapping[str, Any]]) -> Iterato
         base = base or scores
         worth = np.array(base) - scores
         yield {
-            "case": name, "of": kind, "without": " + ".join(left_out), "fits": len(own), "count": len(ratio),
+            "case": name, "of": kind, "without": " + ".join(left_out) or NOTHING, "fits": len(own), "count": len(ratio),
             "coverage": float(np.mean(np.abs(ratio) <= NORMAL_95)), "rms": float(np.sqrt(np.mean(ratio**2))),
             "median": float(np.median(np.abs(ratio))) / 0.6745, "width": float(np.exp(np.mean(width))),
             "worth": float(worth.mean()), "worth_se": float(worth.std() / np.sqrt(len(worth))),
@@ -185,7 +186,7 @@ def _rows(name: str, kind: str, results: Sequence[Mapping[str, Any]]) -> Iterato
 
 def _claims(summary: Sequence[Mapping[str, Any]]) -> Iterator[Claim]:
     """Yield the coverage of each group, and whether each component is worth having in one of them."""
-    for row in (one for one in summary if not one["without"]):
+    for row in (one for one in summary if one["without"] == NOTHING):
         words = f"{row['of']} of the group {row['case']}: 95 % intervals hold the truth in"
         figures = f"of {row['count']} in {row['fits']} fits; rms of z {row['rms']:.2f}"
         yield study.within(words, (0.93, 0.97), row["coverage"], figures)
@@ -201,4 +202,6 @@ def _claims(summary: Sequence[Mapping[str, Any]]) -> Iterator[Claim]:
             )
 
 
-EXPERIMENT: Final = study.Verification("components", show, runs=6, work="compare", cases=tuple(CASES))
+EXPERIMENT: Final = study.Verification(
+    "components", show, runs=6, work="compare", cases=tuple(CASES), parts=("groups",)
+)
