@@ -1,12 +1,10 @@
 """Assessments of a finished fit: further estimates of its uncertainty, by refits of the same problem from its optimum.
 
-An assessment is called with an estimate, its error bars and a seed, and returns a `Finding`. Residuals are those of a
-simulation: of output error, of a filter (its innovations), or of windows; the bootstrap refits the equations of a regression,
-too. `pack` writes the problem as one text, which is what a worker needs to refit it, wherever it runs.
+An assessment is called with an estimate, its error bars and a seed, and returns a `Finding`. `pack` writes the problem as one
+text, which is what a worker needs to refit it, wherever it runs.
 
-All refits share model, weights and start, so the derivatives at the optimum serve them all: a step costs one trajectory per
-refit, evaluated in lanes. Then each refit takes derivatives of its own for the last few Gauss-Newton steps; the length of the
-last one decides that it has converged. One that does not converge so is left to the local refinement of the optimizer.
+All refits share model, weights and start, so the derivatives at the optimum serve the first steps of all, in lanes. Then each
+takes Gauss-Newton steps with its own derivatives until the last is short; else the optimizer refines it.
 """
 
 from __future__ import annotations
@@ -25,7 +23,7 @@ import numpy as np
 
 from stoop.assessment.error_bars import ErrorBars
 from stoop.assessment.uncertainty import method_agreement
-from stoop.base.arrays import FloatArray, IntArray
+from stoop.base.arrays import BoolArray, FloatArray, IntArray
 from stoop.base.npz import read_arrays
 from stoop.base.text import duration
 from stoop.errors import IdentificationError
@@ -96,7 +94,7 @@ def assess(
 ) -> tuple[Result, dict[str, bytes]]:
     """Return the result with what the assessments found and which methods agree, and the files that they give.
 
-    An IdentificationError says that the fit is of a method that cannot be assessed so, or that an extra is not installed.
+    An IdentificationError says that a method cannot be assessed so, or that an extra is not installed.
     """
     check_method(result.method, [assessment.name for assessment in assessments])
     uncertainty, files = dict(result.uncertainty), dict[str, bytes]()
@@ -148,8 +146,7 @@ class Optimum:
     free: IntArray  #: (f,) int; entries that no bound holds; the others stay where they are
     residual: FloatArray  #: (n_r,); weighted residuals there, those of the priors last
     jacobian: TallMatrix  #: (n_r, f)
-    #: in which the parameters stay, in units of the vector
-    box: tuple[float, float] = (0.0, 1.0)
+    box: tuple[float, float] = (0.0, 1.0)  #: in which the parameters stay, in units of the vector
 
     @property
     def rung(self) -> int:
@@ -220,15 +217,13 @@ class Shifted(Derived):
 
 
 def likelihood_optimum(problem: RefitProblem, optimum: Optimum) -> Optimum:
-    """Return the optimum of a sum of squares that is least there, as the likelihood is greatest."""
-    return optimum if problem.complete else stationary(optimum)
+    """Return the optimum of a sum of squares that is least there, as the likelihood is greatest.
 
-
-def stationary(optimum: Optimum) -> Optimum:
-    """Return the optimum of the same problem without the part of its residuals that the unknowns still explain.
-
-    A likelihood with further terms (the size of innovations) has its maximum beside that of the sum of squares.
+    A likelihood with further terms (the size of innovations) has its maximum beside that of the sum of squares: then the part of
+    the residuals that the unknowns still explain is taken off.
     """
+    if problem.complete:
+        return optimum
     factor, J = optimum.inverse.factor, optimum.jacobian
     explained = J.apply(factor @ (factor.T @ J.project(optimum.residual)))
     shifted = Shifted(optimum.problem, -explained)
@@ -259,15 +254,13 @@ def refit(optimum: Optimum, shifts: FloatArray) -> Refits:
         Z[moving] = optimum.at(Z[moving][:, free] - optimum.z[free] + steps[moving] @ factor.T)
         residuals[moving] = optimum.problem.residuals(Z[moving], optimum.rung)
     endings = list[Ending]()
-    for i, (start, shift) in enumerate(zip(Z, shifts, strict=True)):
-        found = _gauss_newton(optimum, start, shift)
+    for z, shift in zip(Z, shifts, strict=True):
+        found = _gauss_newton(optimum, z, shift)
         endings.append("converged")
         if found is None:
             end = refine(Shifted(optimum.problem, shift), optimum.z, optimum.rung)
-            found, endings[i] = (
-                (end.z, "refined") if end.converged else (np.full(len(start), np.nan), "failed")
-            )
-        Z[i] = found
+            found, endings[-1] = (end.z, "refined") if end.converged else (np.full(len(z), np.nan), "failed")
+        z[:] = found
     return Refits(Z, tuple(endings))
 
 
@@ -279,14 +272,14 @@ def _gauss_newton(optimum: Optimum, z: FloatArray, shift: FloatArray) -> FloatAr
     problem, rung, free = optimum.problem, optimum.rung, optimum.free
     boxed, before = free < problem.dimension, np.inf
     low, high = optimum.box
-    inverse = None
+    information = None
     for _ in range(OWN_STEPS):
         r = problem.residuals(z[None, :], rung)[0]
         if not np.isfinite(r).all():
             return None
-        if inverse is None:
+        if information is None:
             jacobian = tall(problem.jacobian(z, rung, r)[0])
-            inverse, gradient = _Inverse(jacobian, free), jacobian.project(r + shift)[free]
+            information, gradient = jacobian.gram(), jacobian.project(r + shift)[free]
         else:
             gradient = problem.gradient(z, rung, r, r + shift)[free]
         if not np.isfinite(gradient).all():
@@ -294,11 +287,10 @@ def _gauss_newton(optimum: Optimum, z: FloatArray, shift: FloatArray) -> FloatAr
         at = z[free]
         # bounds that the step would cross hold
         held = boxed & (((at <= low) & (gradient > 0.0)) | ((at >= high) & (gradient < 0.0)))
-        unheld = np.flatnonzero(~held)
-        step, length = inverse.step(gradient, unheld)
+        step, length = _newton_step(information, gradient, free, ~held)
         if length > MIN_REDUCTION * before:
-            inverse = _Inverse(tall(problem.jacobian(z, rung, r)[0]), free)
-            step, length = inverse.step(gradient, unheld)
+            information = tall(problem.jacobian(z, rung, r)[0]).gram()
+            step, length = _newton_step(information, gradient, free, ~held)
         before = length
         z = optimum.at((at - optimum.z[free] + step)[None, :])[0]
         if length < STEP_TOLERANCE:
@@ -306,18 +298,11 @@ def _gauss_newton(optimum: Optimum, z: FloatArray, shift: FloatArray) -> FloatAr
     return None
 
 
-class _Inverse:
-    """Inverse of the information of f free entries of a Jacobian, found once for the entries that no bound holds."""
-
-    def __init__(self, jacobian: TallMatrix, free: IntArray) -> None:
-        self.information = jacobian.gram()[np.ix_(free, free)]
-        self.unheld, self.factor = np.empty(0, dtype=np.intp), np.empty((0, 0))
-
-    def step(self, gradient: FloatArray, unheld: IntArray) -> tuple[FloatArray, float]:
-        """Return the Gauss-Newton step (f,) of the entries `unheld`, and its length in standard errors."""
-        if not np.array_equal(unheld, self.unheld):
-            self.unheld, self.factor = unheld, invert(self.information[np.ix_(unheld, unheld)]).factor
-        reduced = -gradient[unheld] @ self.factor
-        step = np.zeros(len(gradient))
-        step[unheld] = self.factor @ reduced
-        return step, float(np.sqrt(reduced @ reduced))
+def _newton_step(
+    information: FloatArray, gradient: FloatArray, free: IntArray, unheld: BoolArray
+) -> tuple[FloatArray, float]:
+    """Return the Gauss-Newton step (f,) of the free entries that no bound holds, and its length in standard errors."""
+    factor = invert(information[np.ix_(free[unheld], free[unheld])]).factor
+    reduced, step = -gradient[unheld] @ factor, np.zeros(len(gradient))
+    step[unheld] = factor @ reduced
+    return step, float(np.sqrt(reduced @ reduced))

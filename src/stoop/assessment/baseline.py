@@ -1,12 +1,11 @@
 """The trivial model beside every figure: a first-order lag with dead time and bias for each channel of each maneuver.
 
 ``tau dy/dt + y = K u(t - delay) + b``. Given tau and the delay, the gains K, the bias b of every maneuver and the initial
-value of every segment enter linearly and are solved for (variable projection: G. Golub and V. Pereyra, SIAM J. Numer.
-Anal. 10, 1973), which leaves a search in two dimensions. A flight-dynamics model that does not beat it has learned nothing
-but how late and how strongly the aircraft answers.
+value of every segment are linear: variable projection (G. Golub and V. Pereyra, SIAM J. Numer. Anal. 10, 1973) leaves a
+search in two dimensions.
 
-In a fit maneuver the lag is given its own axis's command and fitted to that very maneuver. In a validation maneuver it is
-given all commands, its gains and times come from the fit maneuvers, and only its bias is its own, for a lag knows no trim.
+In a fit maneuver the lag has its own axis's command and is fitted to that maneuver. In a validation maneuver it has all
+commands, gains and times of the fit maneuvers, and its own bias, for a lag knows no trim.
 """
 
 from __future__ import annotations
@@ -61,10 +60,9 @@ class BaselineManeuver:
 
     def records(self, channel: str, number: int = 0, own: bool = False) -> list[LagRecord]:
         """Return the segments with all commands, or with the channel's `own` where there is one; none without any."""
-        names = list(self.segments[0].commands) if self.segments else []
+        names, out = list(self.segments[0].commands) if self.segments else [], []
         if own:
             names = [name for name in OWN_COMMANDS.get(channel, ()) if name in names][:1] or names
-        out = []
         for segment in self.segments if names else ():
             driving = np.column_stack([segment.commands[name] for name in names])
             measured = segment.measured.get(channel, np.full(len(driving), np.nan))
@@ -89,16 +87,14 @@ def baseline_matches(
         learned = [[r for i, m in enumerate(alike) for r in m.records(channel, i)] for channel in channels]
         joint = fit_lags(learned, alike[0].rate)
     for maneuver, matches in zip(maneuvers, found, strict=True):
-        if maneuver.role == "fit":
-            records = [maneuver.records(channel, own=True) for channel in channels]
-            for channel, own, lag in zip(channels, records, fit_lags(records, maneuver.rate), strict=True):
-                if lag is not None:
-                    matches[channel] = Match(join(lag.matched(own)), join(lag.left_out(own)))
-            continue
-        for channel, lag in zip(channels, joint, strict=True):
-            if lag is not None:
-                predicted = replace(lag, rate=maneuver.rate).predicted(maneuver.records(channel))
-                matches[channel] = Match(join(predicted))
+        fits = maneuver.role == "fit"
+        records = [maneuver.records(channel, own=fits) for channel in channels]
+        lags = fit_lags(records, maneuver.rate) if fits else joint
+        for channel, own, lag in zip(channels, records, lags, strict=True):
+            if lag is not None and fits:
+                matches[channel] = Match(join(lag.matched(own)), join(lag.left_out(own)))
+            elif lag is not None:
+                matches[channel] = Match(join(replace(lag, rate=maneuver.rate).predicted(own)))
     return found
 
 
@@ -137,14 +133,12 @@ class Lag:
 
     def predicted(self, records: Sequence[LagRecord]) -> tuple[FloatArray, ...]:
         """Return the curves (n_i,) of records of one maneuver not fitted, with their own bias, from the first 0.2 s."""
-        starts = []
-        for measured in (r.measured for r in records):
-            seen, first = np.isfinite(measured), max(1, round(START * self.rate))
+        pairs, memory, first = [], self.rate * self.time_constant, max(1, round(START * self.rate))  # samples
+        for record in records:
+            measured, seen = record.measured, np.isfinite(record.measured)
             early = measured[:first][seen[:first]] if seen[:first].any() else measured[seen][:1]
-            starts.append(float(np.mean(early)) if early.size else 0.0)
-        pairs = list(zip(records, starts, strict=True))
+            pairs.append((record, float(np.mean(early)) if early.size else 0.0))
         missed = np.concatenate([r.measured - self.respond(r.commands, 0.0, start) for r, start in pairs])
-        memory = self.rate * self.time_constant  # samples
         step = np.concatenate([1.0 - np.exp(-np.arange(len(r.measured)) / memory) for r in records])
         there = np.isfinite(missed)
         power = float(np.sum(step[there] ** 2))
@@ -152,14 +146,11 @@ class Lag:
         return tuple(self.respond(r.commands, bias, start) for r, start in pairs)
 
     def sensitivities(self, records: Sequence[LagRecord]) -> FloatArray:
-        """Return the derivative (N, u) of the fitted curves by gains, biases, log tau and the delay in samples.
-
-        Those by tau and the delay are differences.
-        """
+        """Return the derivative (N, u) of the fitted curves by gains, biases, and by differences log tau and delay samples."""
         delay, tau = round(self.dead_time * self.rate), self.time_constant
         sooner, later = max(delay - 1, 0), delay + 1
-        delays = np.array([delay, sooner, later, delay, delay])
-        taus = np.array([tau, tau, tau, tau / 1.001, tau * 1.001])
+        delays, taus = np.array([delay, sooner, later, delay, delay]), tau * np.ones(5)
+        taus[3:] = tau / 1.001, tau * 1.001
         usual, early, late, fast, slow = _designs(records, taus, delays, self.rate)
         solution = np.array([*self.gains, *self.biases.values(), *self.initial])
         by_delay = solution @ (late - early) / (later - sooner)
@@ -210,25 +201,21 @@ class _Regression:
 
     def lags(self) -> list[Lag]:
         """Return the best lag of each channel: of a coarse grid, of every delay near its best, then between time constants."""
-        coarse = np.unique(np.round(DEAD_TIMES * self._rate).astype(int))
-        costs = self._grid(coarse)
-        lanes = [self._near(channel, coarse, own) for channel, own in enumerate(costs)]
+        coarse, every = np.unique(np.round(DEAD_TIMES * self._rate).astype(int)), range(len(self._measured))
+        slow, late = np.meshgrid(TIME_CONSTANTS, coarse, indexing="ij")
+        costs = self._solve(np.array(every), slow.ravel(), late.ravel(), every=True)[0]
+        lanes = [self._near(c, coarse, own.reshape(slow.shape).T) for c, own in enumerate(costs)]
         channels, delays, starts = (np.concatenate(parts) for parts in zip(*lanes, strict=True))
         costs, taus = self._refine(channels, delays, starts)
-        best = [
-            int(np.flatnonzero(channels == c)[np.argmin(costs[channels == c])])
-            for c in range(len(self._measured))
-        ]
-        solved = self._solve(channels[best], taus[best], delays[best])[1]
-        return [
-            self._lag(*one) for one in zip(taus[best].tolist(), delays[best].tolist(), solved, strict=True)
-        ]
-
-    def _lag(self, tau: float, delay: int, solved: FloatArray) -> Lag:
+        best = [int(np.flatnonzero(channels == c)[np.argmin(costs[channels == c])]) for c in every]
+        solutions = self._solve(channels[best], taus[best], delays[best])[1]
         count, maneuvers = self._records[0].commands.shape[1], sorted({r.maneuver for r in self._records})
-        gains, biases, initial = np.split(solved, [count, count + len(maneuvers)])
-        shared = dict(zip(maneuvers, biases.tolist(), strict=True))
-        return Lag(tau, delay / self._rate, gains, shared, tuple(initial.tolist()), self._rate)
+        out = []
+        for tau, delay, solved in zip(taus[best].tolist(), delays[best].tolist(), solutions, strict=True):
+            gains, biases, initial = np.split(solved, [count, count + len(maneuvers)])
+            shared = dict(zip(maneuvers, biases.tolist(), strict=True))
+            out.append(Lag(tau, delay / self._rate, gains, shared, tuple(initial.tolist()), self._rate))
+        return out
 
     def _near(self, channel: int, coarse: IntArray, costs: FloatArray) -> tuple[IntArray, IntArray, IntArray]:
         """Return every delay between the neighbors of the best of a grid, with its best time constant's place; lanes (d,)."""
@@ -239,21 +226,9 @@ class _Regression:
         found = self._solve(np.full(slow.size, channel), slow.ravel(), late.ravel())[0]
         return np.full(len(delays), channel), delays, first + np.argmin(found.reshape(slow.shape), axis=0)
 
-    def _grid(self, delays: IntArray) -> FloatArray:
-        """Return the least sums of squares (channels, delays, time constants)."""
-        slow, late = np.meshgrid(TIME_CONSTANTS, delays, indexing="ij")
-        costs = self._solve(np.arange(len(self._measured)), slow.ravel(), late.ravel(), every=True)[0]
-        return costs.reshape(-1, *slow.shape).transpose(0, 2, 1)
-
-    def _refine(
-        self, channels: IntArray, delays: IntArray, places: IntArray
-    ) -> tuple[FloatArray, FloatArray]:
-        """Return the least sum of squares of each lane (k,) and its time constant, near that of a place in the grid.
-
-        Successive parabolic interpolation over the logarithm of the time constant, between the neighbors in the grid.
-        """
-        last = len(TIME_CONSTANTS) - 1
-        ends = np.log(TIME_CONSTANTS[np.clip([places - 1, places + 1], 0, last)])
+    def _refine(self, channels: IntArray, delays: IntArray, places: IntArray) -> tuple[FloatArray, ...]:
+        """Return each lane's least cost (k,) and its time constant, by successive parabolas between neighbors in the grid."""
+        ends = np.log(TIME_CONSTANTS[np.clip([places - 1, places + 1], 0, len(TIME_CONSTANTS) - 1)])
         x = np.array([ends[0], ends.mean(axis=0), ends[1]])
         y = np.array([self._solve(channels, np.exp(one), delays)[0] for one in x])
         for _ in range(PARABOLAS):
@@ -270,12 +245,9 @@ class _Regression:
     def _solve(
         self, channels: IntArray, time_constants: FloatArray, delays: IntArray, every: bool = False
     ) -> tuple[FloatArray, FloatArray]:
-        """Return the sums of squares (lanes,) and the linear unknowns (lanes, u) of one channel each.
-
-        With `every` each lane has all channels: (channels, lanes) and (channels, lanes, u).
-        """
-        whole = _unknowns(self._records) * len(self._there)
-        block, costs, solutions = max(1, BLOCK_SIZE // whole), [], []
+        """Return sums of squares (lanes,) and linear unknowns (lanes, u) of one channel each; of `every`: (channels, ...)."""
+        block = max(1, BLOCK_SIZE // (_unknowns(self._records) * len(self._there)))
+        costs, solutions = [], []
         for at in range(0, len(delays), block):
             some = slice(at, at + block)
             designs = _designs(self._records, time_constants[some], delays[some], self._rate)
@@ -312,10 +284,9 @@ def _unknowns(records: Sequence[LagRecord]) -> int:
 def _designs(
     records: Sequence[LagRecord], time_constants: FloatArray, delays: IntArray, rate: float
 ) -> FloatArray:
-    """Return the linear unknowns' effect (lanes, u, N) for lanes of time constants, s, and delays, samples.
+    """Return the effect (lanes, u, N) of gains, biases and initial values for lanes of time constants, s, and delays, samples.
 
-    The unknowns are gains, biases of maneuvers, and initial values of records. Commands are linear between samples. Before
-    the first sample, where a delayed command would come from, it is taken to have stood still.
+    Commands are linear between samples, and stand still before the first.
     """
     maneuvers, count = sorted({record.maneuver for record in records}), records[0].commands.shape[1]
     out = np.zeros((len(delays), _unknowns(records), sum(len(record.commands) for record in records)))

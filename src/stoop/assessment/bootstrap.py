@@ -1,10 +1,8 @@
 """The bootstrap of a fit: refits to the model's own curves with noise like that of the residuals.
 
-The color of the residuals is taken off by the autoregression that also corrects the covariance (what the fit absorbed added
-back); blocks of what is left are drawn, all channels together, and colored again. Blocks keep what the autoregression does not
-explain: the remaining correlation, heavy tails, and channels that are disturbed at the same time. Residuals of windows that
-each begin in a state of their own are no stationary noise: whole windows are drawn, with the gaps behind them. Replicates are
-refitted in chunks, on any pool, into a store that survives kills.
+The autoregression that also corrects the covariance takes off the color of the residuals; blocks of the innovations are drawn,
+all channels together, and colored again. Blocks keep the remaining correlation, heavy tails, and common disturbances. Residuals
+of windows with initial states of their own are no stationary noise: whole windows are drawn, with the gaps behind them.
 
 References
 ----------
@@ -27,6 +25,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, Final
 
@@ -56,11 +55,7 @@ MAX_FAILED: Final = 0.02  #: share of replicates without an optimum from which i
 
 
 def block_length(series: FloatArray) -> float:
-    """Return the length of moving blocks that suits a series (n,) best, samples; at least 1.
-
-    Politis and White (2004) with the correction of 2009: it minimizes the mean square error of the variance of a mean, from
-    the autocovariance up to the lag from which a run of autocorrelations is within chance.
-    """
+    """Return the length of moving blocks, samples, at least 1, of a series (n,) by Politis and White (2004, corrected 2009)."""
     n = len(series)
     centered = series - series.mean()
     digits = np.log10(max(n, 10))
@@ -83,12 +78,12 @@ class ColoredBlocks:
     """Blocks of innovations, colored again."""
 
     noise: ColoredNoise  #: color and strength of the weighted noise
-    #: (m_i, ny), innovations of each segment, of the noise's strength; NaN if unknown
-    pools: tuple[FloatArray, ...]
+    pools: tuple[
+        FloatArray, ...
+    ]  #: (m_i, ny), innovations of each segment, of the noise's strength; NaN if unknown
     present: tuple[BoolArray, ...]  #: (n_i, ny) bool; where each segment was measured
     block: int  #: samples of one block
-    #: residuals behind those of the readings, which have no noise (gaps between windows that meet)
-    rest: int = 0
+    rest: int = 0  #: residuals behind those of the readings, without noise (gaps between windows that meet)
 
     @classmethod
     def of(cls, noise: ColoredNoise, residuals: Sequence[FloatArray], rest: int = 0) -> ColoredBlocks:
@@ -133,8 +128,7 @@ class ColoredBlocks:
 def whitened(segments: Sequence[FloatArray], order: int) -> list[FloatArray]:
     """Return the innovations of a series, (n_i - order,) for segments (n_i,); NaN where unknown.
 
-    By least squares: an autoregression from the autocovariance is biased where the spectrum is steep, and what little color it
-    leaves would be amplified when the noise is colored again.
+    By least squares: an autoregression from the autocovariance is biased where the spectrum is steep.
     """
     window = np.lib.stride_tricks.sliding_window_view
     rows = [window(s, order + 1)[:, ::-1] for s in segments]  # beside its own past, the latest first
@@ -150,8 +144,9 @@ def whitened(segments: Sequence[FloatArray], order: int) -> list[FloatArray]:
 class WholeWindows:
     """Residuals of whole windows, with the gaps behind them, each of random sign in the place of another."""
 
-    #: (w_i, n_i, ny), as a fit to all others would leave them; as long as the longest
-    windows: tuple[FloatArray, ...]
+    windows: tuple[
+        FloatArray, ...
+    ]  #: (w_i, n_i, ny), as a fit to all others would leave them; as long as the longest
     gaps: tuple[FloatArray, ...]  #: (w_i, e); from each window to the next; zero for the last
     edges: tuple[tuple[int, ...], ...]  #: first sample of each window, then the number of samples
     present: tuple[BoolArray, ...]  #: (m_i, ny) bool; where each piece was measured
@@ -162,19 +157,17 @@ class WholeWindows:
         present, many = problem.present, problem.gaps
         first, gap = 0, sum(mask.size for mask in present)
         windows, gaps = [], []
+        residual, jacobian, factor = optimum.residual, optimum.jacobian, optimum.inverse.factor
         for mask, edges in zip(present, problem.windows, strict=True):
             ny, count, longest = mask.shape[1], len(edges) - 1, int(np.max(np.diff(edges)))
             left, behind = np.zeros((count, longest, ny)), np.zeros((count, many))
-            for w in range(count):
-                length = edges[w + 1] - edges[w]
-                own = np.arange(first + edges[w] * ny, first + edges[w + 1] * ny)
+            for w, (start, stop) in enumerate(pairwise(edges)):
+                own = np.arange(first + start * ny, first + stop * ny)
                 last = np.arange(gap + w * many, gap + (w + 1) * many) if w + 1 < count else own[:0]
                 rows = np.concatenate([own, last])
-                r = leave_window_out(
-                    optimum.residual[rows], optimum.jacobian.rows(rows), optimum.inverse.factor
-                )
-                left[w, :length] = r[: len(own)].reshape(length, ny)
-                left[w, length:] = left[w, length - 1]
+                r = leave_window_out(residual[rows], jacobian.rows(rows), factor)
+                left[w, : stop - start] = r[: len(own)].reshape(-1, ny)
+                left[w, stop - start :] = left[w, stop - start - 1]
                 behind[w, : len(last)] = r[len(own) :]
             windows.append(left)
             gaps.append(behind)
@@ -200,8 +193,7 @@ NoiseSource = ColoredBlocks | WholeWindows
 def shifts(optimum: Optimum, noise: NoiseSource, numbers: Sequence[int], seed: int) -> FloatArray:
     """Return what replicates add to the residuals, (B, n_r).
 
-    A replicate's measurements are the fitted curves plus new noise; its priors are drawn anew, too: a prior is a
-    measurement with an error of its own. The noise of each depends on its number and `seed` alone.
+    Priors are drawn anew, too, as measurements with errors of their own. The noise depends on number and `seed` alone.
     """
     out = np.empty((len(numbers), len(optimum.residual)))
     for row, number in zip(out, numbers, strict=True):
@@ -213,10 +205,7 @@ def shifts(optimum: Optimum, noise: NoiseSource, numbers: Sequence[int], seed: i
 
 
 def percentiles(estimate: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the spread of converged replicates (B, k) of an estimate (k,), and bias-corrected 95 % percentile intervals.
-
-    These are standard deviations, lower and upper ends, (k,) each; NaN of too few replicates.
-    """
+    """Return std of replicates (B, k) of an estimate (k,), and ends of bias-corrected 95 % intervals; NaN of too few."""
     if len(values) < MIN_REPLICATES:
         return (np.full(len(estimate), np.nan),) * 3
     below = np.mean(values < estimate, axis=0) + 0.5 * np.mean(values == estimate, axis=0)
@@ -267,32 +256,23 @@ def bootstrap_plan(fit: Estimate, bars: ErrorBars, seed: int, count: int) -> Pla
     """Return the campaign: `count` replicates, rounded up to whole chunks."""
     noise = bars.uncertainty.noise
     whole = sum(len(p.edges) - 1 for p in fit.evidence.pieces if p.edges) >= MIN_WINDOWS
-    problem = packed(
-        fit,
-        bars,
-        {"color": noise.coefficients, "innovation": noise.innovation, "whole_windows": np.array(whole)},
-    )
+    more = {"color": noise.coefficients, "innovation": noise.innovation, "whole_windows": np.array(whole)}
+    problem = packed(fit, bars, more)
     digest = hashlib.sha256(problem.encode()).hexdigest()
-    runs = tuple(
-        Run(f"{first:06d}", WORK, {"problem": problem, "seed": seed, "first": first, "count": CHUNK})
-        for first in range(0, count, CHUNK)
-    )
-    return Plan("bootstrap of a fit", {"problem": digest, "seed": seed}, runs)
+    given: dict[str, Json] = {"problem": problem, "seed": seed, "count": CHUNK}
+    runs = (Run(f"{i:06d}", WORK, {**given, "first": i}) for i in range(0, count, CHUNK))
+    return Plan("bootstrap of a fit", {"problem": digest, "seed": seed}, tuple(runs))
 
 
 @on_one_blas_thread
 def refit_chunk(arguments: Mapping[str, Json], stops: Sequence[int | None]) -> list[Json]:
-    """Refit one chunk of replicates, `first` and `count`, of a packed problem: the work of a run.
-
-    One per stop: ``values``, the parameters of each replicate, SI, and ``endings``.
-    """
+    """Refit `count` replicates from the `first` of a packed problem: their parameters, SI, as ``values``, and ``endings``."""
     given: Any = arguments
     first, count, seed = (int(given[name]) for name in ("first", "count", "seed"))
-    problem, optimum, noise = _unpacked(str(given["problem"]))
+    problem, optimum, noise = _unpacked(given["problem"])
     found = refit(optimum, shifts(optimum, noise, range(first, first + count), seed))
     values = problem.problem.layout.physical(found.z)  # NaN for those that failed
-    done: dict[str, Json] = {"values": values.tolist(), "endings": list(found.endings)}
-    return [done for _ in stops]
+    return [{"values": values.tolist(), "endings": list(found.endings)} for _ in stops]
 
 
 @lru_cache(maxsize=1)
@@ -306,8 +286,7 @@ def _unpacked(text: str) -> tuple[RefitProblem, Optimum, NoiseSource]:
         block = -optimum.residual[first : first + mask.size].reshape(mask.shape)
         residuals.append(np.where(mask, block, np.nan))
         first += mask.size
-    rest = (
-        len(optimum.residual) - first - len(problem.problem.layout.prior_residuals(arrays["z"][None, :])[0])
-    )
+    priors = problem.problem.layout.prior_residuals(arrays["z"][None, :])[0]
+    rest = len(optimum.residual) - first - len(priors)
     noise = ColoredNoise(arrays["color"], arrays["innovation"])
     return problem, optimum, ColoredBlocks.of(noise, residuals, rest)

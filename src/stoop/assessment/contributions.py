@@ -2,21 +2,15 @@ r"""What controls and motions contribute to the readings, against noise and agai
 
 The free terms of one variable, of estimates :math:`\theta_c` and sensitivities :math:`S_c`, contribute
 :math:`s = S_c\theta_c`. The other unknowns cannot take over :math:`v = s - S_o D_{oo}^{-1} D_{oc}\theta_c`, with the information
-D. Against residuals of autocovariance R the size of v is
-
-.. math:: t = \frac{v'v}{\sqrt{v'Rv}}
-
-standard errors. That holds if residuals are stationary noise. What a model lacks (gusts, errors of sensors, terms)
-leaves residuals that are colored and may be in step with v: noise is then no more than the least power density of the
-residuals, and the rest, of autocovariance X, is systematic. Its rms in the time and in the band of v is less than that of v by
+D. Against stationary residuals of autocovariance R the size of v is :math:`t = v'v / \sqrt{v'Rv}` standard errors. What a model
+lacks (gusts, errors of sensors, terms) leaves colored residuals that may be in step with v: noise is then no more than their
+least power density, and the rest, of autocovariance X, is systematic. Its rms in the time and band of v is less than that of v by
 
 .. math:: \rho = \frac{v'v}{\sqrt{n\,v'Xv}}, \qquad
           n = \frac{(\sum v^2)^2}{\sum v^4}\,\frac{(\sum |V|^2)^2}{N \sum |V|^4} \ge 1,
 
 with the spectrum V of the N samples of v, whose independent samples n are the product of its duration and its bandwidth. A
-systematic residual of the shape of v changes the terms by :math:`1/\rho` of their values, whatever their standard errors say.
-Neither number depends on the rate of a record of white noise, nor on its length before and after a maneuver. Innovations of a
-filter are judged in the same way, for both v and the residuals are whitened.
+systematic residual of the shape of v changes the terms by :math:`1/\rho` of their values, whatever their standard errors.
 
 References
 ----------
@@ -42,13 +36,8 @@ from stoop.estimate.estimate import Estimate
 from stoop.problem.evidence import Evidence, PieceEvidence, invert
 from stoop.vehicle import Vehicle, terms
 
-INPUTS: Final = {
-    "alpha": "pitch",
-    "beta": "yaw",
-    "p": "roll",
-    "q": "pitch",
-    "r": "yaw",
-}  #: that excite a motion
+#: that excite a motion
+INPUTS: Final = {"alpha": "pitch", "beta": "yaw", "p": "roll", "q": "pitch", "r": "yaw"}
 
 
 @dataclass(frozen=True)
@@ -116,9 +105,9 @@ def contributions(
 def systematic_shifts(
     pieces: Sequence[PieceEvidence], information: FloatArray, noise: ColoredNoise, count: int
 ) -> FloatArray:
-    """Return by how much a systematic residual in step with each of the first `count` unknowns may shift it, in its unit.
+    """Return the shifts (count,) of the first unknowns by systematic residuals in step with them, 1 / rho of one unit each.
 
-    That is 1 / rho of a contribution of one unit, over all channels; the prior, in the information (f, f), holds against it.
+    The prior, in the information (f, f), holds against it.
     """
     columns = np.column_stack([_unshared(information, np.array([i]), [1.0]) for i in range(count)])
     v = [piece.filled()[1] @ columns for piece in pieces]
@@ -146,12 +135,11 @@ def contribution_notices(fit: Estimate, found: Sequence[Contribution]) -> list[N
     outputs, controls = fit.problem.layout.vehicle.outputs, deflections(fit.problem)
     told, columns = [], fit.refit_problem.columns
     for one in doubtful:
-        series = controls.get(one.variable)
+        series, unit = controls.get(one.variable), "deg/s" if one.variable in RATES else "deg"
         if series is None:
             each = [y[:, outputs.index(one.variable)] for y in fit.readings]
             series = np.concatenate([x - np.nanmean(x) for x in each])
         rms = float(np.sqrt(np.nanmean(series**2)))
-        unit = "deg/s" if one.variable in RATES else "deg"
         now, needed = (np.degrees([rms, rms * one.factor])).tolist()
         told.append(
             f"{one.variable} ({now:.2g} {unit} rms: noise {one.noise:.0%}, systematic residuals {one.systematic:.0%} in "

@@ -1,21 +1,16 @@
 r"""Goodness of fit: Theil's coefficient, R2, PRESS, and the whiteness of residuals.
 
-Whiteness is tested by the portmanteau statistic of Ljung and Box, over segments with holes,
+The portmanteau statistic of Ljung and Box, Q = n (n + 2) sum_k r_k^2 / (n - k) for k = 1 ... m, is chi-square with m degrees of
+freedom for white residuals. With holes, n - k is the number of pairs, and a lag without any is no degree of freedom. The mean is
+not taken off: an offset is not white.
 
-    Q = n (n + 2) sum_k r_k^2 / (n - k),  k = 1 ... m,
-
-chi-square with m degrees of freedom for white residuals; with holes, n - k is the number of pairs that are there, and a lag
-without any is no degree of freedom. The mean is not taken off: an offset that is left over is not white.
-
-PRESS, the prediction error sum of squares, leaves each part of the data out in turn and predicts it from the rest. For a fit
-that is linear about its optimum nothing is fitted again: with the whitened residuals e, sensitivities J and information
-M = J'J + priors, leaving the samples B out changes their residuals to
+PRESS, the prediction error sum of squares, leaves each part of the data out in turn and predicts it from the rest. With the
+whitened residuals e, sensitivities J and information M = J'J + priors, leaving the samples B out changes their residuals to
 
 .. math:: e_{(B)} = e_B + J_B (M - J_B' J_B)^{-1} J_B' e_B = (I - H_{BB})^{-1} e_B, \qquad H = J M^{-1} J'.
 
-For single samples this is Allen's e / (1 - h). The neighbors of a left-out sample have its noise too, so blocks of one second,
-all channels together, are left out (Burman, Chow and Nolan). Initial states are not among the unknowns: like inputs, they are
-given.
+Of single samples this is Allen's e / (1 - h). Neighbors share noise: blocks of one second, all channels together, are left out
+(Burman, Chow and Nolan). Initial states, like inputs, are given.
 
 References
 ----------
@@ -59,6 +54,7 @@ CUTOFF: Final = 10.0  #: Hz; above it there is no rigid-body motion worth matchi
 #: in place of a reading that a simulation did not reach: it counts as an error, not as missing
 DIVERGED: Final = 1e100
 BLOCK: Final = 1.0  #: s that are left out together
+NAN: Final = math.nan
 
 
 def theil(measured: FloatArray, simulated: FloatArray, rate: float | None = None) -> float:
@@ -67,9 +63,8 @@ def theil(measured: FloatArray, simulated: FloatArray, rate: float | None = None
     With a sample `rate`, Hz, of both curves low-passed over the stretches that they share.
     """
     if rate is not None:
-        missing = ~(np.isfinite(measured) & np.isfinite(simulated))
-        curves = (measured, simulated)
-        measured, simulated = (low_pass(np.where(missing, np.nan, curve), rate) for curve in curves)
+        both, curves = np.isfinite(measured) & np.isfinite(simulated), (measured, simulated)
+        measured, simulated = (low_pass(np.where(both, curve, np.nan), rate) for curve in curves)
     z, y = _common(measured, simulated)
     scale = _rms(z) + _rms(y)
     return np.nan if z.size == 0 else _rms(z - y) / scale if scale > 0.0 else 0.0
@@ -92,7 +87,7 @@ def theil_shares(measured: FloatArray, simulated: FloatArray) -> TheilShares:
 def rmse(measured: FloatArray, simulated: FloatArray) -> float:
     """Return the root mean square of the difference where both are finite; NaN without any sample."""
     z, y = _common(measured, simulated)
-    return _rms(z - y) if z.size else np.nan
+    return _rms(z - y) if z.size else NAN
 
 
 def r2(measured: FloatArray, simulated: FloatArray) -> float:
@@ -114,6 +109,12 @@ def _rms(values: FloatArray) -> float:
     return peak * float(np.sqrt(np.mean((values / peak) ** 2))) if peak > 0.0 else 0.0
 
 
+def _rms_of_known(values: FloatArray) -> float:
+    """Return the rms of the values that are known; NaN without any."""
+    known = values[np.isfinite(values)]
+    return _rms(known) if known.size else NAN
+
+
 @dataclass(frozen=True, eq=False)
 class Match:
     """What one model makes of one channel of one maneuver."""
@@ -124,43 +125,26 @@ class Match:
 
 def unexplained(curves: Sequence[tuple[FloatArray, FloatArray]], rate: float) -> float:
     """Return the rms of measured minus simulated curves (n_i,), below 10 Hz, over all of them; NaN without any sample."""
-    left = np.concatenate([low_pass(z - y, rate) for z, y in curves])
-    left = left[np.isfinite(left)]
-    return _rms(left) if left.size else math.nan
+    return _rms_of_known(np.concatenate([low_pass(z - y, rate) for z, y in curves]))
 
 
 def noise_floor(
-    measured: FloatArray,
-    rate: float,
-    sigma: float,
-    left: float = math.nan,
-    deviation: FloatArray | None = None,
+    measured: FloatArray, rate: float, sigma: float, left: float = NAN, deviation: FloatArray | None = None
 ) -> tuple[float, float]:
     """Return the noise of a channel (n,) below 10 Hz, in its unit, and the rms of its motion over that noise.
 
-    White noise is no more than `sigma`, what the fit leaves, and no more than the record's own, by its third differences:
-    those of smooth motion vanish, those of white noise have a variance of 1 + 9 + 9 + 1 = 20 of its own. Slow errors of the
-    sensors, gusts and vibration are noise, too: `left`, what the better of model and lag leaves :func:`unexplained` in the
-    fitted maneuvers; by its own residuals alone, a model that explains nothing would call all motion noise. So is what a
-    prediction does not know (initial state, biases, parameters, gusts): its `deviation` (n,) without the fit's noise. The
-    motion is about its mean, with the noise taken off.
+    White noise is at most `sigma`, what the fit leaves, and at most the record's own, by its third differences: those of smooth
+    motion vanish, those of white noise have 1 + 9 + 9 + 1 = 20 times its variance. Slow errors of the sensors, gusts and
+    vibration are noise, too: `left`, what the better of model and lag leaves :func:`unexplained` in the fitted maneuvers. So is
+    the uncertainty of a prediction: its `deviation` (n,) without the fit's noise. The motion is about its mean, without noise.
     """
-    differences = np.diff(measured, 3)
-    differences = differences[np.isfinite(differences)]
-    own = _rms(differences) / math.sqrt(20.0) if differences.size else math.nan
+    own = _rms_of_known(np.diff(measured, 3)) / math.sqrt(20.0)
     white = float(np.fmin(sigma, own)) * math.sqrt(min(1.0, 2.0 * CUTOFF / rate))
     unknown = np.empty(0) if deviation is None else deviation[np.isfinite(deviation)] ** 2 - sigma**2
-    noise = math.hypot(
-        np.fmax(white, left), math.sqrt(max(float(np.mean(unknown)), 0.0)) if unknown.size else 0.0
-    )
-    slow = low_pass(measured, rate)
-    motion = math.sqrt(max(float(np.nanvar(slow)) - noise**2, 0.0))
-    return noise, motion / noise if noise > 0.0 else math.inf if motion > 0.0 else math.nan
-
-
-def fit_percent(r2: float) -> float:
-    """Return 100 (1 - rms error / rms of the measured curve about its mean) for a coefficient of determination."""
-    return 100.0 * (1.0 - math.sqrt(1.0 - r2))
+    ahead = math.sqrt(max(float(np.mean(unknown)), 0.0)) if unknown.size else 0.0
+    noise = math.hypot(np.fmax(white, left), ahead)
+    motion = math.sqrt(max(float(np.nanvar(low_pass(measured, rate))) - noise**2, 0.0))
+    return noise, motion / noise if noise > 0.0 else math.inf if motion > 0.0 else NAN
 
 
 def channel_figures(
@@ -168,10 +152,10 @@ def channel_figures(
     model: Match,
     rate: float,
     baseline: Match | None = None,
-    sigma: float = math.nan,
+    sigma: float = NAN,
     deviation: FloatArray | None = None,
     innovations: FloatArray | None = None,
-    left: float = math.nan,
+    left: float = NAN,
 ) -> GoodnessOfFit:
     """Return the figures of one channel of one maneuver, beside those of the trivial model where there is one.
 
@@ -183,46 +167,39 @@ def channel_figures(
     """
     gone = np.isfinite(measured) & ~np.isfinite(model.simulated)
     model = replace(model, simulated=np.where(gone, DIVERGED, model.simulated))
-    shared: list[dict[str, Any]] = []  # the figures that a model and the baseline have alike
-    for match in (model,) if baseline is None else (model, baseline):
-        missed = np.empty(0) if match.left_out is None else match.left_out[np.isfinite(match.left_out)]
-        shared.append(
-            {
-                "rmse": rmse(measured, match.simulated),
-                "r2": r2(measured, match.simulated),
-                "press": _rms(missed) if missed.size else np.nan,
-                "theil_shares": theil_shares(measured, match.simulated),
-                "whiteness": whiteness(measured - match.simulated),
-            }
-        )
     noise, ratio = noise_floor(measured, rate, sigma, left, deviation)
+    shared = _shared_figures(measured, model)
     found = GoodnessOfFit(
         theil=theil(measured, model.simulated, rate),
-        **shared[0],
-        fit_percent=fit_percent(shared[0]["r2"]),
+        **shared,
+        fit_percent=100.0 * (1.0 - math.sqrt(1.0 - shared["r2"])),
         noise=noise,
         signal_to_noise=ratio,
-        inside=math.nan if deviation is None else inside_band(measured - model.simulated, deviation),
-        innovations=InnovationFigures() if innovations is None else innovation_figures(innovations),
+        inside=NAN if deviation is None else inside_band(measured - model.simulated, deviation),
     )
+    if innovations is not None:
+        inside = inside_band(innovations, np.ones_like(innovations))
+        expected = InnovationFigures(_rms_of_known(innovations), inside, whiteness(innovations))
+        found = replace(found, innovations=expected)
     if baseline is None:
         return found
     lag = theil(measured, baseline.simulated, rate)
-    return replace(found, baseline_theil=lag, baseline=BaselineFit(**shared[1]))
+    return replace(found, baseline_theil=lag, baseline=BaselineFit(**_shared_figures(measured, baseline)))
 
 
-def innovation_figures(normalized: FloatArray) -> InnovationFigures:
-    """Return the figures of innovations (n,) over their expected standard deviations, NaN where there is none."""
-    there = normalized[np.isfinite(normalized)]
-    inside = inside_band(normalized, np.ones_like(normalized))
-    return InnovationFigures(_rms(there) if there.size else math.nan, inside, whiteness(normalized))
+def _shared_figures(measured: FloatArray, match: Match) -> dict[str, Any]:
+    """Return the figures that the model and the baseline have alike."""
+    simulated, press = match.simulated, NAN if match.left_out is None else _rms_of_known(match.left_out)
+    found = {"rmse": rmse(measured, simulated), "r2": r2(measured, simulated), "press": press}
+    shares = theil_shares(measured, simulated)
+    return found | {"theil_shares": shares, "whiteness": whiteness(measured - simulated)}
 
 
 def inside_band(residual: FloatArray, deviation: FloatArray) -> float:
     """Return the share of residuals (n,) within their 95 % band; NaN without any."""
     there = np.isfinite(residual) & np.isfinite(deviation)
     within = np.abs(residual[there]) <= NORMAL_95 * deviation[there]
-    return float(np.mean(within)) if there.any() else math.nan
+    return float(np.mean(within)) if there.any() else NAN
 
 
 def whiteness(residual: FloatArray) -> Whiteness:
@@ -295,8 +272,7 @@ def left_out(residual: FloatArray, jacobian: FloatArray, information: FloatArray
 def left_out_residuals(fit: Estimate) -> list[FloatArray] | None:
     """Return measured minus simulated (n, n_y) of every piece, each second left out of the fit in turn; channel units.
 
-    They are the residuals that the method minimizes: of the simulation, of windows, or of a filter's predictions; NaN where
-    nothing was measured. None for a regression, or where the fit cannot be differentiated.
+    NaN where nothing was measured. None for a regression, or where the fit cannot be differentiated.
     """
     problem = fit.refit_problem
     if problem.equations:
@@ -308,10 +284,8 @@ def left_out_residuals(fit: Estimate) -> list[FloatArray] | None:
     lasting = np.array([*range(d), *biases], dtype=np.intp)
     own = [piece.of(lasting) for piece in evidence.pieces]
     information = data_information(own) + evidence.prior[np.ix_(lasting, lasting)]
-    missed = [
-        left_out(e.residual, e.jacobian, information, round(BLOCK / piece.dt))
-        for e, piece in zip(own, fit.problem.pieces, strict=True)
-    ]
+    pairs = zip(own, fit.problem.pieces, strict=True)
+    missed = [left_out(e.residual, e.jacobian, information, round(BLOCK / p.dt)) for e, p in pairs]
     present = [np.isfinite(w) for w in missed]
     white = [np.where(seen, w, 0.0) for w, seen in zip(missed, present, strict=True)]
     return [np.where(seen, u, np.nan) for seen, u in zip(present, problem.in_units(white), strict=True)]

@@ -4,11 +4,10 @@ For a simple eigenvalue :math:`\lambda` of A with right and left eigenvectors x 
 
 .. math:: \frac{\partial\lambda}{\partial\theta} = \frac{y^H (\partial A/\partial\theta)\, x}{y^H x},
 
-so standard errors of its real and imaginary part, frequency, damping and time constant follow by the delta method. That
-fails where two real modes are about to become an oscillation, or the other way around: there the eigenvalue has no
-derivative. Parameters are therefore also drawn from their normal distribution; each draw's eigenvalues are those of
-:math:`A + \sum \delta\theta_i\, \partial A/\partial\theta_i`, exactly. Where more than a few draws have another character,
-or the spread of the draws is not what the derivatives say, the intervals are percentiles of the draws.
+so standard errors follow by the delta method, except where two real modes are about to become an oscillation, or an oscillation
+two real modes: there the eigenvalue has no derivative. Parameters are therefore also drawn from their normal distribution, with
+the eigenvalues of :math:`A + \sum \delta\theta_i\, \partial A/\partial\theta_i`. Where more than a few draws have another
+character, or their spread is not that of the derivatives, the intervals are percentiles of the draws.
 
 References
 ----------
@@ -31,7 +30,7 @@ from stoop.assessment.covariance import NORMAL_95
 from stoop.assessment.free_response import free_response, measured_mode
 from stoop.base.arrays import BoolArray, ComplexArray, FloatArray
 from stoop.base.notices import notice
-from stoop.base.variables import EULER
+from stoop.base.variables import EULER, RATES
 from stoop.errors import SimulationError
 from stoop.estimate.estimate import Estimate
 from stoop.problem.observation import observation_model
@@ -86,22 +85,20 @@ def differentiated(
 ) -> Linearized:
     """Return A and B with their derivatives by central differences at the parameters' values, SI.
 
-    `follow` returns steady flights for changed parameters, (B,) each; `scales` are how far each may sensibly move. The
-    estimate is the first lane; two follow for each parameter that a motion depends on.
+    `follow` returns steady flights for changed parameters, (B,) each; `scales` are how far each may sensibly move.
     """
-    moving = [name for name in values if not name.startswith("sensors.")]
-    changes = {name: np.full(1 + 2 * len(moving), value) for name, value in values.items()}
-    steps = np.array([STEP * scales[name] for name in moving])
-    for i, (name, step) in enumerate(zip(moving, steps.tolist(), strict=True)):
-        changes[name][1 + 2 * i : 3 + 2 * i] += step, -step
+    # the estimate is the first lane; two follow for each parameter that a motion depends on
+    places = [i for i, name in enumerate(values) if not name.startswith("sensors.")]
+    room = np.array([scales[name] for name in values])
+    changes = {name: np.full(1 + 2 * len(places), value) for name, value in values.items()}
+    for lane, i in enumerate(places):
+        step, name = STEP * room[i], list(values)[i]
+        changes[name][1 + 2 * lane : 3 + 2 * lane] += step, -step
     names, A, B, *_ = linear_models(vehicle, follow(changes))
-    keep, n = [i for i, name in enumerate(names) if name not in INTEGRATORS], len(names)
-    columns = [*keep, *range(n, n + B.shape[2])]
-    both = np.concatenate([A, B], axis=2)[:, keep][:, :, columns]
+    keep = [i for i, name in enumerate(names) if name not in INTEGRATORS]
+    both, n = np.concatenate([A[:, keep][:, :, keep], B[:, keep]], axis=2), len(keep)
     slopes = np.zeros((len(values), *both.shape[1:]))
-    places = [i for i, name in enumerate(values) if name in moving]
-    slopes[places] = (both[1::2] - both[2::2]) / (2.0 * steps[:, None, None])
-    room, n = np.array([scales[name] for name in values]), len(keep)
+    slopes[places] = (both[1::2] - both[2::2]) / (2.0 * (STEP * room[places])[:, None, None])
     kept = tuple(names[i] for i in keep)
     return Linearized(kept, both[0, :, :n], slopes[:, :, :n], room, both[0, :, n:], slopes[:, :, n:])
 
@@ -132,7 +129,7 @@ def _known(covariance: FloatArray) -> tuple[BoolArray, FloatArray]:
 
 
 def mode_estimates(
-    linearized: Linearized, parameters: tuple[str, ...], covariance: FloatArray, seed: int = 0
+    linearized: Linearized, parameters: tuple[str, ...], covariance: FloatArray
 ) -> tuple[ModeEstimate, ...]:
     """Return the flight modes, lags of surfaces left out, with their intervals from the covariance (k, k), SI.
 
@@ -141,26 +138,29 @@ def mode_estimates(
     lost, known = _known(covariance)
     power, basis = np.linalg.eigh(0.5 * (known + known.T))
     spread = basis * np.sqrt(np.maximum(power, 0.0))
-    steps = np.random.default_rng(seed).standard_normal((DRAWS, len(power))) @ spread.T
+    steps = np.random.default_rng(0).standard_normal((DRAWS, len(power))) @ spread.T
     lanes = linearized.A + np.tensordot(steps, linearized.derivative, 1)
     base, *drawn = tracked_eigenvalues(np.concatenate([linearized.A[None], lanes]))
     draws, out = np.array(drawn), []
     for mode in (m for m in modes_of(linearized.A, linearized.names) if not m.name.endswith(".lag")):
         gradient = linearized.gradient(mode.eigenvalue)
         matters = np.abs(gradient) * linearized.room > MIN_EFFECT * abs(mode.eigenvalue)
-        unknown = [n for n, both in zip(parameters, matters & lost, strict=True) if both]
+        unknown = tuple(n for n, both in zip(parameters, matters & lost, strict=True) if both)
         if unknown:
-            s = mode.eigenvalue
-            numbers = (s.real, s.imag, mode.frequency, mode.damping, mode.time_constant)
-            remark = notice("mode-depends-on-unknown", mode.name, parameters=tuple(unknown))
-            found: dict[str, Any] = dict(zip(QUANTITIES, map(DerivedValue, numbers), strict=True))
+            remark = notice("mode-depends-on-unknown", mode.name, parameters=unknown)
+            found: dict[str, Any] = {name: DerivedValue(value) for name, value in _quantities(mode).items()}
             out.append(ModeEstimate(mode.name, **found, remark=(remark,)))
-        else:
-            s = mode.eigenvalue
-            pair = [s] if abs(s.imag) <= REAL else [s, s.conjugate()]
-            places = [int(np.argmin(np.abs(base - one))) for one in pair]
-            out.append(_estimated(mode, gradient, known, draws[:, places]))
+            continue
+        s = mode.eigenvalue
+        pair = [s] if abs(s.imag) <= REAL else [s, s.conjugate()]
+        places = [int(np.argmin(np.abs(base - one))) for one in pair]
+        out.append(_estimated(mode, gradient, known, draws[:, places]))
     return tuple(out)
+
+
+def _quantities(mode: Mode) -> dict[str, float]:
+    numbers = (mode.eigenvalue.real, mode.eigenvalue.imag, mode.frequency, mode.damping, mode.time_constant)
+    return dict(zip(QUANTITIES, numbers, strict=True))
 
 
 def _estimated(
@@ -187,9 +187,7 @@ def _estimated(
     pair, spread = abs(s.imag) > REAL, float(np.std(middle))
     other = float(np.mean((np.abs(drawn[:, 0].imag) > REAL) != pair))
     unlike = errors["real"] > 0.0 and not 1.0 / SPREAD_RATIO < spread / errors["real"] < SPREAD_RATIO
-    sampled, spans = other > OTHER_CHARACTER or unlike, {}
-    numbers = (s.real, s.imag, mode.frequency, mode.damping, mode.time_constant)
-    values = dict(zip(QUANTITIES, numbers, strict=True))
+    sampled, spans, values = other > OTHER_CHARACTER or unlike, {}, _quantities(mode)
     for name, draws in samples.items():
         spans[name] = (values[name] - NORMAL_95 * errors[name], values[name] + NORMAL_95 * errors[name])
         if sampled:
@@ -253,7 +251,7 @@ def conditions(fit: Estimate) -> list[Condition]:
         own = pieces[0].maneuver
         biases = {n.name: n.center + n.scale * e for n, e in entries if n.is_bias and n.maneuver == own}
         start = {}
-        for name in ("V", "alpha", "beta", "p", "q", "r", *EULER, "h"):
+        for name in ("V", "alpha", "beta", *RATES, *EULER, "h"):
             if name not in vehicle.outputs:
                 start[name] = float(np.mean([piece.start.get(name, 0.0) for piece in pieces]))
                 continue
@@ -272,13 +270,12 @@ def conditions(fit: Estimate) -> list[Condition]:
 
 
 def modes(fit: Estimate, parameters: tuple[str, ...], covariance: FloatArray) -> tuple[ConditionModes, ...]:
-    """Return the modes at every fitted flight condition; none of a vehicle that no autopilot leaves to itself.
+    """Return the modes at every fitted flight condition, from the covariance (k, k), SI, of the parameters named.
 
-    `covariance` (k, k), SI, is that of the k free parameters named.
+    None of a vehicle that no autopilot leaves to itself.
     """
-    if not observation_model(fit.problem.layout.vehicle).open_loop:
-        return ()
-    return tuple(_at(fit, condition, parameters, covariance) for condition in conditions(fit))
+    own = conditions(fit) if observation_model(fit.problem.layout.vehicle).open_loop else []
+    return tuple(_at(fit, condition, parameters, covariance) for condition in own)
 
 
 def _at(
@@ -291,13 +288,12 @@ def _at(
     nothing = ConditionModes(condition.maneuvers, "", *place, (), notice("linear-model-not-finite"))
     if not np.isfinite([*start.values(), *condition.inputs]).all():
         return nothing
-    density = None  # kg/m3, recorded where the vehicle takes it from the log
-    if "density" in vehicle.inputs:
-        density = float(condition.inputs[vehicle.inputs.index("density")])
+    channels = condition.inputs[: len(vehicle.inputs)]
+    # kg/m3, recorded where the vehicle takes it from the log
+    density = dict(zip(vehicle.inputs, channels.tolist(), strict=True)).get("density")
     try:
         point, about, remark = trim(vehicle, start["V"], start["h"], density=density), "trim", None
     except SimulationError:
-        channels = condition.inputs[: len(vehicle.inputs)]
         point, about = Trim(dict(start), {}, {}, channels, {}, math.nan), "mean state"
         remark = notice("modes-about-mean-state")
     free = fit.problem.layout.parameters

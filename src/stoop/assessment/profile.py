@@ -1,9 +1,7 @@
 """Profile likelihood: one parameter is held on a row of values, everything else is fitted anew.
 
-Twice the logarithm of the likelihood ratio is the rise of the cost, in a problem whose weights are the inverse
-noise covariance. Where residuals are colored it is divided by the square of the factor by which that parameter's
-error bar is corrected: the profile of a linear model then gives the corrected interval, and one of a curved model keeps
-its own shape.
+Twice the logarithm of the likelihood ratio is the rise of the cost. Where residuals are colored it is divided by the square of
+the factor by which the error bar is corrected: the profile of a linear model then gives the corrected interval.
 
 References
 ----------
@@ -69,21 +67,13 @@ class Pinned(Derived):
         """Number of variables left in the unit box."""
         return self.problem.dimension - 1
 
-    def whole(self, Z: FloatArray) -> FloatArray:
-        """Return vectors of the whole problem."""
-        return np.insert(Z, self.entry, self.value, axis=1)
-
     def residuals(self, Z: FloatArray, rung: int) -> FloatArray:
         """Return weighted residuals (B, n_r)."""
-        return self.problem.residuals(self.whole(Z), rung)
-
-    def costs(self, X: FloatArray, rung: int) -> FloatArray:
-        """Return costs (B,) with the nuisances at their start."""
-        return self.problem.costs(self.whole(X), rung)
+        return self.problem.residuals(np.insert(Z, self.entry, self.value, axis=1), rung)
 
     def jacobian(self, z: FloatArray, rung: int, r: FloatArray) -> tuple[Jacobian, float]:
         """Return the derivative by what is left, and the trajectories it took."""
-        jacobian, spent = self.problem.jacobian(self.whole(z[None, :])[0], rung, r)
+        jacobian, spent = self.problem.jacobian(np.insert(z, self.entry, self.value), rung, r)
         rest = np.delete(np.arange(self.dimension + 1 + self.extra), self.entry)
         return tall(jacobian).of_variables(rest), spent
 
@@ -114,8 +104,8 @@ class ProfileLikelihood:
             column = optimum.inverse.factor @ optimum.inverse.factor[where[0]]
             self.follow, self.variance = column / column[where[0]], float(column[where[0]])
         least = float(optimum.residual @ optimum.residual)
-        pinned, rest = Pinned(optimum.problem, entry, self.center), np.delete(optimum.z, entry)
-        again = refine(pinned, rest, optimum.rung, SETTINGS)
+        pinned = Pinned(optimum.problem, entry, self.center)
+        again = refine(pinned, np.delete(optimum.z, entry), optimum.rung, SETTINGS)
         self.better = max(0.0, least - again.cost) / factor**2
         self.least = min(least, again.cost)
         self.lower, self.upper = self._end(-1.0), self._end(1.0)
@@ -123,9 +113,8 @@ class ProfileLikelihood:
 
     def _end(self, direction: float) -> float:
         """Return where the statistic's root passes 1.96 to one side; NaN where it does not before the bound."""
-        bound = 1.0 if direction > 0.0 else 0.0
+        bound, sigma = 1.0 if direction > 0.0 else 0.0, self.factor * float(np.sqrt(self.variance))
         reach = abs(bound - self.center)
-        sigma = self.factor * float(np.sqrt(self.variance))
         # where a linear model would pass
         distance = min(NORMAL_95 * sigma if sigma > 0.0 else FIRST_STEP, reach)
         known, starts = [(0.0, 0.0)], [self.optimum.z]  # distance and root of the statistic
@@ -194,39 +183,43 @@ class Profile:
 
     def __call__(self, fit: Estimate, bars: ErrorBars, seed: int, watch: Watch) -> Finding:
         """Return likelihood-ratio intervals; NaN for an end that the data leave open."""
-        plan = profile_plan(fit, bars, selected(fit, bars, self.parameters))
-        found = refits(plan, self.store, self.pool, "profile: {} of {} parameters", 1, watch)
-        parameters, notices, layout, count = {}, list[Notice](), fit.problem.layout, 0
-        names = list(fit.estimates)
-        if len(found) < len(fit.estimates):
+        plan = self._plan(fit, bars)
+        found: Any = refits(plan, self.store, self.pool, "profile: {} of {} parameters", 1, watch)
+        parameters, notices, layout, names = {}, list[Notice](), fit.problem.layout, list(fit.estimates)
+        if len(found) < len(names):
             notices.append(notice("profile-of-some-parameters"))
         for name, one in found.items():
-            result: Any = one
             entry = names.index(name)
-            p = layout.parameters[entry]
-            low, high = (
-                float(layout.lower[entry] + layout.width[entry] * float(end)) for end in result["ends"]
-            )
+            p, ends = layout.parameters[entry], np.array(one["ends"], dtype=np.float64)
+            low, high = (layout.lower[entry] + layout.width[entry] * ends).tolist()
             parameters[name] = Interval((high - low) / (2.0 * NORMAL_95), low, high)
             sides = [side for side, end in (("-below", low), ("-above", high)) if not np.isfinite(end)]
             if sides:
                 code = "profile-open" + (sides[0] if len(sides) == 1 else "")
                 notices.append(notice(code, name, lower=p.lower, upper=p.upper))
-            if result["better"] > BETTER:
+            if one["better"] > BETTER:
                 notices.append(notice("profile-better-optimum", name))
-            count += len(result["points"]) - 1
-        return Finding(MethodIntervals(parameters, {"refits": float(count)}, tuple(notices)))
+        count = float(sum(len(one["points"]) - 1 for one in found.values()))
+        return Finding(MethodIntervals(parameters, {"refits": count}, tuple(notices)))
 
-
-def selected(fit: Estimate, bars: ErrorBars, wanted: Sequence[str]) -> tuple[str, ...]:
-    """Return the parameters that are profiled; refuses names as :func:`check_names`."""
-    check_names(list(fit.estimates), wanted)
-    doubtful = [
-        name
-        for name, held in zip(fit.estimates, bars.at_bound, strict=False)
-        if held or bars.identifiability[name].reason
-    ]
-    return tuple(dict.fromkeys(name for one in wanted for name in (doubtful if one == DOUBTFUL else [one])))
+    def _plan(self, fit: Estimate, bars: ErrorBars) -> Plan:
+        """Return the campaign, one run a parameter; refuses names as :func:`check_names`."""
+        names, runs = list(fit.estimates), list[Run]()
+        check_names(names, self.parameters)
+        pairs = zip(names, bars.at_bound, strict=False)
+        doubtful = [name for name, held in pairs if held or bars.identifiability[name].reason]
+        wanted = (name for one in self.parameters for name in (doubtful if one == DOUBTFUL else [one]))
+        problem, free = packed(fit, bars, {}), free_entries(fit, bars)
+        with np.errstate(invalid="ignore"):
+            ratios = bars.std[free] / np.sqrt(np.diag(bars.uncertainty.cramer_rao))[: len(free)]
+        factors = dict(zip(free.tolist(), ratios.tolist(), strict=True))
+        for name in dict.fromkeys(wanted):
+            entry = names.index(name)
+            factor = factors.get(entry, np.nan)
+            given = {"problem": problem, "entry": entry, "factor": factor if np.isfinite(factor) else 1.0}
+            runs.append(Run(name, WORK, given))
+        digest = hashlib.sha256(problem.encode()).hexdigest()
+        return Plan("profile likelihoods of a fit", {"problem": digest}, tuple(runs))
 
 
 def check_names(free: Sequence[str], wanted: Sequence[str]) -> None:
@@ -236,34 +229,13 @@ def check_names(free: Sequence[str], wanted: Sequence[str]) -> None:
             raise IdentificationError(f"profile '{name}': no free parameter; {nearest(name, free)}")
 
 
-def profile_plan(fit: Estimate, bars: ErrorBars, wanted: Sequence[str]) -> Plan:
-    """Return the campaign: one run a parameter."""
-    problem, names = packed(fit, bars, {}), list(fit.estimates)
-    digest = hashlib.sha256(problem.encode()).hexdigest()
-    free, plain = free_entries(fit, bars), np.sqrt(np.diag(bars.uncertainty.cramer_rao))
-    with np.errstate(invalid="ignore"):
-        factors = dict(zip(free.tolist(), (bars.std[free] / plain[: len(free)]).tolist(), strict=True))
-    runs = []
-    for name in wanted:
-        entry = names.index(name)
-        factor = factors.get(entry, np.nan)
-        given = {"problem": problem, "entry": entry, "factor": factor if np.isfinite(factor) else 1.0}
-        runs.append(Run(name, WORK, given))
-    return Plan("profile likelihoods of a fit", {"problem": digest}, tuple(runs))
-
-
 @on_one_blas_thread
 def profile_one(arguments: Mapping[str, Json], stops: Sequence[int | None]) -> list[Json]:
     """Return the profile of one parameter, in the unit box: the work of a run."""
     given: Any = arguments
-    optimum = _unpacked(str(given["problem"]))
-    found = ProfileLikelihood(optimum, int(given["entry"]), float(given["factor"]))
-    done: dict[str, Json] = {
-        "ends": [found.lower, found.upper],
-        "points": [list(point) for point in found.points],
-        "better": found.better,
-    }
-    return [done for _ in stops]
+    found = ProfileLikelihood(_unpacked(given["problem"]), int(given["entry"]), float(given["factor"]))
+    points: list[Json] = [list(point) for point in found.points]
+    return [{"ends": [found.lower, found.upper], "points": points, "better": found.better} for _ in stops]
 
 
 @lru_cache(maxsize=1)

@@ -5,8 +5,8 @@ Repeatability: with estimates :math:`\theta_i` and standard errors :math:`s_i` o
 .. math:: \bar\theta = \frac{\sum \theta_i / s_i^2}{\sum 1 / s_i^2}, \qquad
           \chi^2 = \sum \frac{(\theta_i - \bar\theta)^2}{s_i^2},
 
-which is chi-square with m - 1 degrees of freedom if the error bars are right. Estimates that share a prior agree because of it,
-so each one's own prior is taken out: with f the prior's share, the rest is :math:`(\theta - f \theta_0) / (1 - f)`.
+which is chi-square with m - 1 degrees of freedom if the error bars are right. Estimates that share a prior agree because of it;
+without it, with the prior's share f, they are :math:`(\theta - f \theta_0) / (1 - f)`.
 
 References
 ----------
@@ -70,8 +70,7 @@ NO_REPEATABILITY: Final = Repeatability()
 DISAGREEMENT: Final = 1.4  #: ratio of standard errors from which two methods disagree
 SKEWNESS: Final = 1.5  #: ratio of the arms of an interval from which it is no longer normal
 MAX_RHAT: Final = 1.01  #: of every parameter; above it a posterior says nothing yet (Vehtari et al. 2021)
-#: of an estimate: where the prior knows more than the maneuver, it is the prior's
-MAX_PRIOR_SHARE: Final = 0.5
+MAX_PRIOR_SHARE: Final = 0.5  #: of an estimate: beyond, the prior knows more than the maneuver
 
 
 def with_uncertainty(result: Result, fit: Estimate, bars: ErrorBars) -> Result:
@@ -86,8 +85,8 @@ def with_uncertainty(result: Result, fit: Estimate, bars: ErrorBars) -> Result:
         intervals = {}
         for (name, p), error in zip(result.parameters.items(), std.tolist(), strict=False):
             reach = NORMAL_95 * error if p.identifiable and not p.at_bound else np.nan
-            shown = np.nan if p.at_bound else error
-            intervals[name] = Interval(shown, p.estimate - reach, p.estimate + reach)
+            ends = p.estimate - reach, p.estimate + reach
+            intervals[name] = Interval(np.nan if p.at_bound else error, *ends)
         methods[key] = MethodIntervals(intervals)
     names = [p.name for p in fit.problem.layout.parameters]
     parts = {c.name: np.diag(bars.part(c.name))[: len(names)].tolist() for c in bars.components}
@@ -218,10 +217,7 @@ def _listed(names: list[str]) -> str:
 def without_prior(
     estimate: float, std_error: float, share: float, mean: float, prior: float
 ) -> SingleEstimate:
-    """Return an estimate without its prior of `mean` and standard deviation `prior`.
-
-    `share` is the prior's in the estimate: the variance in the fit over that of the prior; 0 without one.
-    """
+    """Return an estimate without its prior; `share` is the variance in the fit over that of the prior, 0 without one."""
     if not share > 0.0:
         return SingleEstimate(estimate, std_error, math.isfinite(std_error) and std_error > 0.0)
     if share > MAX_PRIOR_SHARE:
@@ -237,10 +233,9 @@ def scatter(singles: Sequence[SingleEstimate]) -> ParameterRepeatability:
     counted = [one for one in singles if one.counted]
     if not counted:
         return ParameterRepeatability(tuple(singles))
-    weights = np.array([one.std_error**-2.0 for one in counted])
+    weights, degrees = np.array([one.std_error**-2.0 for one in counted]), len(counted) - 1
     values = np.array([one.estimate for one in counted])
     mean, error = float(weights @ values / weights.sum()), float(weights.sum() ** -0.5)
-    degrees = len(counted) - 1
     if not degrees:
         return ParameterRepeatability(tuple(singles), mean, error)
     square = float(weights @ (values - mean) ** 2)
@@ -283,9 +278,8 @@ def repeatability(
 def agreement(results: Mapping[str, Result]) -> Repeatability:
     """Return whether results of flights or maneuvers that were fitted apart agree, in what all of them estimated.
 
-    Each loses its own prior; what it does not determine, or has at a bound, is not counted. Errors of a result without
-    maneuvers to compare are conditional on the model: they are widened by the factor by which the maneuvers of the others, of
-    the same model, disagree.
+    Each loses its own prior; what it does not determine, or has at a bound, is not counted. Errors of a result without maneuvers
+    to compare are conditional on the model: they are widened as the maneuvers of the others disagree.
 
     Raises
     ------
@@ -301,18 +295,14 @@ def agreement(results: Mapping[str, Result]) -> Repeatability:
                 f"{name}, {other}: both were fitted to {a.window} (and {b.start:g}:{b.stop:g}): results that share samples agree "
                 "because of it; fit other windows"
             )
-    first, *others = results.values()
+    (first, *others), labels = results.values(), ", ".join(results)
     names = [n for n in first.parameters if all(n in r.parameters for r in others)]
     if not names:
-        raise StoopError(
-            f"{', '.join(results)}: no parameter was estimated in all of them; free the same ones"
-        )
+        raise StoopError(f"{labels}: no parameter was estimated in all of them; free the same ones")
     units = {n: {r.parameters[n].unit for r in results.values()} for n in names}
-    mixed = next((n for n, several in units.items() if len(several) > 1), None)
-    if mixed is not None:
-        raise StoopError(
-            f"{', '.join(results)}: {mixed} has units {', '.join(sorted(units[mixed]))}; use one"
-        )
+    for mixed, several in units.items():
+        if len(several) > 1:
+            raise StoopError(f"{labels}: {mixed} has units {', '.join(sorted(several))}; use one")
     remarks = [
         notice("maneuver-no-optimum", name, advice=result.advice or result.status)
         for name, result in results.items()
@@ -324,12 +314,11 @@ def agreement(results: Mapping[str, Result]) -> Repeatability:
         if "conditional" in result.uncertainty or max(stretches.values()) <= 1.0:
             continue
         remarks.append(notice("widened-as-others", label, ratio=float(np.median(list(stretches.values())))))
-        for name, several in singles.items():
-            several[i] = replace(several[i], std_error=several[i].std_error * stretches[name])
-    compared = {name: scatter(several) for name, several in singles.items()}
-    joint = joint_test(
-        tuple(results.values()), {n: one for n, one in singles.items() if all(s.counted for s in one)}
-    )
+        for name, alone in singles.items():
+            alone[i] = replace(alone[i], std_error=alone[i].std_error * stretches[name])
+    compared = {name: scatter(alone) for name, alone in singles.items()}
+    counted = {name: alone for name, alone in singles.items() if all(one.counted for one in alone)}
+    joint = joint_test(tuple(results.values()), counted)
     return Repeatability(tuple(range(len(results))), compared, tuple(remarks), joint)
 
 
@@ -389,14 +378,12 @@ def _alone(result: Result, name: str, std_error: float | None = None) -> SingleE
 
 def _estimates(fit: Estimate, bars: ErrorBars) -> dict[str, SingleEstimate]:
     """Return the estimates by name, each without its own prior."""
-    parameters = fit.problem.layout.parameters
     entry = dict(zip(bars.free.tolist(), np.diag(bars.uncertainty.cramer_rao).tolist(), strict=True))
-    priors = [p.prior_about(fit.estimates[p.name]) for p in parameters]
-    shares = np.nan_to_num([entry.get(i, np.nan) / s**2 for i, (_, s) in enumerate(priors)])
     out = {}
-    for i, p in enumerate(parameters):
-        value, std = fit.estimates[p.name], float(bars.std[i])
-        one = without_prior(value, std, float(shares[i]), *priors[i])
+    for i, p in enumerate(fit.problem.layout.parameters):
+        mean, prior = p.prior_about(fit.estimates[p.name])
+        share = float(np.nan_to_num(entry.get(i, np.nan) / prior**2))
+        one = without_prior(fit.estimates[p.name], float(bars.std[i]), share, mean, prior)
         counted = one.counted and not bars.at_bound[i] and bars.identifiability[p.name].identifiable
         out[p.name] = replace(one, counted=bool(counted))
     return out

@@ -1,10 +1,7 @@
 """Verdict on a result: trusted, usable for some uses, or not to be used; see ``docs/validation.md``.
 
-A result is refused if its search did not converge, its simulation diverges, its sensors contradict each other, it predicts no
-better than trivial models, most of its parameters are not identifiable, or a score test contradicts the form of the model. Each
-use requires its own parameters with a small enough error, and the prediction of its own channels; control design requires also
-that the model matches the frequency responses of the flights. A model is trusted only if it predicts a held-back window within
-its uncertainty, no extension is significant, and its maneuvers agree.
+Rules stand in `_refusals` and `_contradictions` (for every use), `_judged` (for one use), `_doubts` (usable, but not trusted) and
+`_merits`.
 
 References
 ----------
@@ -105,12 +102,9 @@ def uses(vehicle: Vehicle, sizes: Mapping[str, float] | None = None) -> tuple[Us
         def size(which: str, control: str) -> float:
             return max((abs(vehicle.value(n)) for n in coefficients(which, control)), default=0.0)
 
-        meant = any(
-            size(coefficient, c) >= size(other, c)
-            for c in vehicle.file.controls
-            if coefficients(coefficient, c)
-        )
-        return [n for c in vehicle.file.controls for n in coefficients(coefficient, c)] if meant else []
+        acting = {c: names for c in vehicle.file.controls if (names := coefficients(coefficient, c))}
+        meant = any(size(coefficient, c) >= size(other, c) for c in acting)
+        return [name for names in acting.values() for name in names] if meant else []
 
     def begins(*prefixes: str) -> list[str]:
         return [name for name in free if name.startswith(prefixes)]
@@ -129,29 +123,18 @@ def uses(vehicle: Vehicle, sizes: Mapping[str, float] | None = None) -> tuple[Us
         alone = [] if any(names for _, names in about) else begins(INERTIA[axis])
         dynamics += [*about, (f"inertia in {axis}", alone)]
         over |= {} if stated else dict.fromkeys((what for what, _ in about), INERTIA[axis])
-    thrust = begins("propulsion.", "rotors.T")
-    dynamics += [
-        ("thrust of the rotors", begins("rotors.T")),
-        ("torque of the rotors", begins("rotors.torque", "rotors.Q")),
-    ]
-    dynamics += [("lag of the rotors", begins("rotors.lag"))]
+    rotors = {"thrust": ("rotors.T",), "torque": ("rotors.torque", "rotors.Q"), "lag": ("rotors.lag",)}
+    dynamics += [(f"{what} of the rotors", begins(*rows)) for what, rows in rotors.items()]
     power: list[tuple[str, Sequence[str]]] = [
         ("lift at the reference condition", coefficients("CL")), ("lift slope", coefficients("CL", "alpha")),
-        ("drag at the reference condition", coefficients("CD")), ("thrust", thrust),
+        ("drag at the reference condition", coefficients("CD")), ("thrust", begins("propulsion.", "rotors.T")),
         ("drag of body and rotors", begins("body_drag.", "rotors.drag", "rotors.inflow")),
     ]  # fmt: skip
 
     def use(name: str, channels: Iterable[str], needs: Iterable[tuple[str, Sequence[str]]] = ()) -> Use:
-        observed = tuple(c for c in channels if c in vehicle.outputs)
-        wanted = ((what, tuple(names)) for what, names in needs if names)
-        return Use(
-            name,
-            observed,
-            tuple(
-                Need(what, names, tuple(of_effect.get(n, 0.0) for n in names), over.get(what, ""))
-                for what, names in wanted
-            ),
-        )
+        wanted = [(what, tuple(names)) for what, names in needs if names]
+        sized = (Need(w, n, tuple(of_effect.get(p, 0.0) for p in n), over.get(w, "")) for w, n in wanted)
+        return Use(name, tuple(c for c in channels if c in vehicle.outputs), tuple(sized))
 
     return (
         use("control design", (*RATES, *(EULER if vehicle.positions else ())), dynamics),
@@ -165,7 +148,7 @@ def verdict(result: Result, needed: Sequence[Use]) -> Verdict:
     sizes = _sizes(result, needed)
     refusals = [*_refusals(result), *_contradictions(result, sizes)]
     judged = tuple(_judged(result, use, sizes) for use in needed)
-    doubts = _doubts(result)
+    doubts = list(_doubts(result))
     grade: Grade = "usable"
     if refusals or (needed and not any(use.justified for use in judged)):
         grade, judged = "do not use", tuple(replace(use, justified=False) for use in judged)
@@ -184,10 +167,8 @@ def verdict(result: Result, needed: Sequence[Use]) -> Verdict:
     shared: dict[str, list[str]] = {}
     for name in (name for name in named if name in known and known[name].advice):
         shared.setdefault(paragraph(known[name].advice), []).append(name)
-    advice = tuple(
-        notice("verdict-advice", parameters=tuple(names), advice=text) for text, names in shared.items()
-    )
-    return Verdict(grade, judged, distinct([*against, *_merits(result)]), advice)
+    advice = (notice("verdict-advice", parameters=tuple(ns), advice=text) for text, ns in shared.items())
+    return Verdict(grade, judged, distinct([*against, *_merits(result)]), tuple(advice))
 
 
 def _refusals(result: Result) -> Iterator[Notice]:
@@ -321,14 +302,8 @@ def _missed_responses(result: Result) -> Iterator[Notice]:
         own = [one for one in result.response_misfits if one.output == output]
         worst = max(own, key=lambda one: one.least)
         if worst.least > LIMITS.error:
-            yield notice(
-                "verdict-response",
-                output,
-                input=worst.input,
-                share=worst.share,
-                low=worst.low,
-                high=worst.high,
-            )
+            figures = {"share": worst.share, "low": worst.low, "high": worst.high}
+            yield notice("verdict-response", output, input=worst.input, **figures)
 
 
 def _lost(judging: Mapping[str, Sequence[GoodnessOfFit]]) -> tuple[str, ...]:
@@ -366,10 +341,8 @@ def _by_role(result: Result) -> tuple[dict[str, list[GoodnessOfFit]], dict[str, 
 
     Fitted curves of a filter omit the estimated gusts, or are predictions from sample to sample.
     """
-    held_back = _moving(m for m in result.maneuvers if m.role == "validation")
-    return held_back, {} if result.process_noise.filtered else _moving(
-        m for m in result.maneuvers if m.role == "fit"
-    )
+    fitted = (m for m in result.maneuvers if m.role == "fit" and not result.process_noise.filtered)
+    return _moving(m for m in result.maneuvers if m.role == "validation"), _moving(fitted)
 
 
 def _judging(result: Result) -> dict[str, list[GoodnessOfFit]]:
@@ -384,14 +357,10 @@ def _judging(result: Result) -> dict[str, list[GoodnessOfFit]]:
 
 def diverged(maneuver: ManeuverResult, noise: NoiseCovariance) -> tuple[str, ...]:
     """Return the channels whose simulation diverged, beyond what noise and initial state explain."""
-    variance = dict(zip(noise.channels, np.diag(noise.matrix).tolist(), strict=True))
-    found = []
-    for channel, one in maneuver.channels.items():
-        known = variance.get(channel, math.nan)
-        sigma = math.sqrt(known) if known > 0.0 else math.nan
-        if not math.isfinite(one.rmse) or one.rmse > LIMITS.size * sigma:
-            found.append(channel)
-    return tuple(found)
+    positive = np.where(np.diag(noise.matrix) > 0.0, np.diag(noise.matrix), np.nan)
+    most = dict(zip(noise.channels, (LIMITS.size * np.sqrt(positive)).tolist(), strict=True))
+    channels = maneuver.channels.items()
+    return tuple(c for c, one in channels if not math.isfinite(one.rmse) or one.rmse > most.get(c, math.nan))
 
 
 def _unknown(result: Result) -> tuple[str, ...]:
@@ -402,47 +371,39 @@ def _notice_of_unknown(result: Result, unknown: tuple[str, ...]) -> Notice:
     return notice("verdict-unknown", parameters=unknown, count=len(unknown), total=len(result.parameters))
 
 
-def _doubts(result: Result) -> list[Notice]:
-    """Return the reasons why a usable result is not trusted."""
-    found = [
-        notice("verdict-lacks", t.name, statistic=t.statistic, line=t.line)
-        for t in result.extensions.standing
-    ]
-    unknown = _unknown(result)
-    found += [_notice_of_unknown(result, unknown)] if unknown else []
+def _doubts(result: Result) -> Iterator[Notice]:
+    """Yield the reasons why a usable result is not trusted."""
+    for t in result.extensions.standing:
+        yield notice("verdict-lacks", t.name, statistic=t.statistic, line=t.line)
+    if unknown := _unknown(result):
+        yield _notice_of_unknown(result, unknown)
     held_back, fitted = _by_role(result)
     unseen = tuple(c for c in RATES if c in fitted and c not in held_back)  # axes that are not predicted
     if not any(m.role == "validation" for m in result.maneuvers):
-        found.append(notice("verdict-no-held-back"))
+        yield notice("verdict-no-held-back")
     elif unseen:
-        found.append(notice("verdict-not-held-back", channels=unseen))
+        yield notice("verdict-not-held-back", channels=unseen)
     for m in result.maneuvers:
-        outside = tuple(c for c, one in m.channels.items() if one.within < LIMITS.inside)
+        outside = {c: one.within for c, one in m.channels.items() if one.within < LIMITS.inside}
         if outside:
-            least = min(m.channels[c].within for c in outside)
-            found.append(notice("verdict-outside", m.window, channels=outside, least=least))
-    filtered = [(c, one.innovations) for m in result.maneuvers for c, one in m.channels.items()]
-    filtered = [(c, one) for c, one in filtered if one.whiteness.verdict]
-    colored = [c for c, one in filtered if one.whiteness.p_value < LIMITS.chance]
-    if filtered and binom.sf(len(colored) - 1, len(filtered), LIMITS.chance) < LIMITS.chance:
+            yield notice("verdict-outside", m.window, channels=tuple(outside), least=min(outside.values()))
+    white = [(c, one.innovations.whiteness) for m in result.maneuvers for c, one in m.channels.items()]
+    known = [(c, one) for c, one in white if one.verdict]
+    colored = [c for c, one in known if one.p_value < LIMITS.chance]
+    if known and binom.sf(len(colored) - 1, len(known), LIMITS.chance) < LIMITS.chance:
         names = tuple(dict.fromkeys(colored))
-        found.append(
-            notice("verdict-innovations", channels=names, colored=len(colored), compared=len(filtered))
-        )
+        yield notice("verdict-innovations", channels=names, colored=len(colored), compared=len(known))
     if not result.extensions.tested:
-        found.append(notice("verdict-not-tested", result.method))
+        yield notice("verdict-not-tested", result.method)
     if sum(m.role == "fit" for m in result.maneuvers) < 2:
-        found.append(notice("verdict-one-maneuver"))
+        yield notice("verdict-one-maneuver")
     others = [n.code for n in of_severity(result.notices, "warning") if n.code not in JUDGED]
     if others:
-        found.append(notice("verdict-warnings", codes=tuple(dict.fromkeys(others)), count=len(others)))
+        yield notice("verdict-warnings", codes=tuple(dict.fromkeys(others)), count=len(others))
     compared, scatter = _compared(result)
     if binom.sf(scatter - 1, compared, SCATTER_LEVEL) < LIMITS.chance:
         expected, ratio = SCATTER_LEVEL * compared, result.repeatability.scatter_ratio
-        found.append(
-            notice("verdict-scatter", compared=compared, scatter=scatter, by_chance=expected, ratio=ratio)
-        )
-    return found
+        yield notice("verdict-scatter", compared=compared, scatter=scatter, by_chance=expected, ratio=ratio)
 
 
 def _compared(result: Result) -> tuple[int, int]:
