@@ -21,8 +21,7 @@ class ExtensionTest:
     gain: float  #: of log-likelihood
     line: str  #: what to write into the vehicle file
     change: float = math.nan  #: from where it changes nothing; the reciprocal of a rate limit
-    #: statistic once the strongest extension is there; NaN for the strongest itself
-    beside: float = math.nan
+    beside: float = math.nan  #: statistic once the strongest extension is there; NaN for the strongest itself
     rivals: tuple[str, ...] = ()  #: extensions that the data hardly distinguish from it
     #: parameters that would move most, in their standard errors
     moves: Mapping[str, float] = field(default_factory=dict)

@@ -83,8 +83,7 @@ class NoiseCovariance:
     """
 
     channels: tuple[str, ...]
-    #: (ny, ny), in the products of the channels' units
-    matrix: FloatArray
+    matrix: FloatArray  #: (ny, ny), in the products of the channels' units
     #: residuals that say as much as one independent one: factor on the covariance where readings are weighed
     inflation: float = 1.0
 
@@ -110,11 +109,9 @@ class ProcessNoise:
 
     #: gain of the filter, see :mod:`stoop.estimate.filter_gains`; ``"none"`` of a method without a filter
     gain: Literal["none", "steady", "varying"] = "none"
-    #: disturbed states, and the intensity of each per root second (m/s, rad/s)
-    states: tuple[str, ...] = ()
-    intensities: tuple[float, ...] = ()
-    #: of the usual intensities where they are stated and not estimated, else 0
-    share: float = 0.0
+    states: tuple[str, ...] = ()  #: that are disturbed
+    intensities: tuple[float, ...] = ()  #: of each state, per root second (m/s, rad/s)
+    share: float = 0.0  #: of the usual intensities where they are stated and not estimated, else 0
 
     @property
     def filtered(self) -> bool:
@@ -326,9 +323,8 @@ class Result:
     repeatability: Repeatability = field(default_factory=Repeatability)  #: empty unless it was asked for
     #: by method: ``corrected``, ``cramer_rao``, and what was asked for of ``bootstrap``, ``posterior``, ``profile``
     uncertainty: Mapping[str, MethodIntervals] = field(default_factory=dict)
-    components: Components = field(
-        default_factory=Components
-    )  #: of the covariance; empty in files of older versions
+    #: of the covariance; empty in files of older versions
+    components: Components = field(default_factory=Components)
     #: which of them to trust and why; sentences in the JSON
     trust: tuple[Notice, ...] = field(default=(), metadata=AS_SENTENCES)
     identifiability: IdentifiabilityAnalysis = field(default_factory=IdentifiabilityAnalysis)

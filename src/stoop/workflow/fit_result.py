@@ -24,16 +24,9 @@ from stoop.errors import VehicleError
 from stoop.estimate.estimate import Estimate
 from stoop.flight import Flight
 from stoop.prediction.predict import expected_biases, predict, predictor
-from stoop.results.result import (
-    InitialState,
-    ParameterEstimate,
-    Quantity,
-    Result,
-    SensorBiases,
-    WindEstimate,
-)
+from stoop.results.result import InitialState, ParameterEstimate, Quantity, Result, SensorBiases, WindEstimate
 from stoop.strategy.decision import Fitted
-from stoop.vehicle import Vehicle, parse_vehicle
+from stoop.vehicle import parse_vehicle
 from stoop.workflow.curves import Simulated, maneuver_curves
 from stoop.workflow.fitted_model import FittedModel
 from stoop.workflow.outputs import versions, with_values
@@ -51,15 +44,12 @@ def fitted_model(decided: Fitted) -> FittedModel:
     vehicle, color = fit.problem.layout.vehicle, fit.correlation_time
     if too_few(fit.problem):
         bars = bars.rejected(notice("error-bars-of-few-samples"))
-    parameters, model = (
-        _parameters(fit, bars),
-        predictor(fit, bars.covariance, options.treatment.recorded_motion),
-    )
+    parameters = _parameters(fit, bars)
+    model = predictor(fit, bars.covariance, options.treatment.recorded_motion)
     bands = fit.deviations(bars.covariance)
     groups = [Simulated("fit", fit.prepared, fit.readings, left_out_residuals(fit), bands)]
     if predicted:
-        own_biases = [expected_biases(fit, window.flight) for window in predicted]
-        ahead = predict(model, flights, predicted, own_biases)
+        ahead = predict(model, flights, predicted, [expected_biases(fit, w.flight) for w in predicted])
         band = ahead.deviations
         groups.append(Simulated("validation", ahead.prepared, ahead.readings, None, band, ahead.innovations))
     maneuvers, traces = maneuver_curves(vehicle, groups, noise=model.noise)
@@ -91,21 +81,24 @@ def fitted_model(decided: Fitted) -> FittedModel:
     failed = [*decided.tested.notices]  # of error bars, then of detectors
     found = attempt(failed, (), modes, fit, result.covariance.names, result.covariance.matrix)
     left = attempt(failed, (), model_misfits, model.vehicle.coupled_to(()), flights, maneuvers, traces)
-    result = replace(
-        with_uncertainty(replace(result, modes=found), fit, bars), extensions=decided.tested.tests,
-        response_misfits=left,
-    )  # fmt: skip
+    result = replace(result, modes=found, extensions=decided.tested.tests, response_misfits=left)
+    result = with_uncertainty(result, fit, bars)
 
     prepared = [one for group in groups for one in group.prepared.notices]
     of_flights = [one for flight in flights.values() for one in flight.notices]
     per_mass = ratios(vehicle, {name: (p.estimate, p.std_error) for name, p in result.parameters.items()})
+    refused = list[Notice]()
+    try:
+        parse_vehicle(with_values(vehicle, fit.estimates), "vehicle.toml")
+    except VehicleError as error:
+        refused.append(notice("estimates-refused", text=str(error)))
     notices = [
         *extension_notices(result.extensions),
         *result.notices,
         *dict.fromkeys(of_severity(prepared, "warning")),
         *of_severity(fit.notices, "info"),
         *attempt(failed, [], press_notices, fit),
-        *_refused_by_file(vehicle, fit.estimates),
+        *refused,
         *([as_notice(per_mass, "info")] if per_mass else []),
         *basis_notices(vehicle, flights, color),
         *data_notices([*of_flights, *of_severity(prepared, "info")]),
@@ -123,15 +116,6 @@ def fitted_model(decided: Fitted) -> FittedModel:
         command=origin.command,
         files=origin.files,
     )
-
-
-def _refused_by_file(vehicle: Vehicle, estimates: dict[str, float]) -> list[Notice]:
-    """Return why no vehicle file may hold the estimates, if one may not."""
-    try:
-        parse_vehicle(with_values(vehicle, estimates), "vehicle.toml")
-    except VehicleError as error:
-        return [notice("estimates-refused", text=str(error))]
-    return []
 
 
 def _parameters(fit: Estimate, bars: ErrorBars) -> dict[str, ParameterEstimate]:
@@ -179,9 +163,9 @@ def _nuisances(fit: Estimate, bars: ErrorBars) -> tuple[tuple[InitialState, ...]
 
 def _wind(flights: Mapping[str, Flight]) -> tuple[WindEstimate, ...]:
     out = []
-    for name, air in (
-        (f.name, f.air) for f in flights.values() if f.air is not None and f.air.method != "none"
-    ):
+    for name, air in ((f.name, f.air) for f in flights.values()):
+        if air is None or air.method == "none":
+            continue
         units = {"wind_n": "m/s", "wind_e": "m/s"}
         if np.isfinite(air.pitot_scale):
             units |= {"pitot_scale": "1", "pitot_offset": "m/s"}

@@ -267,13 +267,10 @@ class FittedModel:
 
     def biases(self, flight: str | None) -> dict[str, BiasPrior]:
         """Return the prior of each sensor bias in a window of a flight, from the biases of the fitted maneuvers."""
-        fitted = [
-            (
-                self.result.maneuvers[b.maneuver].flight,
-                {f"sensors.{c}.bias": q.estimate for c, q in b.values.items()},
-            )
-            for b in self.result.biases
-        ]
+        fitted = []
+        for own in self.result.biases:
+            values = {f"sensors.{name}.bias": one.estimate for name, one in own.values.items()}
+            fitted.append((self.result.maneuvers[own.maneuver].flight, values))
         return bias_priors(fitted, flight, {p.name: p.prior or 1.0 for p in self.vehicle.parameters})
 
     @cached_property
@@ -300,20 +297,16 @@ class FittedModel:
     @property
     def air_data(self) -> tuple[AirDataTrace, ...]:
         """Air data of each flight that they were reconstructed for, as logged and as reconstructed."""
-        known = [(f.name, f.air.traces) for f in self.flights if f.air is not None and "time" in f.air.traces]
-        return tuple(
-            AirDataTrace(name, traces["time"], {k: v for k, v in traces.items() if k != "time"})
-            for name, traces in known
-        )
+        out = []
+        for name, traces in ((f.name, dict(f.air.traces)) for f in self.flights if f.air is not None):
+            if (time := traces.pop("time", None)) is not None:
+                out.append(AirDataTrace(name, time, traces))
+        return tuple(out)
 
     @property
     def body(self) -> Mapping[str, Quantity]:
         """Mass, inertia and reference values; the standard error is NaN where the vehicle file fixes them."""
         own = [p for p in self.vehicle.parameters if p.name.startswith(("mass.", "reference."))]
-        estimated = self.result.parameters
-        return {
-            p.name: Quantity(estimated[p.name].estimate, estimated[p.name].std_error, p.unit)
-            if p.name in estimated
-            else Quantity(p.value, np.nan, p.unit)
-            for p in own
-        }
+        given = {p.name: Quantity(p.value, np.nan, p.unit) for p in own}
+        estimates = self.result.parameters.items()
+        return given | {n: Quantity(p.estimate, p.std_error, p.unit) for n, p in estimates if n in given}

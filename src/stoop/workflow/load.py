@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any, Concatenate, Final, ParamSpec, TypeVar
 
 import numpy as np
-import numpy.typing as npt
 
 from stoop.base.files import read_bounded
 from stoop.base.numbers import MAX_NUMBER
@@ -29,20 +28,17 @@ from stoop.workflow.outputs import ARCHIVES, ATTACHED, CURVES, ESTIMATE, RESULT,
 P = ParamSpec("P")
 T = TypeVar("T")
 Place = str | Path
-MAX_ATTACHED: Final = 2**28
-"""Bytes of a file beside the result."""
+MAX_ATTACHED: Final = 2**28  #: bytes of a file beside the result
 
 
 def fitted_model(given: object) -> FittedModel:
     """Return a fitted model, read from its folder if that is given."""
     if isinstance(given, str | Path):
         return load(given)
-    if not isinstance(given, FittedModel):
-        kind = type(given).__name__
-        raise StoopError(
-            f"a fitted model or its folder comes first, not a {kind}; give what stoop.fit returns"
-        )
-    return given
+    if isinstance(given, FittedModel):
+        return given
+    kind = type(given).__name__
+    raise StoopError(f"a fitted model or its folder comes first, not a {kind}; give what stoop.fit returns")
 
 
 def model_or_vehicle(given: FittedModel | Vehicle | Place) -> FittedModel | Vehicle:
@@ -160,58 +156,39 @@ def _flights(folder: Path, result: Result) -> tuple[Flight, ...]:
 
 def _check(result: Result, file: Path) -> None:
     """Refuse a result that no fit writes: a file that was edited, or cut and mended."""
-    lost = next((name for name, p in result.parameters.items() if not np.isfinite(p.estimate)), None)
-    covariance, noise = result.covariance, result.noise_covariance
-    numbers: tuple[npt.ArrayLike, ...] = (
-        *([p.estimate, p.std_error, p.prior_mean, p.prior_std] for p in result.parameters.values()),
-        np.sqrt(np.abs(covariance.matrix)),
-        np.sqrt(np.abs(noise.matrix)),
-    )
-    apart = covariance.matrix[np.ix_(*[np.isfinite(np.diag(covariance.matrix))] * 2)]
-    sizes = ((len(covariance.matrix), len(covariance.names)), (len(noise.matrix), len(noise.channels)))
-    plain = result.uncertainty.get("cramer_rao")
+    estimates, covariance, noise = result.parameters, result.covariance, result.noise_covariance
+    lost = next((name for name, p in estimates.items() if not np.isfinite(p.estimate)), None)
+    scalars = [[p.estimate, p.std_error, p.prior_mean, p.prior_std] for p in estimates.values()]
+    roots = (np.sqrt(np.abs(matrix)).ravel() for matrix in (covariance.matrix, noise.matrix))
+    sizes = np.concatenate([np.abs(np.ravel(scalars)), *roots])
+    tiny = any(0.0 < p.std_error < 1.0 / MAX_NUMBER for p in estimates.values())
+    variances = np.diag(covariance.matrix)
+    apart = covariance.matrix[np.ix_(*[np.isfinite(variances)] * 2)]
+    whole = np.allclose(apart, apart.T) and not (variances < 0.0).any()
+    rows = ((len(covariance.matrix), len(covariance.names)), (len(noise.matrix), len(noise.channels)))
+    process, plain = result.process_noise, result.uncertainty.get("cramer_rao")
+    driven = all(0.0 < x < np.inf for x in process.intensities) and 0.0 <= process.share <= 1.0
+    driven = driven and len(process.intensities) == len(process.states)
     places = {b.maneuver for b in result.biases} | {i.maneuver for i in result.initial_states}
-    process = result.process_noise
     checks = (
         (lost is not None, f"has no estimate of {lost}"),
-        (
-            not set(covariance.names) <= set(result.parameters),
-            "has a covariance of other parameters than its estimates",
-        ),
-        *((rows != names, f"has a covariance of {rows} rows for {names} names") for rows, names in sizes),
-        (
-            any(np.any((x := np.abs(np.ravel(some)))[np.isfinite(x)] > MAX_NUMBER) for some in numbers)
-            or any(0.0 < p.std_error < 1.0 / MAX_NUMBER for p in result.parameters.values()),
-            "has numbers out of range (1e-30 to 1e30)",
-        ),
-        (
-            not np.allclose(apart, apart.T) or bool((np.diag(covariance.matrix) < 0.0).any()),
-            "has a covariance that is not symmetric, has holes or negative variances",
-        ),
+        (set(covariance.names) - set(estimates), "has a covariance of other parameters than its estimates"),
+        *((n != names, f"has a covariance of {n} rows for {names} names") for n, names in rows),
+        (tiny or (sizes[np.isfinite(sizes)] > MAX_NUMBER).any(), "has numbers out of range (1e-30 to 1e30)"),
+        (not whole, "has a covariance that is not symmetric, has holes or negative variances"),
         (
             not is_covariance(noise.matrix * noise.inflation),
             "has a noise covariance that is not positive definite",
         ),
-        (
-            len(process.intensities) != len(process.states)
-            or not all(0.0 < x < np.inf for x in process.intensities)
-            or not 0.0 <= process.share <= 1.0,
-            "has process noise without positive intensities",
-        ),
-        (
-            any(p.prior_std <= 0.0 for p in result.parameters.values()),
-            "has a prior without a standard deviation",
-        ),
-        (
-            not set(result.parameters) <= set(plain.parameters if plain else result.parameters),
-            "lacks the intervals of some of its estimates",
-        ),
+        (not driven, "has process noise without positive intensities"),
+        (any(p.prior_std <= 0.0 for p in estimates.values()), "has a prior without a standard deviation"),
+        (plain and set(estimates) - set(plain.parameters), "lacks the intervals of some of its estimates"),
         (all(m.role != "fit" for m in result.maneuvers), "names no maneuver that was fitted"),
         (
-            not places <= set(range(len(result.maneuvers))),
+            places - set(range(len(result.maneuvers))),
             "has biases or initial states of a maneuver that it does not name",
         ),
     )
-    wrong = next((text for failed, text in checks if failed), None)
-    if wrong is not None:
-        raise StoopError(f"{file}: {wrong}; write it again with stoop identify")
+    for wrong, text in checks:
+        if wrong:
+            raise StoopError(f"{file}: {text}; write it again with stoop identify")

@@ -24,26 +24,16 @@ from stoop.results.result import ManeuverResult, ParameterEstimate, Result
 from stoop.results.uncertainty import ParameterIdentifiability, Repeatability
 from stoop.vehicle import Vehicle
 
+#: kinds of faults that affect a fit -> code
 SENSOR_FAULTS: Final = {
-    "wrong sign": "sensor-fault",
-    "wrong unit": "sensor-fault",
-    "inconsistent": "sensor-fault",
-    "clipped": "sensor-fault-left-out",
-    "stuck": "sensor-fault-left-out",
-}  #: kinds of faults that affect a fit -> code
-#: prior standard deviations, from which the estimate of a bias contradicts its prior
-PRIOR_CONFLICT: Final = 5.0
+    **dict.fromkeys(("wrong sign", "wrong unit", "inconsistent"), "sensor-fault"),
+    **dict.fromkeys(("clipped", "stuck"), "sensor-fault-left-out"),
+}
+PRIOR_CONFLICT: Final = 5.0  #: prior standard deviations, from which a bias contradicts its prior
 MIN_CORRELATION_TIME: Final = 2.0  #: samples; from here on residuals count as colored
 BASIC_METHODS: Final = ("corrected", "cramer_rao")  #: of uncertainty, that every result has
-SHOWN: Final = (
-    *VELOCITY,
-    "V",
-    "alpha",
-    "beta",
-    *RATES,
-    *EULER,
-    *SPECIFIC_FORCE,
-)  #: channels of the table of figures
+#: channels of the table of figures
+SHOWN: Final = (*VELOCITY, "V", "alpha", "beta", *RATES, *EULER, *SPECIFIC_FORCE)
 
 
 def fit_warnings(
@@ -68,12 +58,12 @@ def fit_warnings(
     found += attempt(found, [], check_lift, vehicle, flights)
     found += attempt(found, [], inertia_notices, vehicle, fit.estimates)
     found += attempt(found, [], prior_conflicts, fit, bars)
-    # Missing rates, and a missing airspeed, by whose square every coefficient is divided.
+    # Missing rates, and a missing airspeed, by whose square every coefficient is divided; a pose tells them.
     recorded = np.any([np.isfinite(p.measured).any(axis=0) for p in fit.problem.pieces], axis=0)
-    missing = {name for name, there in zip(vehicle.outputs, recorded, strict=True) if not there}
-    missing -= set() if not vehicle.positions else {"p", "q", "r", "V"}  # the pose tells them
-    rates = tuple(name for name in ("p", "q", "r") if name in missing)
-    found += [notice("rates-not-recorded", channels=rates)] if rates else []
+    pairs = zip(vehicle.outputs, recorded, strict=True)
+    missing = [name for name, there in pairs if not there and not vehicle.positions]
+    if rates := tuple(name for name in RATES if name in missing):
+        found.append(notice("rates-not-recorded", channels=rates))
     if "V" in missing:
         found.append(notice("airspeed-not-measured", airspeed=vehicle.value("reference.airspeed")))
     found += check_rotors(vehicle, flights, windows)
@@ -81,11 +71,8 @@ def fit_warnings(
     found += attempt(found, [], contribution_notices, fit, bars.contributions)
     # Parameters at a bound, those that rest on it, and those not identifiable, of one reason together.
     at_bound = tuple(name for name, p in parameters.items() if p.at_bound)
-    absent = tuple(
-        name
-        for name in at_bound
-        if name.endswith((".lag", ".dead_zone")) and parameters[name].estimate == 0.0
-    )
+    vanishing = (name for name in at_bound if name.endswith((".lag", ".dead_zone")))
+    absent = tuple(name for name in vanishing if parameters[name].estimate == 0.0)
     doubtful = tuple(name for name in at_bound if name not in absent)
     found += [notice("at-bound", parameters=doubtful)] if doubtful else []
     found += [notice("at-zero", parameters=absent, count=len(absent))] if absent else []
@@ -103,24 +90,21 @@ def fit_warnings(
 
 
 def prior_conflicts(fit: Estimate, bars: ErrorBars) -> list[Notice]:
-    """Return the parameters and sensor biases whose priors the flight contradicts.
+    """Return the parameters whose priors the flight contradicts, and the biases that lie far outside of theirs.
 
-    Of parameters by the estimate without the prior, :mod:`stoop.assessment.prior_conflicts`. Biases, of which there are many
-    in each maneuver, by their estimates: what lies far outside takes up an error of thrust, mass, a unit or an axis.
+    Such a bias takes up an error of thrust, mass, a unit or an axis.
     """
-    layout = fit.problem.layout
-    found = [
-        notice(
-            "prior-conflict", one.name, window="the fit",
-            estimate=one.estimate, ratio=abs(one.ratio), prior=one.prior, mean=one.mean,
-        )
-        for one in prior_tests(fit, bars).conflicts
-    ]  # fmt: skip
+    layout, found = fit.problem.layout, list[Notice]()
+
+    def add(name: str, window: object, estimate: float, ratio: float, prior: float, mean: float) -> None:
+        values = {"estimate": estimate, "ratio": abs(ratio), "prior": prior, "mean": mean}
+        found.append(notice("prior-conflict", name, window=str(window), **values))
+
+    for one in prior_tests(fit, bars).conflicts:
+        add(one.name, "the fit", one.estimate, one.ratio, one.prior, one.mean)
     for n, x in zip(layout.nuisances, fit.z[layout.dimension :].tolist(), strict=True):
         if n.is_bias and abs(x) > PRIOR_CONFLICT:
-            window, estimate = str(fit.prepared.windows[n.maneuver]), n.center + n.scale * x
-            values = {"estimate": estimate, "ratio": abs(x), "prior": n.scale, "mean": n.center}
-            found.append(notice("prior-conflict", n.name, window=window, **values))
+            add(n.name, fit.prepared.windows[n.maneuver], n.center + n.scale * x, x, n.scale, n.center)
     return found
 
 
@@ -129,10 +113,9 @@ def basis_notices(vehicle: Vehicle, flights: Mapping[str, Flight], correlation: 
     found = [notice("vehicle-file-note", text=text) for text in vehicle.file.notes]
     for flight in flights.values():
         if "V" in vehicle.outputs and flight.air is not None and flight.air.method != "none":
-            source = flight.sources.get("V")
+            source, method = flight.sources.get("V"), flight.air.method
             rebuilt = source is None or source.source == "reconstructed"
             channels = ("V", "alpha", "beta") if rebuilt else ("alpha", "beta")
-            method = flight.air.method
             found.append(notice("air-data-reconstructed", flight.name, channels=channels, method=method))
     if correlation > MIN_CORRELATION_TIME:
         found.append(notice("residuals-colored", samples=correlation))
@@ -205,21 +188,16 @@ def advice_by_doubt(found: Mapping[str, ParameterIdentifiability]) -> dict[str, 
         if one.advice:
             advice = paragraph(one.advice)
             shared.setdefault(str(one.doubt), {}).setdefault(advice, []).append(name)
-    return {
-        doubt: [f"{', '.join(names)}: {advice}" for advice, names in by_advice.items()]
-        for doubt, by_advice in shared.items()
-    }
+    return {d: [f"{', '.join(names)}: {text}" for text, names in own.items()] for d, own in shared.items()}
 
 
 def forces_table(figures: Sequence[ForceFigures]) -> str:
     """Return the residuals of the specific force below 5 Hz: of the model, a constant, static thrust, m/s2."""
     lines = [f"{'window':24} {'role':10} {'axis':4} {'model':>8} {'constant':>9} {'static thrust':>13}"]
     for one in figures:
-        where = f"{one.window.start:g}:{one.window.stop:g}"
-        lines += [
-            f"{where:24} {one.role:10} {axis:4} {a.model:8.3f} {a.constant:9.3f} {a.static:13.3f}"
-            for axis, a in one.axes.items()
-        ]
+        head = f"{f'{one.window.start:g}:{one.window.stop:g}':24} {one.role:10}"
+        for axis, a in one.axes.items():
+            lines.append(f"{head} {axis:4} {a.model:8.3f} {a.constant:9.3f} {a.static:13.3f}")
     return "\n".join(lines)
 
 
@@ -229,11 +207,8 @@ def repeatability_lines(found: Repeatability) -> list[str]:
         return []
     lines = [str(found.summary())]
     for verdict in ("scatter", "agree"):
-        named = [
-            f"{name} ({1 + one.degrees} maneuvers, p = {one.p_value:.2g})"
-            for name, one in found.parameters.items()
-            if one.verdict == verdict
-        ]
+        own = {name: one for name, one in found.parameters.items() if one.verdict == verdict}
+        named = [f"{name} ({1 + one.degrees} maneuvers, p = {one.p_value:.2g})" for name, one in own.items()]
         lines += [f"{verdict}: {', '.join(named)}"] if named else []
     return [*lines, *map(str, found.remarks)]
 
@@ -247,22 +222,18 @@ def figures_table(maneuvers: Sequence[ManeuverResult]) -> str:
     ]
     for m in maneuvers:
         channels = [m.channels[c] for c in SHOWN if c in m.channels]
+        ratios = [one.signal_to_noise for one in channels]
         rows = {
             "U": [f"({one.theil:.2f})" if one.below_noise else f"{one.theil:.3f}" for one in channels],
             "lag": [_decimals(one.baseline_theil, 3) for one in channels],
             "R2": [_decimals(one.r2, 2) for one in channels],
             "fit %": [_decimals(one.fit_percent, 0) for one in channels],
-            "S/N": [
-                f"{one.signal_to_noise:.2g}" if one.signal_to_noise < 100.0 else ">100" for one in channels
-            ],
+            "S/N": [f"{ratio:.2g}" if ratio < 100.0 else ">100" for ratio in ratios],
         }
         if any(math.isfinite(one.within) for one in channels):  # of a prediction: 95 % for a right model
             rows["band %"] = [_decimals(100.0 * one.within, 0) for one in channels]
-        lines.append(f"{m.window} ({m.role})")
-        lines.append("  " + "".join(f"{c:>7}" for c in SHOWN if c in m.channels))
-        lines += [
-            "  " + "".join(f"{cell:>7}" for cell in cells) + f"  {name}" for name, cells in rows.items()
-        ]
+        lines += [f"{m.window} ({m.role})", "  " + "".join(f"{c:>7}" for c in SHOWN if c in m.channels)]
+        lines += [f"  {''.join(f'{cell:>7}' for cell in cells)}  {name}" for name, cells in rows.items()]
     return "\n".join(lines)
 
 
