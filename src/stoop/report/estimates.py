@@ -60,8 +60,8 @@ TITLES: Final = {
     "posterior": "posterior",
     "profile": "profile likelihood",
 }
+#: figures that have longer names than their keys
 FIGURES: Final = {
-    "replicates": "replicates",
     "refined": "of them by a full search",
     "failed": "of them without an optimum",
     "dived": "of them by a full search",  # of results up to 0.1
@@ -71,14 +71,8 @@ FIGURES: Final = {
     "ess_tail": "least effective sample size, tails",
     "std_error": "greatest Monte Carlo error of a standard deviation, of this",
     "autocorrelation_time": "longest autocorrelation time, steps",  # of results up to 0.1
-    "acceptance": "acceptance",
-    "chains": "chains",
     "divergences": "divergent transitions",
-    "gradients": "gradients",
-    "walkers": "walkers",  # likewise
-    "steps": "steps",
     "marginalization_error": "greatest error of the marginalization, log density",
-    "refits": "refits",
 }
 UNCERTAINTY_LEAD: Final = (
     "The same estimates with 95 % intervals by each method, on a scale of each parameter’s own; the dashed line is the "
@@ -138,27 +132,15 @@ def estimates_section(identification: Model) -> Section:
             prior = f"{compact(one.prior_mean, 4)} ± {compact(one.prior_std)}"
         lower, upper = one.bound_lower, one.bound_upper
         if not (math.isinf(lower) and math.isinf(upper)):
-            symmetric = lower == -upper
-            bounds = f"± {compact(upper)}" if symmetric else f"{compact(lower)} … {compact(upper)}"
+            bounds = f"± {compact(upper)}" if lower == -upper else f"{compact(lower)} … {compact(upper)}"
         far = abs(one.estimate - one.prior_mean) > FAR_FROM_PRIOR * one.prior_std
-        remarks = {
-            "at its bound": one.at_bound,
-            "not identifiable": not one.identifiable,
-            "more than 3 σ from its prior": math.isfinite(one.prior_std) and far,
-        }
-        row = (
-            label(identification, name),
-            estimate,
-            error if one.identifiable else f"({error})",
-            readable_unit(one.unit),
-            forest_row(one, drawn, kind, f"{name}: {estimate}, standard error {error}, {kind}"),
-            interval,
-            compact(one.start, 4),
-            prior,
-            bounds,
-            "; ".join(text for text, holds in remarks.items() if holds),
-        )
-        rows.append(row)
+        remarks = ["at its bound"] if one.at_bound else []
+        remarks += [] if one.identifiable else ["not identifiable"]
+        remarks += ["more than 3 σ from its prior"] if math.isfinite(one.prior_std) and far else []
+        row = forest_row(one, drawn, kind, f"{name}: {estimate}, standard error {error}, {kind}")
+        numbers = (estimate, error if one.identifiable else f"({error})", readable_unit(one.unit))
+        given = (compact(one.start, 4), prior, bounds)
+        rows.append((label(identification, name), *numbers, row, interval, *given, "; ".join(remarks)))
         kinds.append(kind)
     columns = ("", "n", "n", "", "forest", "n", "n", "n", "n", "remark")
     table = Table("", HEAD, tuple(rows), columns, tuple(kinds), "Estimates")
@@ -171,13 +153,9 @@ def correlation_section(identification: Model) -> Section | None:
     if len(names) < 2:
         return None
     matrix = correlation(identification.result.covariance.matrix)
-    pairs = [
-        (abs(float(matrix[i, j])), f"{names[i]} and {names[j]} ({number(float(matrix[i, j]), 3)})")
-        for i in range(len(names))
-        for j in range(i)
-        if np.isfinite(matrix[i, j]) and abs(matrix[i, j]) >= STRONG_CORRELATION
-    ]
-    strongest = "; ".join(text for _, text in sorted(pairs, key=lambda pair: -pair[0])[:MAX_PAIRS])
+    places = ((i, j, float(matrix[i, j])) for i in range(len(names)) for j in range(i))
+    pairs = sorted((p for p in places if abs(p[2]) >= STRONG_CORRELATION), key=lambda pair: -abs(pair[2]))
+    strongest = "; ".join(f"{names[i]} and {names[j]} ({number(r, 3)})" for i, j, r in pairs[:MAX_PAIRS])
     lead = "Blue below zero, red above. Strongly correlated parameters are known together, not one by one. "
     lead += f"Strongest: {strongest}." if strongest else f"No pair exceeds {STRONG_CORRELATION}."
     drawn = Drawing("map", correlation_map(names, matrix), "Correlation map")
@@ -196,10 +174,10 @@ def nuisance_section(identification: Model) -> Section | None:
         caption = "Measurement noise used as weight, standard deviation"
         parts.append(Table(caption, tuple(label(identification, n) for n in noise.channels), (cells,)))
     biases = [(_place(result, one.maneuver), one.values) for one in result.biases]
-    states = [
-        (f"{_place(result, s.maneuver)}, segment {s.segment + 1} at {clock(s.time)} s", s.values)
-        for s in result.initial_states
-    ]
+    states = []
+    for one in result.initial_states:
+        place = f"{_place(result, one.maneuver)}, segment {one.segment + 1} at {clock(one.time)} s"
+        states.append((place, one.values))
     named = (("Sensor biases", "Maneuver", biases), ("Initial states", "Segment", states))
     for title, place, groups in named:
         table = quantity_table(identification, title, place, groups)
@@ -221,13 +199,10 @@ def quantity_table(
 ) -> Table:
     """Return quantities with their standard errors, each group named at its first."""
     rows: list[tuple[str, ...]] = []
-    last = None
     for where, values in groups:
-        for name, one in values.items():
+        for i, (name, one) in enumerate(values.items()):
             numbers = rounded_to_error(one.estimate, one.std_error)
-            first = where if where != last else ""
-            rows.append((first, label(identification, name), *numbers, readable_unit(one.unit)))
-            last = where
+            rows.append(("" if i else where, label(identification, name), *numbers, readable_unit(one.unit)))
     head = (place, "Quantity", "Estimate", "Std. error", "Unit")
     return Table(caption, head, tuple(rows), ("", "", "n", "n", ""))
 
@@ -248,18 +223,17 @@ def uncertainty_section(identification: Model) -> Section | None:
     for name, one in result.parameters.items():
         sure = one.identifiable and not one.at_bound
         found = {key: m.parameters.get(name) for key, m in result.uncertainty.items()}
-        texts, errors = [], []
+        texts, errors = [], dict.fromkeys(found, "")
         for key, interval in found.items():
-            errors.append("")
             if interval is not None:
                 ends = f"{number(interval.ci95_lower, 4)} to {number(interval.ci95_upper, 4)}"
                 texts.append(f"{methods[key]} from {ends}")
                 shown = rounded_to_error(one.estimate, interval.std_error)[1]
                 known = np.isfinite(interval.std_error)
-                errors[-1] = NOTHING if not known else shown if sure else f"({shown})"
+                errors[key] = NOTHING if not known else shown if sure else f"({shown})"
         intervals = [(classes[key], one.estimate, interval) for key, interval in found.items()]
         drawn = interval_rows(intervals, f"{name}: {'; '.join(texts)}")
-        rows.append((label(identification, name), drawn, *errors, readable_unit(one.unit)))
+        rows.append((label(identification, name), drawn, *errors.values(), readable_unit(one.unit)))
         kinds.append("sure" if sure else "unsure")
     columns = ("", "methods", *("n" for _ in methods), "")
     head = ("Parameter", "95 % intervals, drawn", *methods.values(), "Unit")
@@ -287,33 +261,23 @@ def _components(identification: Model) -> list[Part]:
         return []
     names = list(found.variances)
     keys = [(f"swatch component-{name}key", f"{name}: {COMPONENTS.get(name, name)}") for name in names]
-    head, columns = (
-        ("Parameter", "Shares, drawn", "Std. error", *names),
-        ("", "methods", *["n"] * (len(names) + 1)),
-    )
-    table = Table("Shares of the variance", head, tuple(rows), columns)
+    head = ("Parameter", "Shares, drawn", "Std. error", *names)
+    table = Table("Shares of the variance", head, tuple(rows), ("", "methods", "n", *("n" for _ in names)))
     return [Heading("Components of the covariance"), Prose(COMPONENTS_LEAD, muted=True), Legend(keys), table]
 
 
 def method_figures(one: MethodIntervals) -> str:
     """Return the statistics of a method; counts as whole numbers, others to three digits."""
-    shown = {
-        key: f"{value:.0f}" if float(value).is_integer() else number(value, 3)
-        for key, value in one.figures.items()
-    }
-    return "; ".join(f"{FIGURES.get(key, key)} {text}" for key, text in shown.items())
+    shown = {n: f"{x:.0f}" if float(x).is_integer() else number(x, 3) for n, x in one.figures.items()}
+    return "; ".join(f"{FIGURES.get(name, name)} {text}" for name, text in shown.items())
 
 
 def _identifiability(identification: Model) -> list[Part]:
     found, parts = identification.result.identifiability, list[Part]()
-    rows = tuple(
-        (
-            label(identification, name), str(one.doubt), number(one.multiple_correlation, 5), ", ".join(one.partners),
-            paragraph(one.advice),
-        )
-        for name, one in found.parameters.items()
-        if one.doubt
-    )  # fmt: skip
+    rows = []
+    for name, one in ((name, one) for name, one in found.parameters.items() if one.doubt):
+        correlated = number(one.multiple_correlation, 5), ", ".join(one.partners)
+        rows.append((label(identification, name), str(one.doubt), *correlated, paragraph(one.advice)))
     if rows:
         condition, values = "", found.singular_values
         if values:
@@ -324,11 +288,8 @@ def _identifiability(identification: Model) -> list[Part]:
             )
         head = ("Parameter", "Doubt", "Multiple correlation", "Correlated with", HOW_IDENTIFIABLE)
         kinds = ("", "wrap", "n", "wrap", "wrap advice")
-        parts += [
-            Heading("Identifiability"),
-            Prose(condition + MULTIPLE, muted=True),
-            Table("", head, rows, kinds, label="Doubtful parameters"),
-        ]
+        parts += [Heading("Identifiability"), Prose(condition + MULTIPLE, muted=True)]
+        parts += [Table("", head, tuple(rows), kinds, label="Doubtful parameters")]
     if found.directions:
         lines = [f"{d.words} (singular value {number(d.singular_value, 2)})" for d in found.directions]
         parts += [Prose("Near-null directions, along which the data hardly change:"), Bullets(lines, "notes")]
@@ -388,10 +349,9 @@ def modes_section(identification: Model) -> Section | None:
             oscillates = mode.imag.estimate > 0.0
             remarks = [_measured(identification, mode, one) for one in mode.measured if oscillates]
             remarks += [*map(str, mode.remark), "intervals sampled" if mode.method == "sampled" else ""]
+            remark = "; ".join(filter(None, remarks))
             oscillation = (*_pair(mode.frequency), *_pair(mode.damping)) if oscillates else (NOTHING, "") * 2
-            rows.append(
-                (mode.name, *oscillation, *_pair(mode.time_constant), "; ".join(filter(None, remarks)))
-            )
+            rows.append((mode.name, *oscillation, *_pair(mode.time_constant), remark))
         kinds = ("", *("n",) * 6, "wrap")
         parts += [Table("", MODES_HEAD, tuple(rows), kinds, label=title)] if rows else []
     return Section("Natural modes", parts, "Modes") if identification.result.modes else None

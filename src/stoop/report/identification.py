@@ -73,14 +73,16 @@ def render_validation(identification: Model) -> str:
     lead = f"A fitted model predicts {count(len(maneuvers), 'maneuver')} that it was not fitted to"
     figures: list[sheet.Part] = [sheet.Prose(VALIDATION_LEAD, muted=True), comparison_table(maneuvers)]
     figures += [sheet.Bullets(result.basis, "notes")] if result.basis else []
-    found = (sheet.Bullets(result.data_notices, "notes"),)
+    found, more = (sheet.Bullets(result.data_notices, "notes"),), result.warnings[REASONS:]
     pages = [
         sheet.Section(maneuver_title(m), maneuver_parts(identification, m, trace))
         for m, trace in zip(maneuvers, identification.traces, strict=True)
     ]
+    warned = (sheet.Bullets(more, "warnings"),)
     sections = (
         sheet.Section("Prediction", overview_parts(identification, "validation")),
         *_folded(
+            sheet.Section("Further warnings", warned, "Warnings") if more else None,
             sheet.Section("Figures of merit", figures, "Figures"),
             *pages,
             sheet.Section("Found while preparing the data", found, "Data") if result.data_notices else None,
@@ -90,12 +92,6 @@ def render_validation(identification: Model) -> str:
     judged = prediction_verdict(maneuvers, (), refused=result.verdict.grade == "do not use")
     supports = tuple(filter(None, (_match(result, "validation"),)))
     verdict = replace(judged, against=tuple(result.warnings[:REASONS]), supports=supports)
-    more = result.warnings[REASONS:]
-    if more:
-        warned = sheet.Section(
-            "Further warnings", (sheet.Bullets(more, "warnings"),), "Warnings", folded=True
-        )
-        sections = (sections[0], warned, *sections[1:])
     return sheet.render_sheet(sheet.Sheet(identification.vehicle.name, lead, sections, "validation", verdict))
 
 
@@ -118,11 +114,9 @@ def identification_sheet(identification: Model) -> sheet.Sheet:
     lead = f"{result.free_count} from {fitted}{predicted} · optimizer {result.optimizer}"
 
     # The maneuvers, what the figures rest on, the equations, and what was found in the data.
-    rows = tuple(
-        (maneuver_title(m), m.role, segments_text(m), ", ".join(m.channels)) for m in result.maneuvers
-    )
-    head = ("Maneuver", "Role", "Data used", "Channels")
-    parts: list[sheet.Part] = [sheet.Table("", head, rows, ("", "", "wrap", "wrap"), label="Maneuvers")]
+    rows = [(maneuver_title(m), m.role, segments_text(m), ", ".join(m.channels)) for m in result.maneuvers]
+    head, kinds = ("Maneuver", "Role", "Data used", "Channels"), ("", "", "wrap", "wrap")
+    parts: list[sheet.Part] = [sheet.Table("", head, tuple(rows), kinds, label="Maneuvers")]
     parts += [sheet.Bullets(result.basis, "notes")] if result.basis else []
     if identification.equations:
         formulas = Markup("").join(sheet.mathml(latex, "block") for latex in identification.equations)
@@ -142,10 +136,7 @@ def identification_sheet(identification: Model) -> sheet.Sheet:
 
     first: Role = "validation" if "validation" in roles else "fit"
     curves = overview_parts(identification, first)
-    shown = (
-        sheet.Section(TITLES[first][0], curves, "Curves") if curves else None,
-        estimates_section(identification),
-    )
+    shown = [sheet.Section(TITLES[first][0], curves, "Curves")] if curves else []
     folded = _folded(
         _reasons_section(result),
         sheet.Section("Warnings", (sheet.Bullets(result.warnings, "warnings"),)) if result.warnings else None,
@@ -166,19 +157,18 @@ def identification_sheet(identification: Model) -> sheet.Sheet:
         air_section(identification),
         _provenance_section(identification, validation=False),
     )
-    there = (*(section for section in shown if section is not None), *folded)
-    return sheet.Sheet(identification.vehicle.name, lead, there, "identification report", verdict(result))
+    sections = (*shown, estimates_section(identification), *folded)
+    return sheet.Sheet(identification.vehicle.name, lead, sections, "identification report", verdict(result))
 
 
 def reasons(result: Result) -> dict[str, list[str]]:
     """Return by heading all reasons of the verdict, what to fly, how the search ended and how well all maneuvers are matched."""
     found = _judged(result)
+    course = (*_course(result), _match(result, "fit"), _match(result, "validation"))
     return {
         "": [f"{one}." for one in grouped(found.reasons)],
         "What would settle them": [f"{one}." for one in found.advice],
-        "How the fit went": [
-            one for one in (*_course(result), _match(result, "fit"), _match(result, "validation")) if one
-        ],
+        "How the fit went": [one for one in course if one],
     }
 
 
@@ -215,9 +205,8 @@ def verdict(result: Result) -> sheet.Verdict:
     against, merits = found.sides
     supports = [*(f"{shortened(one)}." for one in merits), *_successes(result)]
     shown = tuple(f"{shortened(one)}." for one in against[:REASONS])
-    return sheet.Verdict(
-        LEVELS[found.grade], f"{found.headline}.", against=shown, supports=tuple(supports[:REASONS])
-    )
+    level, headline = LEVELS[found.grade], f"{found.headline}."
+    return sheet.Verdict(level, headline, against=shown, supports=tuple(supports[:REASONS]))
 
 
 def _successes(result: Result) -> Iterator[str]:
@@ -264,7 +253,8 @@ def _match(result: Result, role: Role) -> str:
     maneuvers = [m for m in result.maneuvers if m.role == role]
     if not maneuvers:
         return "" if role == "fit" else "No window was held back, so the prediction error is not known."
-    known = [(one, name) for m in maneuvers for name, one in m.channels.items() if math.isfinite(one.theil)]
+    channels = [(m, name, one) for m in maneuvers for name, one in m.channels.items()]
+    known = [(one, name) for _, name, one in channels if math.isfinite(one.theil)]
     found = sorted((one.theil, name) for one, name in known if not one.below_noise)
     calm, parts = len(known) - len(found), []
     if found:
@@ -274,8 +264,9 @@ def _match(result: Result, role: Role) -> str:
     if calm:
         moves = count(calm, "channel moves", "channels move")
         parts.append(f"{moves} less than the noise and cannot judge the model")
-    compared, lost = _compared(result, role), _lost(result, role)
+    compared = _compared(result, role)
     if compared:
+        lost = [f"{name} ({window(m.start, m.stop)})" for m, name, one in channels if one.lost]
         better = sum(compared)
         comparisons = count(len(compared), "comparison")
         text = f"the model beats a trivial first-order lag in {better} of {comparisons}"
@@ -290,16 +281,6 @@ def _compared(result: Result, role: Role) -> list[bool]:
     """Return for each channel that has a baseline whether the model beats it."""
     channels = [one for m in result.maneuvers if m.role == role for one in m.channels.values()]
     return [one.better for one in channels if one.compared]
-
-
-def _lost(result: Result, role: Role) -> list[str]:
-    return [
-        f"{name} ({window(m.start, m.stop)})"
-        for m in result.maneuvers
-        if m.role == role
-        for name, one in m.channels.items()
-        if one.lost
-    ]
 
 
 @dataclass(frozen=True, eq=False, repr=False)

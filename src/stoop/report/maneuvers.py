@@ -21,15 +21,22 @@ from stoop.report.estimates import label, quantity_table
 from stoop.report.model import Model
 from stoop.report.series import Range, Series, Shade, Strip, spanning
 from stoop.report.time_history import HistoryPanel, TimeHistory, holes, with_residual
-from stoop.results.result import AirDataTrace, GoodnessOfFit, ManeuverResult, ManeuverTrace, Role, TheilShares
+from stoop.results.result import (
+    AirDataTrace,
+    GoodnessOfFit,
+    ManeuverResult,
+    ManeuverTrace,
+    Role,
+    TheilShares,
+    Whiteness,
+)
 
 MAX_VALUE: Final = 1e15  #: a simulation that has left for infinity is not drawn beyond
 COLORED: Final = 4.0  #: standard errors of an autocorrelation that are no matter of chance in any channel
 MAX_LAGS: Final = 100  #: samples over which autocorrelations are drawn
 PREDICTS, PREDICTS_SOME = 0.75, 0.4  #: share of the comparisons with the lag that a predicting model wins
 MAX_RATIO: Final = 100.0  #: of motion to noise; larger ones are shown alike
-#: of a channel of which no figure judges a model
-NOT_JUDGED: Final = "not judged"
+NOT_JUDGED: Final = "not judged"  #: of a channel of which no figure judges a model
 AIR_HEIGHT: Final = 150.0  #: px
 INPUT_HEIGHT: Final = 70.0  #: px
 OVERVIEW_HEIGHT: Final = 64.0  #: px
@@ -52,12 +59,8 @@ LEADS: Final = {
         "granted a bias of its own here."
     ),
 }
-AGAINST_LAG: Final = {
-    "better": "✓ better",
-    "worse": "▲ not better",
-    "noise": "only noise",
-    "": NOTHING,
-}  #: how the model compares
+#: how the model compares
+AGAINST_LAG: Final = {"better": "✓ better", "worse": "▲ not better", "noise": "only noise", "": NOTHING}
 TITLES: Final = {
     "fit": ("Fit: measured against simulated", "Fit"),
     "validation": ("Prediction: no parameter was fitted here", "Prediction"),
@@ -107,8 +110,7 @@ def segments_text(maneuver: ManeuverResult) -> str:
 def role_section(identification: Model, role: Role) -> sheet.Section | None:
     """Return the maneuvers of one role; None without any."""
     parts: list[sheet.Part] = [sheet.Prose(LEADS[role], muted=True)]
-    pairs = zip(identification.result.maneuvers, identification.traces, strict=True)
-    for maneuver, trace in pairs:
+    for maneuver, trace in zip(identification.result.maneuvers, identification.traces, strict=True):
         if maneuver.role == role:
             parts.append(sheet.Heading(maneuver_title(maneuver), role))
             parts += maneuver_parts(identification, maneuver, trace)
@@ -148,22 +150,15 @@ def _goodness(identification: Model, maneuver: ManeuverResult, names: Sequence[s
         against = _against_lag(one)
         bars = bar.format(maneuver.role, length(one.theil))
         bars += bar.format("lag", length(one.baseline_theil)) if against else ""
-        row = (
-            Markup('<span title="{}">{}</span>').format(_meaning(name), label(identification, name)),
-            number(factor * one.rmse, 3),
-            unit,
-            _decimals(one.theil),
-            _decimals(one.baseline_theil),
-            Markup('<span class="bars" aria-hidden="true">{}</span>').format(bars),
-            AGAINST_LAG[against],
-            _decimals(one.r2),
-            number(one.fit_percent, 3),
-            number(factor * one.noise, 2),
-            number(one.signal_to_noise, 2) if not one.signal_to_noise >= MAX_RATIO else f"> {MAX_RATIO:g}",
-            *([share(one.inside)] if predicted else []),
-            *_shares(one.theil_shares),
-        )
-        rows.append(row)
+        title = Markup('<span title="{}">{}</span>').format(_meaning(name), label(identification, name))
+        theil = _decimals(one.theil), _decimals(one.baseline_theil)
+        drawn = Markup('<span class="bars" aria-hidden="true">{}</span>').format(bars)
+        match = AGAINST_LAG[against], _decimals(one.r2), number(one.fit_percent, 3)
+        far = one.signal_to_noise >= MAX_RATIO
+        noise = number(factor * one.noise, 2), f"> {MAX_RATIO:g}" if far else number(one.signal_to_noise, 2)
+        inside = [share(one.inside)] if predicted else []
+        error = number(factor * one.rmse, 3), unit
+        rows.append((title, *error, *theil, drawn, *match, *noise, *inside, *_shares(one.theil_shares)))
     head = (
         "Channel", "RMS error", "Unit", "Theil U", "of the lag", f"0 … {number(reach, 1)}", "Against the lag", "R²", "Fit %",
         "Noise", "S/N", *(["In 95 % band"] if predicted else []), "Offset", "Amplitude", "Rest",
@@ -175,17 +170,14 @@ def _goodness(identification: Model, maneuver: ManeuverResult, names: Sequence[s
 
 def _innovations(identification: Model, maneuver: ManeuverResult) -> sheet.Table:
     """Return the figures of predictions from sample to sample."""
-    found = {name: one.innovations for name, one in maneuver.channels.items() if one.innovations.known}
-    rows = tuple(
-        (
-            label(identification, name), number(one.rms, 3), share(one.inside),
-            _decimals(one.whiteness.autocorrelation), number(one.whiteness.statistic, 3), one.whiteness.verdict or NOTHING,
-        )
-        for name, one in found.items()
-    )  # fmt: skip
+    rows = []
+    for name, one in ((name, own.innovations) for name, own in maneuver.channels.items()):
+        if one.known:
+            figures = number(one.rms, 3), share(one.inside), _decimals(one.whiteness.autocorrelation)
+            rows.append((label(identification, name), *figures, *_whiteness(one.whiteness)))
     head = ("Channel", "RMS / expected", "Within 95 %", "Correlation of neighbors", "Q", "Innovations")
     title = f"Predicted from sample to sample, {maneuver_title(maneuver)}"
-    return sheet.Table("", head, rows, ("", "n", "n", "n", "n", ""), label=title)
+    return sheet.Table("", head, tuple(rows), ("", "n", "n", "n", "n", ""), label=title)
 
 
 def _more_goodness(identification: Model, maneuver: ManeuverResult) -> sheet.Details:
@@ -193,23 +185,12 @@ def _more_goodness(identification: Model, maneuver: ManeuverResult) -> sheet.Det
     for name, one in maneuver.channels.items():
         factor, unit = _shown_unit(identification, name)
         for of, found in (("model", one), ("lag", one.baseline)):
-            row = (
-                label(identification, name) if of == "model" else "", of, number(factor * found.rmse, 3),
-                number(factor * found.press, 3), unit, _decimals(found.r2), " / ".join(_shares(found.theil_shares)),
-                number(found.whiteness.statistic, 3), found.whiteness.verdict or NOTHING,
-            )  # fmt: skip
-            rows.append(row)
-    head = (
-        "Channel",
-        "Of",
-        "RMS error",
-        "Left out",
-        "Unit",
-        "R²",
-        "Offset / amplitude / rest",
-        "Q",
-        "Residuals",
-    )
+            title = label(identification, name) if of == "model" else ""
+            errors = number(factor * found.rmse, 3), number(factor * found.press, 3), unit
+            match = _decimals(found.r2), " / ".join(_shares(found.theil_shares))
+            rows.append((title, of, *errors, *match, *_whiteness(found.whiteness)))
+    figures = ("RMS error", "Left out", "Unit", "R²", "Offset / amplitude / rest", "Q", "Residuals")
+    head = ("Channel", "Of", *figures)
     kinds = ("", "", "n", "n", "", "n", "n", "n", "")
     table = sheet.Table("", head, tuple(rows), kinds, label=f"More figures, {maneuver_title(maneuver)}")
     return sheet.Details("More figures, each beside the lag’s", (sheet.Prose(MORE_LEAD, muted=True), table))
@@ -305,9 +286,8 @@ def response_range(curves: Sequence[Series]) -> Range:
     known = curves[0].y if np.isfinite(curves[0].y).any() else curves[-1].y
     low, high = spanning([known])
     room = MAX_REACH * (high - low)
-    return spanning(
-        [np.array([low, high]), *(np.clip(one.y, low - room, high + room) for one in curves)], 0.02
-    )
+    limited = (np.clip(one.y, low - room, high + room) for one in curves)
+    return spanning([np.array([low, high]), *limited], 0.02)
 
 
 def residuals_section(identification: Model) -> sheet.Section | None:
@@ -320,8 +300,7 @@ def residuals_section(identification: Model) -> sheet.Section | None:
         for name, channel in trace.channels.items() if maneuver.role == "fit" and len(segments) else ():
             residual = finite_part(channel.measured - channel.simulated)
             found.setdefault(name, ([], period))[0].extend(residual[a:b] for a, b in segments)
-    shown: dict[str, tuple[FloatArray, float, int]] = {}
-    colored = []
+    shown, colored = dict[str, tuple[FloatArray, float, int]](), list[str]()
     for name, (residuals, period) in found.items():
         lags = min(MAX_LAGS, max(len(piece) for piece in residuals) - 1)
         samples = sum(int(np.isfinite(piece).sum()) for piece in residuals)
@@ -333,10 +312,8 @@ def residuals_section(identification: Model) -> sheet.Section | None:
             colored.append(name)
     if not shown:
         return None
-    panels = [
-        sheet.Panel(label(identification, name), drawn, meaning=_meaning(name))
-        for name, drawn in autocorrelation_panels(shown).items()
-    ]
+    drawings = autocorrelation_panels(shown).items()
+    panels = [sheet.Panel(label(identification, n), drawn, meaning=_meaning(n)) for n, drawn in drawings]
     lead = (
         "Autocorrelation of the residuals in the fitted maneuvers against lag in s. Of white residuals all but the first "
         "point lie in the band. "
@@ -447,6 +424,10 @@ def _against_lag(one: GoodnessOfFit) -> str:
 
 def _shares(shares: TheilShares) -> list[str]:
     return [share(part) for part in (shares.bias, shares.variance, shares.covariance)]
+
+
+def _whiteness(one: Whiteness) -> tuple[str, str]:
+    return number(one.statistic, 3), one.verdict or NOTHING
 
 
 def _meaning(name: str) -> str:
