@@ -35,7 +35,7 @@ def check_job(
         assert found.channels[channel].theil < found.channels[channel].baseline_theil, (number, channel)
     assert result.status == "converged"
     assert not [name for name, p in result.parameters.items() if p.at_bound]
-    # by the covariance of the model as it is, without what it lacks; moments over inertia, which are what a flight shows
+    # moments over inertia, which are what a flight shows; static stability in pitch is the least known
     parameters, covariance = result.parameters, result.covariance
     for name, sign in SIGNS.items():
         over = {"Cl": "mass.inertia.xx", "Cm": "mass.inertia.yy", "Cn": "mass.inertia.zz"}.get(name[:2])
@@ -44,7 +44,7 @@ def check_job(
         if over:
             relative[covariance.names.index(over)] = -1.0 / parameters[over].estimate
         assert sign * parameters[name].estimate > 0.0, name
-        assert (relative @ covariance.matrix @ relative) ** 0.5 < 0.7, name
+        assert (relative @ covariance.matrix @ relative) ** 0.5 < 0.8, name
     first, second = result.maneuvers[0].segments  # each with its own initial state
     assert first[1] <= dropout[0] < dropout[1] <= second[0]
     wind = result.wind[0]
