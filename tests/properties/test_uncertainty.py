@@ -32,6 +32,7 @@ def test_errors_of_the_table_are_those_of_the_covariance(lacking: FittedModel, t
 def test_a_component_that_is_left_out_is_not_in_the_sum(lacking: FittedModel) -> None:
     """The other components stay; what is lacking moves all three numbers together."""
     less, result = decision.test(lacking.estimate, ("model",))[0].bars, lacking.result
+    assert less.left_out == {"model"}
     held = {c: np.array([*own.values()]) for c, own in result.components.variances.items()}
     assert_allclose(less.std[:3] ** 2, sum(held[name] for name in held if name != "model"))
     moved = result.covariance.matrix - less.covariance[:3, :3]

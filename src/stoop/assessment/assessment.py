@@ -102,7 +102,9 @@ def assess(
         found = assessment(fit, bars, result.seed, watch)
         uncertainty[assessment.name] = found.intervals
         files |= found.files
-    agreement = tuple(method_agreement(result.parameters, uncertainty, result.repeatability))
+    agreement = tuple(
+        method_agreement(result.parameters, uncertainty, result.repeatability, result.components)
+    )
     return replace(result, uncertainty=uncertainty, trust=agreement), files
 
 

@@ -90,11 +90,9 @@ def of_scatter(scatter: Scatter, before: FloatArray) -> FloatArray:
 
 def within_priors(shifts: FloatArray, priors: FloatArray) -> FloatArray:
     """Return the covariance (f, f) of shifts of the estimates given that priors (f,), infinite where there is none, hold."""
-    rows = shifts / priors
-    known = np.isfinite(priors)
-    inner = np.eye(int(known.sum())) + (rows / priors[:, None])[np.ix_(known, known)]
-    across = rows[:, known]
-    return np.asarray(shifts - across @ np.linalg.solve(inner, across.T))
+    rows, _ = _roots(shifts)
+    measured = rows / priors[:, None]
+    return np.asarray(rows @ np.linalg.solve(np.eye(rows.shape[1]) + measured.T @ measured, rows.T))
 
 
 def held_inertia(fit: Estimate) -> dict[str, float]:

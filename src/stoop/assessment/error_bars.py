@@ -133,6 +133,7 @@ class ErrorBars:
     contributions: tuple[Contribution, ...] = ()  #: of controls and motions
     #: of maneuvers or flights, whichever is larger; None where there is one maneuver
     scatter: Scatter | None = None
+    left_out: frozenset[str] = frozenset()  #: components that are not in the sum
 
     @cached_property
     def covariance(self) -> FloatArray:
@@ -177,7 +178,8 @@ class ErrorBars:
 
     def without(self, names: Collection[str]) -> ErrorBars:
         """Return error bars without some components."""
-        return replace(self, components=tuple(c for c in self.components if c.name not in names))
+        kept = tuple(c for c in self.components if c.name not in names)
+        return replace(self, components=kept, left_out=self.left_out | set(names))
 
     def rejected(self, reason: Notice) -> ErrorBars:
         """Return error bars of which none is a confident statement, for one reason; earlier doubts stay."""

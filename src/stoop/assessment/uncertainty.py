@@ -31,6 +31,7 @@ from scipy.stats import chi2
 
 from stoop.assessment.covariance import NORMAL_95, correlation
 from stoop.assessment.error_bars import (
+    GIVEN_MODEL,
     ErrorBars,
     error_bars,
     marginal_information,
@@ -52,6 +53,7 @@ from stoop.flight import Flight
 from stoop.problem.evidence import invert
 from stoop.results.result import ParameterEstimate, Result
 from stoop.results.uncertainty import (
+    COMPONENTS,
     SCATTER_LEVEL,
     Components,
     IdentifiabilityAnalysis,
@@ -67,6 +69,7 @@ from stoop.results.uncertainty import (
 
 COLORED_RATIO: Final = 1.25  #: typical factor of the correction from which residuals count as colored
 NO_REPEATABILITY: Final = Repeatability()
+NO_COMPONENTS: Final = Components()
 DISAGREEMENT: Final = 1.4  #: ratio of standard errors from which two methods disagree
 SKEWNESS: Final = 1.5  #: ratio of the arms of an interval from which it is no longer normal
 MAX_RHAT: Final = 1.01  #: of every parameter; above it a posterior says nothing yet (Vehtari et al. 2021)
@@ -76,7 +79,7 @@ MAX_PRIOR_SHARE: Final = 0.5  #: of an estimate: beyond, the prior knows more th
 def with_uncertainty(result: Result, fit: Estimate, bars: ErrorBars) -> Result:
     """Return the result with its two error bars side by side, which to trust, and what the data can tell."""
     errors = {"corrected": bars.std}
-    if bars.scatter is not None:
+    if not {c.name for c in bars.components} <= {*GIVEN_MODEL}:
         errors["conditional"] = bars.conditional_std
     if not np.isnan(bars.cramer_rao_std).all():  # a method that takes residuals as white has none to compare
         errors["cramer_rao"] = bars.cramer_rao_std
@@ -90,6 +93,8 @@ def with_uncertainty(result: Result, fit: Estimate, bars: ErrorBars) -> Result:
         methods[key] = MethodIntervals(intervals)
     names = [p.name for p in fit.problem.layout.parameters]
     parts = {c.name: np.diag(bars.part(c.name))[: len(names)].tolist() for c in bars.components}
+    variances = {c: dict(zip(names, own, strict=True)) for c, own in parts.items()}
+    components = Components(variances, tuple(n for n in COMPONENTS if n in bars.left_out))
     related = correlation(bars.covariance[: len(names), : len(names)])
     model = flown_model(result, fit)
     singular, directions = _directions(fit, bars, names)
@@ -107,8 +112,8 @@ def with_uncertainty(result: Result, fit: Estimate, bars: ErrorBars) -> Result:
     return replace(
         result,
         uncertainty=methods,
-        components=Components({c: dict(zip(names, own, strict=True)) for c, own in parts.items()}),
-        trust=tuple(method_agreement(result.parameters, methods)),
+        components=components,
+        trust=tuple(method_agreement(result.parameters, methods, components=components)),
         identifiability=IdentifiabilityAnalysis(singular, analyses, worst_pairs(names, related), directions),
     )
 
@@ -131,7 +136,7 @@ def _directions(
 
 def with_repeatability(result: Result, found: Repeatability) -> Result:
     """Return the result with what its maneuvers say alone, and which error bars to trust after that."""
-    agreement = method_agreement(result.parameters, result.uncertainty, found)
+    agreement = method_agreement(result.parameters, result.uncertainty, found, result.components)
     return replace(result, repeatability=found, trust=agreement)
 
 
@@ -139,6 +144,7 @@ def method_agreement(
     parameters: Mapping[str, ParameterEstimate],
     methods: Mapping[str, MethodIntervals],
     repeated: Repeatability = NO_REPEATABILITY,
+    components: Components = NO_COMPONENTS,
 ) -> tuple[Notice, ...]:
     """Return which method to trust for which parameters, and where they disagree; nothing without ``corrected``.
 
@@ -151,8 +157,7 @@ def method_agreement(
     given = "conditional" if "conditional" in methods else "corrected"  # like the bootstrap: given the model
     pairs = ((given, "cramer_rao"), ("bootstrap", given), ("posterior", "corrected"))
     color, bootstrap, posterior = (_ratios(sure, methods, *pair) for pair in pairs)
-    apart = _ratios(sure, methods, "corrected", "conditional")
-    # of scatter, in the corrected errors
+    apart = _by_maneuvers(sure, methods, components)
     contained = float(np.median(list(apart.values()))) if apart else 1.0
     out = [notice("agreement-maneuvers", ratio=contained) if apart else notice("agreement-one-maneuver")]
     typical = float(np.median(list(color.values()))) if color else 1.0
@@ -188,6 +193,23 @@ def method_agreement(
         out += [notice(code, _listed(names)) for code, names in found.items() if names]
     unsure = [name for name in parameters if name not in sure]
     return (*out, *([notice("no-interval-trusted", _listed(unsure))] if unsure else []))
+
+
+def _by_maneuvers(
+    names: Iterable[str], methods: Mapping[str, MethodIntervals], components: Components
+) -> dict[str, float]:
+    """Return by how much maneuvers widen the errors that noise alone explains; older results have no components."""
+    if not components.variances:
+        known = {n: one for n, one in methods.items() if n in ("corrected", "conditional")}
+        if len(known) < 2:
+            return {}
+        pairs = {n: [known[m].parameters[n].std_error for m in ("corrected", "conditional")] for n in names}
+        return {n: whole / given for n, (whole, given) in pairs.items() if given > 0.0}
+    more, out = components.variances.get("maneuvers", {}), dict[str, float]()
+    for name in (n for n in names if n in more):
+        noise = math.fsum(components.variances[c][name] for c in GIVEN_MODEL if c in components.variances)
+        out |= {name: math.sqrt(1.0 + more[name] / noise)} if noise > 0.0 else {}
+    return out
 
 
 def _ratios(
@@ -265,7 +287,7 @@ def repeatability(
             if own is None or stopped:
                 remarks.append(notice("maneuver-stopped", str(window)))
                 continue
-            for name, one in _estimates(own, error_bars(own)).items():
+            for name, one in _estimates(own, error_bars(own).without({"held"})).items():
                 singles[name][i] = one
             if own.outcome.status not in CONFIRMED:
                 remarks.append(notice("maneuver-no-optimum", str(window), advice=own.outcome.advice))
@@ -311,7 +333,8 @@ def agreement(results: Mapping[str, Result]) -> Repeatability:
     singles = {name: [_alone(r, name) for r in results.values()] for name in names}
     stretches = {name: _stretch(results.values(), name) for name in names}
     for i, (label, result) in enumerate(results.items()):
-        if "conditional" in result.uncertainty or max(stretches.values()) <= 1.0:
+        shown = _by_maneuvers(names, result.uncertainty, result.components)
+        if shown or max(stretches.values()) <= 1.0:
             continue
         remarks.append(notice("widened-as-others", label, ratio=float(np.median(list(stretches.values())))))
         for name, alone in singles.items():
@@ -349,14 +372,10 @@ def joint_test(results: Sequence[Result], singles: Mapping[str, Sequence[SingleE
 
 
 def _stretch(results: Iterable[Result], name: str) -> float:
-    """Return by how much the maneuvers of results widen the error of a parameter, prior taken out; at least 1."""
-    ratios = [1.0]
-    for result in results:
-        whole, conditional = _alone(result, name), result.uncertainty.get("conditional")
-        if conditional is not None and whole.counted:
-            given = _alone(result, name, conditional.parameters[name].std_error)
-            ratios += [whole.std_error / given.std_error] if given.counted else []
-    return max(ratios)
+    """Return by how much the maneuvers of results widen the error of a parameter; at least 1."""
+    counted = (r for r in results if _alone(r, name).counted)
+    ratios = [_by_maneuvers([name], r.uncertainty, r.components).get(name, 1.0) for r in counted]
+    return max([1.0, *ratios])
 
 
 def _digests(result: Result) -> dict[str, str]:

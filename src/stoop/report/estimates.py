@@ -263,7 +263,8 @@ def _components(identification: Model) -> list[Part]:
     keys = [(f"swatch component-{name}key", f"{name}: {COMPONENTS.get(name, name)}") for name in names]
     head = ("Parameter", "Shares, drawn", "Std. error", *names)
     table = Table("Shares of the variance", head, tuple(rows), ("", "methods", "n", *("n" for _ in names)))
-    return [Heading("Components of the covariance"), Prose(COMPONENTS_LEAD, muted=True), Legend(keys), table]
+    lead = COMPONENTS_LEAD + (f" Left out: {', '.join(found.left_out)}." if found.left_out else "")
+    return [Heading("Components of the covariance"), Prose(lead, muted=True), Legend(keys), table]
 
 
 def method_figures(one: MethodIntervals) -> str:

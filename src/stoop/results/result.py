@@ -27,7 +27,13 @@ from stoop.results.decisions import DecisionRecord
 from stoop.results.extensions import ExtensionTests
 from stoop.results.modes import ConditionModes
 from stoop.results.response_misfit import ResponseMisfit
-from stoop.results.uncertainty import Components, IdentifiabilityAnalysis, MethodIntervals, Repeatability
+from stoop.results.uncertainty import (
+    COMPONENTS,
+    Components,
+    IdentifiabilityAnalysis,
+    MethodIntervals,
+    Repeatability,
+)
 from stoop.results.verdict import Verdict
 
 if TYPE_CHECKING:
@@ -45,7 +51,9 @@ FILTERS: Final[Mapping[str, Mapping[str, Any]]] = {
     "filter-error-ekf": {"gain": "varying"},
     "stabilized-output-error": {"gain": "steady", "share": 0.01},
 }
-TOLERANCE: Final = 1e-12  #: relative, of squares of standard errors from the diagonal of the covariance
+TOLERANCE: Final = (
+    1e-12  #: relative, of squares of standard errors and sums of components from the covariance
+)
 MIN_SIGNAL_TO_NOISE: Final = 1.0  #: of a channel's motion; below it chance decides between models
 
 
@@ -342,11 +350,21 @@ class Result:
     def __post_init__(self) -> None:
         """Refuse standard errors that are not the square roots of the variances; files of version 1 have others."""
         names, diagonal = self.covariance.names, np.diag(self.covariance.matrix).tolist()
-        known = bool(self.components.variances) and len(names) == len(diagonal)
+        held = self.components.variances
+        if unknown := sorted({*held, *self.components.left_out} - {*COMPONENTS}):
+            raise ValueError(f"no component is named {unknown[0]!r}")
+        known = bool(held) and len(names) == len(diagonal) and {*names} <= {*self.parameters}
         for name, variance in zip(names, diagonal, strict=True) if known else ():
-            std = self.parameters[name].std_error if name in self.parameters else NAN
-            if math.isfinite(variance) and abs(std**2 - variance) > TOLERANCE * variance:
+            parts = [own.get(name, NAN) for own in held.values()]
+            scale = TOLERANCE * max(variance, *map(abs, parts), 0.0)
+            if (
+                math.isfinite(variance)
+                and variance > 0.0
+                and not abs(self.parameters[name].std_error ** 2 - variance) <= scale
+            ):
                 raise ValueError(f"std_error of {name} is not that of the covariance")
+            if math.isfinite(variance) and not abs(math.fsum(parts) - variance) <= scale:
+                raise ValueError(f"components of {name} do not add up to its variance")
 
     @property
     def free_count(self) -> str:
@@ -436,7 +454,8 @@ class AirDataTrace:
 
 def to_json(result: Result) -> str:
     """Return `result` as JSON text of schema ``stoop-result/2``; NaN and infinities become ``null``."""
-    document = {"schema": SCHEMA, **plain(result), "warnings": list(result.warnings)}
+    schema = SCHEMA if result.components.variances else READABLE[0]  # of an older version, saved again
+    document = {"schema": schema, **plain(result), "warnings": list(result.warnings)}
     return json.dumps(document, indent=1, allow_nan=False, ensure_ascii=False) + "\n"
 
 
@@ -463,7 +482,7 @@ def from_json(text: str, where: str = "result") -> Result:
         ) from error
     schema = document.get("schema") if isinstance(document, dict) else None
     if schema not in READABLE:
-        raise StoopError(f"{where}: has schema {schema!r}; this version reads {SCHEMA!r}")
+        raise StoopError(f"{where}: has schema {schema!r}; this version reads {' and '.join(READABLE)}")
     try:
         if "notices" not in document:  # written before notices had codes
             document["notices"] = [as_notice(str(one)).to_dict() for one in document.get("warnings", ())]

@@ -32,6 +32,7 @@ class Components:
 
     #: by component of `COMPONENTS`, then by parameter; square of the parameter's unit
     variances: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    left_out: tuple[str, ...] = ()  #: components that were switched off
 
     def shares(self, name: str) -> dict[str, float]:
         """Return the share of each component in the variance of a parameter; empty without a finite variance."""
@@ -48,7 +49,7 @@ class Components:
             total, shares = math.fsum(own[name] for own in self.variances.values()), self.shares(name)
             cells = (f"{100.0 * shares[c]:10.1f}%" if shares else "-".rjust(11) for c in self.variances)
             lines.append(f"{name:{wide}} {math.sqrt(max(total, 0.0)):11.4g}{''.join(cells)}")
-        return "\n".join(lines)
+        return "\n".join([*lines, *([f"left out: {', '.join(self.left_out)}"] if self.left_out else [])])
 
 
 @dataclass(frozen=True)

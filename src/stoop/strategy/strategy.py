@@ -137,7 +137,8 @@ class Strategy:
 
     def __repr__(self) -> str:
         listed = ", ".join(one.name for one in self.decisions) or "textbook"
-        return f"<Strategy: {'default' if self == Strategy.default() else listed}>"
+        without = f", without component {', '.join(sorted(self.left_out))}" if self.left_out else ""
+        return f"<Strategy: {'default' if self.names == Strategy.default().names else listed}{without}>"
 
 
 def _of(strategy: object, verb: str) -> frozenset[str]:

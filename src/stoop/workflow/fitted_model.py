@@ -34,7 +34,7 @@ from stoop.problem.prepare import decoupled, prepare
 from stoop.problem.windows import Window
 from stoop.results.decisions import switched_off
 from stoop.results.result import AirDataTrace, ManeuverTrace, ParameterEstimate, Quantity, Result, Role
-from stoop.results.uncertainty import COMPONENTS, Components
+from stoop.results.uncertainty import Components
 from stoop.results.verdict import Verdict
 from stoop.vehicle import Vehicle
 from stoop.vehicle.notation import symbols
@@ -138,8 +138,7 @@ class FittedModel:
         from stoop.assessment.assessment import assess
         from stoop.strategy.decision import test
 
-        held = self.uncertainty.variances or COMPONENTS
-        tested, cut = test(self.estimate, COMPONENTS.keys() - held.keys())
+        tested, cut = test(self.estimate, self.uncertainty.left_out)
         if cut:
             raise KeyboardInterrupt
         result, files = assess(

@@ -126,8 +126,8 @@ def test_what_cannot_be_compared_is_refused_or_not_counted() -> None:
 
 
 def test_one_maneuver_takes_the_scatter_that_the_maneuvers_of_another_result_show() -> None:
-    both = {m: of.MethodIntervals({"a": of.Interval(0.1)}) for m in ("cramer_rao", "conditional")}
-    several = result({"a": 1.0}, 0.3, "one", uncertainty=both)
+    parts = of.Components({"noise": {"a": 0.01}, "maneuvers": {"a": 0.08}, "model": {"a": 9.0}})
+    several = result({"a": 1.0}, 0.3, "one", components=parts)
     found = agreement({"one": several, "two": result({"a": 1.5}, 0.2, "two")})
     assert [one.std_error for one in found.parameters["a"].singles] == pytest.approx([0.3, 0.6])
     assert found.parameters["a"].chi_square == pytest.approx(0.25 / (0.3**2 + 0.6**2))

@@ -201,6 +201,7 @@ def test_components_of_the_covariance_are_left_out_beside_any_decisions() -> Non
     assert (chosen.left_out, chosen.names) == ({"model", "held"}, default.names - {"bounds"})
     assert chosen == default.without_component("model", "held").without("bounds")
     assert default.without("bounds").left_out == frozenset()
+    assert repr(default.without_component("model")) == "<Strategy: default, without component model>"
 
 
 def test_the_app_writes_the_switches_that_give_the_checked_decisions() -> None:

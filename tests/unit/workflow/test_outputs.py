@@ -213,6 +213,10 @@ EDITS: list[tuple[tuple[str | int, ...], Any, str]] = [
     (("covariance", "names", 0), "Nonsense", "covariance of other parameters"),
     (("covariance", "names"), ["CLalpha"], "rows for"),
     (("noise_covariance", "matrix"), [[1.0]], "has a covariance of 1 rows"),
+    (("components", "variances", "noise", "CLalpha"), 7.0, "components of CLalpha do not add up to its variance"),
+    (("components", "variances", "noise", "CLalpha"), None, "components of CLalpha do not add up to its variance"),
+    (("components", "variances", "noise"), {}, "do not add up to its variance"),
+    (("components", "variances", "<b>weather"), {}, "no component is named '<b>weather'"),
     (("maneuvers",), [], "no maneuver that was fitted"),
     (("biases",), [{"maneuver": 9, "values": {}}], "maneuver that it does not name"),
     *(
