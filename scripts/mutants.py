@@ -124,6 +124,7 @@ class Runner:
     def _copy(self, mutant: Mutant) -> Path:
         source = self.scratch / mutant.name / "src"
         shutil.copytree(ROOT / "src", source)
+        (source.parent / "examples").symlink_to(ROOT / "examples")  # beside the sources, as in a working copy
         place = source.parent / mutant.file
         place.write_text(place.read_text("utf-8").replace(mutant.old, mutant.new), encoding="utf-8")
         return source
