@@ -23,7 +23,7 @@ import numpy as np
 
 from stoop.assessment.error_bars import ErrorBars
 from stoop.assessment.uncertainty import method_agreement
-from stoop.base.arrays import BoolArray, FloatArray, IntArray
+from stoop.base.arrays import FloatArray, IntArray
 from stoop.base.npz import read_arrays
 from stoop.base.text import duration
 from stoop.errors import IdentificationError
@@ -102,10 +102,8 @@ def assess(
         found = assessment(fit, bars, result.seed, watch)
         uncertainty[assessment.name] = found.intervals
         files |= found.files
-    agreement = tuple(
-        method_agreement(result.parameters, uncertainty, result.repeatability, result.components)
-    )
-    return replace(result, uncertainty=uncertainty, trust=agreement), files
+    trust = method_agreement(result.parameters, uncertainty, result.repeatability, result.components)
+    return replace(result, uncertainty=uncertainty, trust=trust), files
 
 
 def refits(
@@ -274,14 +272,14 @@ def _gauss_newton(optimum: Optimum, z: FloatArray, shift: FloatArray) -> FloatAr
     problem, rung, free = optimum.problem, optimum.rung, optimum.free
     boxed, before = free < problem.dimension, np.inf
     low, high = optimum.box
-    information = None
+    inverse = None
     for _ in range(OWN_STEPS):
         r = problem.residuals(z[None, :], rung)[0]
         if not np.isfinite(r).all():
             return None
-        if information is None:
+        if inverse is None:
             jacobian = tall(problem.jacobian(z, rung, r)[0])
-            information, gradient = jacobian.gram(), jacobian.project(r + shift)[free]
+            inverse, gradient = _Inverse(jacobian, free), jacobian.project(r + shift)[free]
         else:
             gradient = problem.gradient(z, rung, r, r + shift)[free]
         if not np.isfinite(gradient).all():
@@ -289,10 +287,11 @@ def _gauss_newton(optimum: Optimum, z: FloatArray, shift: FloatArray) -> FloatAr
         at = z[free]
         # bounds that the step would cross hold
         held = boxed & (((at <= low) & (gradient > 0.0)) | ((at >= high) & (gradient < 0.0)))
-        step, length = _newton_step(information, gradient, free, ~held)
+        unheld = np.flatnonzero(~held)
+        step, length = inverse.step(gradient, unheld)
         if length > MIN_REDUCTION * before:
-            information = tall(problem.jacobian(z, rung, r)[0]).gram()
-            step, length = _newton_step(information, gradient, free, ~held)
+            inverse = _Inverse(tall(problem.jacobian(z, rung, r)[0]), free)
+            step, length = inverse.step(gradient, unheld)
         before = length
         z = optimum.at((at - optimum.z[free] + step)[None, :])[0]
         if length < STEP_TOLERANCE:
@@ -300,11 +299,17 @@ def _gauss_newton(optimum: Optimum, z: FloatArray, shift: FloatArray) -> FloatAr
     return None
 
 
-def _newton_step(
-    information: FloatArray, gradient: FloatArray, free: IntArray, unheld: BoolArray
-) -> tuple[FloatArray, float]:
-    """Return the Gauss-Newton step (f,) of the free entries that no bound holds, and its length in standard errors."""
-    factor = invert(information[np.ix_(free[unheld], free[unheld])]).factor
-    reduced, step = -gradient[unheld] @ factor, np.zeros(len(gradient))
-    step[unheld] = factor @ reduced
-    return step, float(np.sqrt(reduced @ reduced))
+class _Inverse:
+    """Inverse of the information of f free entries of a Jacobian, found once for the entries that no bound holds."""
+
+    def __init__(self, jacobian: TallMatrix, free: IntArray) -> None:
+        self.information = jacobian.gram()[np.ix_(free, free)]
+        self.unheld, self.factor = np.empty(0, dtype=np.intp), np.empty((0, 0))
+
+    def step(self, gradient: FloatArray, unheld: IntArray) -> tuple[FloatArray, float]:
+        """Return the Gauss-Newton step (f,) of the entries `unheld`, and its length in standard errors."""
+        if not np.array_equal(unheld, self.unheld):
+            self.unheld, self.factor = unheld, invert(self.information[np.ix_(unheld, unheld)]).factor
+        reduced, step = -gradient[unheld] @ self.factor, np.zeros(len(gradient))
+        step[unheld] = self.factor @ reduced
+        return step, float(np.sqrt(reduced @ reduced))

@@ -71,9 +71,7 @@ class Uncertainty:
 
     information: FloatArray  #: (k, k); Fisher's, for white residuals, priors included
     cramer_rao: FloatArray  #: (k, k); its inverse: right if the residuals are white, else too small
-    colored: (
-        FloatArray  #: (k, k); after Morelli and Klein: right for colored residuals; finite in all directions
-    )
+    colored: FloatArray  #: (k, k); after Morelli and Klein, for colored residuals; finite in all directions
     noise: ColoredNoise  #: the color found, of the weighted residuals
     autocorrelation: FloatArray  #: (ny, lags + 1); of the residuals
     coloring: Coloring  #: residuals and sensitivities that these come from
@@ -127,9 +125,7 @@ class ErrorBars:
     uncertainty: Uncertainty  #: of the `free` unknowns
     free: IntArray  #: (f,); the unknowns that are estimated and not at a bound; noise intensities come last
     priors: FloatArray  #: (f,), root-mean-square errors of their estimates by their priors alone; infinite without one
-    apart: (
-        FloatArray  #: (f,), what chance does not explain of the difference of the estimates by two weightings
-    )
+    apart: FloatArray  #: (f,), difference of the estimates by two weightings that chance does not explain
     contributions: tuple[Contribution, ...] = ()  #: of controls and motions
     #: of maneuvers or flights, whichever is larger; None where there is one maneuver
     scatter: Scatter | None = None
@@ -158,10 +154,8 @@ class ErrorBars:
 
     def of_free(self, *names: str) -> FloatArray:
         """Return the sum (f, f) of some components."""
-        total = np.zeros((len(self.free),) * 2)
-        for component in self.components:
-            total += component.covariance if component.name in names else 0.0
-        return marked(total, self.determined)
+        parts = (c.covariance for c in self.components if c.name in names)
+        return marked(sum(parts, np.zeros((len(self.free),) * 2)), self.determined)
 
     def part(self, *names: str) -> FloatArray:
         """Return the sum (k, k) of some components."""

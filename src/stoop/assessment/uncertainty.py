@@ -113,7 +113,7 @@ def with_uncertainty(result: Result, fit: Estimate, bars: ErrorBars) -> Result:
         result,
         uncertainty=methods,
         components=components,
-        trust=tuple(method_agreement(result.parameters, methods, components=components)),
+        trust=method_agreement(result.parameters, methods, components=components),
         identifiability=IdentifiabilityAnalysis(singular, analyses, worst_pairs(names, related), directions),
     )
 
