@@ -44,6 +44,7 @@ from stoop.estimate.estimate import Estimate
 from stoop.estimate.noise import lagged_products
 from stoop.estimate.refit_problem import RefitProblem
 from stoop.parallel import Json, LocalProcesses, Plan, Pool, Run
+from stoop.problem.color import least_squares_autoregression
 from stoop.results.uncertainty import Interval, MethodIntervals
 
 LONGEST_BLOCK: Final = 0.25  #: of a segment: fewer than four blocks would repeat the record
@@ -126,18 +127,12 @@ class ColoredBlocks:
 
 
 def whitened(segments: Sequence[FloatArray], order: int) -> list[FloatArray]:
-    """Return the innovations of a series, (n_i - order,) for segments (n_i,); NaN where unknown.
-
-    By least squares: an autoregression from the autocovariance is biased where the spectrum is steep.
-    """
-    window = np.lib.stride_tricks.sliding_window_view
-    rows = [window(s, order + 1)[:, ::-1] for s in segments]  # beside its own past, the latest first
-    table = np.concatenate(rows)
-    whole = table[np.isfinite(table).all(axis=1)]
-    if len(whole) < MIN_INNOVATIONS + 2 * order:
-        return [np.full(len(part), np.nan) for part in rows]
-    coefficients = np.linalg.lstsq(whole[:, 1:], whole[:, 0], rcond=None)[0]
-    return [part[:, 0] - part[:, 1:] @ coefficients for part in rows]
+    """Return the innovations of a series, (n_i - order,) for segments (n_i,); NaN where unknown."""
+    coefficients, rows = least_squares_autoregression(segments, order)
+    known = (
+        np.append(1.0, -coefficients) if rows >= MIN_INNOVATIONS + 2 * order else np.full(order + 1, np.nan)
+    )
+    return [np.convolve(segment, known, "valid") for segment in segments]
 
 
 @dataclass(frozen=True, eq=False)

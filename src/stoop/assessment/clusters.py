@@ -19,7 +19,7 @@ large d means that the excess is the same for all of them. The ratios of the oth
 .. math:: (d s^2 + \nu_j t_j^2) / (d + \nu_j),
 
 with d + nu_j degrees of freedom (Smyth). The half width of the 95 % interval is averaged over the posterior distribution of s
-and d, and over whether the model is right (prior probability 0.3). A variance is never reduced: a ratio below 1 is chance. The
+and d, and over whether the model is right (prior probability 0.8). A variance is never reduced: a ratio below 1 is chance. The
 common excess of the others widens the interval of a parameter that one maneuver alone determines. The share of the priors in a
 variance is not widened.
 
@@ -61,7 +61,7 @@ class ClusterLimits:
     #: prior standard deviation of log s^2, which dominates in a fit of few parameters
     prior: float = 2.0
     #: prior probability that the model is right: no excess in any parameter
-    right: float = 0.3
+    right: float = 0.8
 
 
 LIMITS: Final = ClusterLimits()

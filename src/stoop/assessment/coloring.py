@@ -37,6 +37,7 @@ from scipy.linalg import toeplitz
 from stoop.assessment.covariance import inverse_information
 from stoop.base.arrays import ComplexArray, FloatArray, IntArray
 from stoop.estimate.noise import lagged_products
+from stoop.problem.color import yule_walker
 from stoop.problem.evidence import Inverse, PieceEvidence
 
 MIN_POWER: Final = 1e-3  #: of the variance, at any frequency; bounds how slow the noise can be
@@ -162,35 +163,8 @@ def autocorrelation(residuals: Sequence[FloatArray], lags: int) -> FloatArray:
     return sums / np.where(sums[:, :1] > 0.0, sums[:, :1], np.nan)
 
 
-def fit_noise(autocovariance: FloatArray, residuals: Sequence[FloatArray]) -> ColoredNoise:
-    """Return the autoregressions with the given autocovariance (ny, order + 1), with a memory of some segments.
-
-    White noise is added first where holes in the data or their correction made an autocovariance impossible; residuals, a
-    sequence of (n_i, ny), give the correlation of the innovations between channels.
-    """
-    channels, order = len(autocovariance), autocovariance.shape[1] - 1
-    coefficients, power = autoregressions(autocovariance, memory_of(residuals))
-    total = np.zeros((channels, channels))
-    for residual in residuals:
-        innovations = residual[order:].copy()
-        for lag in range(order):
-            innovations -= coefficients[:, lag] * residual[order - 1 - lag : len(residual) - 1 - lag]
-        total += innovations.T @ innovations
-    own = np.sqrt(np.diag(total))
-    own = np.where(own > 0.0, own, 1.0)
-    related = total / np.outer(own, own)
-    np.fill_diagonal(related, 1.0)
-    std = np.sqrt(power)
-    return ColoredNoise(coefficients, np.outer(std, std) * related)
-
-
-def memory_of(residuals: Sequence[FloatArray]) -> float:
-    """Return the longest memory, in samples, that segments (n_i, ny) show."""
-    return MEMORY * float(np.mean([len(residual) for residual in residuals]))
-
-
-def autoregressions(autocovariance: FloatArray, memory: float) -> tuple[FloatArray, FloatArray]:
-    """Return coefficients (ny, order) and innovation variances (ny,) for an autocovariance (ny, order + 1).
+def fit_noise(autocovariance: FloatArray, memory: float) -> ColoredNoise:
+    """Return the autoregressions, independent of each other, with an autocovariance (ny, order + 1).
 
     White noise is added where the autocovariance is impossible. What a few lags show to decay more slowly than in a memory, in
     samples, decays as fast as that, with the same variance.
@@ -198,7 +172,8 @@ def autoregressions(autocovariance: FloatArray, memory: float) -> tuple[FloatArr
     possible, order = autocovariance.copy(), autocovariance.shape[1] - 1
     least = np.linalg.eigvalsh(np.stack([toeplitz(channel) for channel in possible]))[:, 0]
     possible[:, 0] += np.maximum(0.0, MIN_POWER * np.abs(possible[:, 0]) - least)
-    coefficients, power = _levinson(possible)
+    fits = [yule_walker(channel) for channel in possible]
+    coefficients, power = np.array([a for a, _ in fits]), np.array([variance for _, variance in fits])
     companion = np.zeros((len(possible), order, order))
     companion[:, 0], companion[:, 1:, :-1] = coefficients, np.eye(order - 1)
     slowest, decay = np.abs(np.linalg.eigvals(companion)).max(axis=1), 1.0 - 1.0 / memory
@@ -208,20 +183,7 @@ def autoregressions(autocovariance: FloatArray, memory: float) -> tuple[FloatArr
         size = next_fast_len(round(SPAN * memory), real=True)
         gain = ColoredNoise(coefficients[slow], np.eye(int(slow.sum()))).gain(size)
         power[slow] = possible[slow, 0] / (half_spectrum_scale(size) ** 2 @ np.abs(gain) ** 2)
-    return coefficients, power
-
-
-def _levinson(possible: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return autoregressions for a possible autocovariance (ny, order + 1), by the Levinson-Durbin recursion."""
-    order = possible.shape[1] - 1
-    coefficients, power = np.zeros((len(possible), 0)), possible[:, 0].copy()
-    for n in range(1, order + 1):
-        rest = possible[:, n] - np.sum(coefficients * possible[:, n - 1 : 0 : -1], axis=1)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            reflection = np.where(power > 0.0, rest / power, 0.0)[:, None]
-        coefficients = np.hstack([coefficients - reflection * coefficients[:, ::-1], reflection])
-        power *= 1.0 - reflection[:, 0] ** 2
-    return coefficients, power
+    return ColoredNoise(coefficients, np.diag(power))
 
 
 def between_lags(autocovariance: FloatArray, counts: FloatArray) -> FloatArray:
@@ -269,15 +231,16 @@ class Coloring:
         if self.white:
             return ColoredNoise.white(residuals[0].shape[1])
         lengths = [len(segment.residual) for segment in self.segments]
+        memory = MEMORY * float(np.mean(lengths))
         order = max(1, min(MAX_ORDER, sum(lengths) // SAMPLES_PER_LAG, min(lengths) - 1))
         present = [segment.present.astype(np.float64) for segment in self.segments]
         sums, counts = lagged_products(residuals, present, order)
         share, pairs = counts / np.maximum(counts[:, :1], 1.0), np.maximum(counts, 1.0)
         autocovariance, blocks = between_lags(sums / pairs, counts), self.single_blocks
         for _ in range(ROUNDS):
-            coefficients, innovation = autoregressions(autocovariance, memory_of(residuals))
-            gain = ColoredNoise(coefficients, np.diag(innovation)).gain
-            own = [(block, np.abs(gain(block.size).T) ** 2 * innovation[:, None]) for block in blocks]
+            noise = fit_noise(autocovariance, memory)
+            innovation = np.diag(noise.innovation)[:, None]
+            own = [(block, np.abs(noise.gain(block.size).T) ** 2 * innovation) for block in blocks]
             spread = self.spread([block.separate_middle(power) for block, power in own])
             absorbed = np.zeros_like(share)
             for block, power in own:
@@ -288,7 +251,7 @@ class Coloring:
             power, most = np.abs(corrected[:, :1]), pairs[:, :1] * np.abs(sums[:, :1])
             limit = np.divide(most, power, out=np.ones_like(power), where=power > most)
             autocovariance = between_lags(limit * corrected / pairs, counts)
-        return self._coherent(fit_noise(autocovariance, residuals), residuals)
+        return self._coherent(fit_noise(autocovariance, memory), residuals)
 
     def _coherent(self, noise: ColoredNoise, residuals: Sequence[FloatArray]) -> ColoredNoise:
         """Return the noise with the coherency of its innovations between channels, what the fit absorbed added back."""

@@ -7,7 +7,7 @@ determine of each parameter.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Hashable, Mapping, Sequence
+from collections.abc import Callable, Collection, Hashable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Final
@@ -120,7 +120,7 @@ class ErrorBars:
     determined: BoolArray  #: (f,); the others have infinite variance
     count: int  #: k
     at_bound: BoolArray  #: (k,) bool; whether the estimate lies at a bound
-    identifiability: dict[str, Identifiability]  #: by parameter; those at a bound have none
+    unknowns: tuple[Unknown, ...]  #: every unknown of the fit; `free` counts these
     conditional: tuple[str, ...]  #: more than twice as uncertain if the parameters at a bound were free
     uncertainty: Uncertainty  #: of the `free` unknowns
     free: IntArray  #: (f,); the unknowns that are estimated and not at a bound; noise intensities come last
@@ -130,6 +130,25 @@ class ErrorBars:
     #: of maneuvers or flights, whichever is larger; None where there is one maneuver
     scatter: Scatter | None = None
     left_out: frozenset[str] = frozenset()  #: components that are not in the sum
+    refused: Notice | None = None  #: why no estimate is identifiable
+
+    @cached_property
+    def identifiability(self) -> dict[str, Identifiability]:
+        """Identifiability by parameter, judged by the covariance; of parameters at a bound there is none."""
+        free, total = [self.unknowns[i] for i in self.free], self.of_free(*COMPONENTS)
+        own = identifiability(free, self.uncertainty.information, total)
+        doubts = {
+            n: notice("systematic-residuals", c.variable)
+            for c in self.contributions
+            if c.systematic > EXCITATION.refused
+            for n in c.parameters
+        }
+        known = {
+            u.name: one.doubted(doubts.get(u.name) or self.refused)
+            for u, one in zip(free, own, strict=True)
+            if u.kind == "parameter"
+        }
+        return known | _not_estimated(self.unknowns)
 
     @cached_property
     def covariance(self) -> FloatArray:
@@ -175,14 +194,6 @@ class ErrorBars:
         kept = tuple(c for c in self.components if c.name not in names)
         return replace(self, components=kept, left_out=self.left_out | set(names))
 
-    def rejected(self, reason: Notice) -> ErrorBars:
-        """Return error bars of which none is a confident statement, for one reason; earlier doubts stay."""
-        doubted = {
-            name: replace(one, identifiable=False, reason=reason) if one.identifiable else one
-            for name, one in self.identifiability.items()
-        }
-        return replace(self, identifiability=doubted)
-
 
 @on_one_blas_thread
 def error_bars(fit: Estimate) -> ErrorBars:
@@ -201,8 +212,6 @@ def error_bars(fit: Estimate) -> ErrorBars:
     held = nonzero(Component("held", of_held_inertia(fit, uncertainty.coloring)))
     maneuvers = () if scatter is None else nonzero(Component("maneuvers", of_scatter(scatter, covariance)))
     at_bound = np.array([u.fixed == "bound" for u in unknowns])
-    each = identifiability(estimated, uncertainty.information, marked(covariance, determined))
-    own = {u.name: j for u, j in zip(estimated, each, strict=True) if u.kind == "parameter"}
     plain, apart = uncertainty, fit.disagreement[free]
     if fit.white_evidence is not evidence:
         plain = estimate_uncertainty([piece.of(free) for piece in fit.white_evidence.pieces], prior)
@@ -216,7 +225,7 @@ def error_bars(fit: Estimate) -> ErrorBars:
         determined=determined,
         count=k,
         at_bound=at_bound[:k],
-        identifiability=_doubted(own, contributed) | _not_estimated(unknowns),
+        unknowns=tuple(unknowns),
         conditional=_conditional(evidence, standard_errors(uncertainty.cramer_rao)) if at_bound.any() else (),
         uncertainty=uncertainty,
         free=free,
@@ -253,19 +262,6 @@ def _conditional(evidence: Evidence, std: FloatArray) -> tuple[str, ...]:
     return tuple(unknowns[i].name for i in leaning if unknowns[i].kind == "parameter")
 
 
-def _doubted(
-    known: Mapping[str, Identifiability], contributed: Sequence[Contribution]
-) -> dict[str, Identifiability]:
-    """Return what the data say of each parameter, in doubt where systematic residuals may be all that it contributes."""
-    doubtful = {n: c.variable for c in contributed if c.systematic > EXCITATION.refused for n in c.parameters}
-    return {
-        name: replace(one, identifiable=False, reason=notice("systematic-residuals", doubtful[name]))
-        if name in doubtful and one.identifiable
-        else one
-        for name, one in known.items()
-    }
-
-
 def _not_estimated(unknowns: Sequence[Unknown]) -> dict[str, Identifiability]:
     reason = notice("not-estimated")
     idle = [u.name for u in unknowns if u.kind == "parameter" and u.fixed == "method"]
@@ -294,6 +290,10 @@ class Identifiability:
     conditional_std: float  #: standard error if everything else were known
     marginal_std: float  #: standard error as it is; infinite when the data leave it free
     multiple_correlation: float  #: with all other unknowns together; 1 means that they can take its place
+
+    def doubted(self, reason: Notice | None) -> Identifiability:
+        """Return it as not identifiable for a reason, if there is one; an earlier reason stays."""
+        return replace(self, identifiable=False, reason=reason) if reason and self.identifiable else self
 
 
 def identifiability(

@@ -27,6 +27,24 @@ from stoop.base.arrays import BoolArray, FloatArray
 from stoop.problem.weights import Weights
 
 
+def yule_walker(autocovariance: FloatArray) -> tuple[FloatArray, float]:
+    """Return coefficients (p,) and innovation variance of the autoregression with an autocovariance (p + 1,)."""
+    r = autocovariance
+    coefficients = solve_toeplitz(r[:-1], r[1:]) if len(r) > 1 and r[0] > 0.0 else np.zeros(len(r) - 1)
+    return coefficients, float(r[0] - coefficients @ r[1:])
+
+
+def least_squares_autoregression(segments: Sequence[FloatArray], order: int) -> tuple[FloatArray, int]:
+    """Return coefficients (order,) of the autoregression of a series with NaN in segments (n_i,), and the number of its rows.
+
+    Unlike :func:`yule_walker` it is not biased where the spectrum is steep.
+    """
+    window = np.lib.stride_tricks.sliding_window_view
+    rows = np.concatenate([window(s, order + 1)[:, ::-1] for s in segments if len(s) > order])
+    rows = rows[np.isfinite(rows).all(axis=1)]
+    return np.linalg.lstsq(rows[:, 1:], rows[:, 0], rcond=None)[0], len(rows)
+
+
 @dataclass(frozen=True, eq=False)
 class ChannelColor:
     """Autocorrelation (p + 1,) of a channel at multiples of the time between its readings; the first is 1.
@@ -48,8 +66,7 @@ class ChannelColor:
 
     @cached_property
     def _predictor(self) -> FloatArray:
-        r = self.autocorrelation
-        return np.append(1.0, -solve_toeplitz(r[:-1], r[1:]) if self.order else [])
+        return np.append(1.0, -yule_walker(self.autocorrelation)[0])
 
     @cached_property
     def _blocks(self) -> tuple[FloatArray, FloatArray, FloatArray]:

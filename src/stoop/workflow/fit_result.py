@@ -43,7 +43,7 @@ def fitted_model(decided: Fitted) -> FittedModel:
     flights, options, predicted = decided.flights, decided.options, decided.setup.held_back
     vehicle, color = fit.problem.layout.vehicle, fit.correlation_time
     if too_few(fit.problem):
-        bars = bars.rejected(notice("error-bars-of-few-samples"))
+        bars = replace(bars, refused=notice("error-bars-of-few-samples"))
     parameters = _parameters(fit, bars)
     model = predictor(fit, bars.covariance, options.treatment.recorded_motion)
     bands = fit.deviations(bars.covariance)

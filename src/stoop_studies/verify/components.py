@@ -22,7 +22,6 @@ from stoop.errors import StoopError
 from stoop.estimate.fit import Options
 from stoop.propagation.rotor_figures import rotor_figures
 from stoop.propagation.wing_figures import wing_figures
-from stoop.results.uncertainty import COMPONENTS
 from stoop.simulation.initial import parameter_rows
 from stoop.strategy import Strategy, fit
 from stoop.vehicle import Vehicle
@@ -35,8 +34,15 @@ FAR: Final = 4.0  #: standard errors; a larger error costs the score no more
 LEAST: Final = 1e-4  #: relative to the size of a figure; one that the numbers hardly move is not compared
 INERTIA: Final = 0.1  #: standard deviation of a held moment of inertia, relative
 MOMENTS: Final = tuple(f"mass.inertia.{axis}" for axis in ("xx", "yy", "zz"))
-SINGLE: Final = tuple(name for name in COMPONENTS if name != "noise")
-LEFT_OUT: Final = ((), *((n,) for n in SINGLE), *combinations(("color", "maneuvers", "model"), 2))
+#: component -> group by whose numbers its worth is judged
+WORTH: Final = {
+    "color": "lacking",
+    "windows": "feedback",
+    "maneuvers": "wrong file",
+    "held": "held",
+    "model": "lacking",
+}
+LEFT_OUT: Final = ((), *((n,) for n in WORTH), *combinations(("color", "maneuvers", "model"), 2))
 KINDS: Final = ("numbers", "figures")
 NOTHING: Final = "nothing"  #: is left out
 Flown = tuple[Any, Vehicle, str]  #: a scene, the vehicle that flew, and a method that is named
@@ -70,7 +76,10 @@ def _scene(fly: Callable[[int], scenes.Scene], seed: int) -> Flown:
 
 #: case -> group, and from a seed to what is fitted
 CASES: Final[Mapping[str, tuple[str, Callable[[int], Flown]]]] = {
-    **{n: ("fleet", partial(_fleet, n)) for n in decision_fleet.CASES},
+    **{
+        n: ("wrong file" if one.user or one.tried else "fleet", partial(_fleet, n))
+        for n, one in decision_fleet.CASES.items()
+    },
     **{
         n: ("right" if n.startswith("exact") else "lacking", partial(_lacking, n)) for n in misspecified.CASES
     },
@@ -190,16 +199,11 @@ def _claims(summary: Sequence[Mapping[str, Any]]) -> Iterator[Claim]:
         words = f"{row['of']} of the group {row['case']}: 95 % intervals hold the truth in"
         figures = f"of {row['count']} in {row['fits']} fits; rms of z {row['rms']:.2f}"
         yield study.within(words, (0.93, 0.97), row["coverage"], figures)
-    for name in SINGLE:
-        own = [one for one in summary if one["without"] == name]
-        best = max(own, key=lambda one: one["worth"] / max(one["worth_se"], 1e-9), default=None)
-        if best is not None:
-            figures = (
-                f"{best['worth']:.3f} ± {best['worth_se']:.3f} of the score ({best['case']}, {best['of']})"
-            )
-            yield holds(
-                f"The component {name} is worth having", best["worth"] > 2.0 * best["worth_se"], figures
-            )
+    for one in summary:
+        if one["of"] == "numbers" and WORTH.get(one["without"]) == one["case"]:
+            words = f"The component {one['without']} is worth having in the group {one['case']}"
+            worth = f"{one['worth']:.3f} ± {one['worth_se']:.3f} of the score"
+            yield holds(words, one["worth"] > 2.0 * one["worth_se"], worth)
 
 
 EXPERIMENT: Final = study.Verification(

@@ -11,7 +11,6 @@ from typing import Any, Final
 import numpy as np
 import pandas as pd
 
-from stoop.assessment.error_bars import error_bars
 from stoop.base.numbers import finite_or_none
 from stoop.base.units import KNOT
 from stoop.estimate.fit import Options
@@ -60,7 +59,7 @@ def identified(scene: scenes.Scene, seed: int) -> dict[str, Any]:
     """Return errors and standard errors of a scene by the method that is taken where none is named."""
     found = fit(FIT_ALONE, scene.start, scene.flights, scene.windows, options=Options(seed=seed))
     estimate, method = found.estimate, found.setup.options.method
-    return {**study.errors_of(estimate, scene.truth, error_bars(estimate)), "method": method}
+    return {**study.errors_of(estimate, scene.truth, found.tested.bars), "method": method}
 
 
 def show(setting: Setting, samples: study.Samples) -> Findings:

@@ -176,13 +176,6 @@ class Rows:
         return Rows(self.equation, both[:, 0], both[:, 1:], self.dt)
 
 
-def autoregression(errors: Sequence[FloatArray], order: int = AR_ORDER) -> FloatArray:
-    """Return the coefficients (order,) that predict errors (m,) of each stretch from those before, by least squares."""
-    past = [np.column_stack([v[order - j : len(v) - j] for j in range(1, order + 1)]) for v in errors]
-    now = np.concatenate([v[order:] for v in errors])
-    return np.asarray(np.linalg.lstsq(np.concatenate(past), now, rcond=None)[0])
-
-
 @dataclass(frozen=True, eq=False)
 class Priors:
     """Prior mean, standard deviation and bounds of each parameter (k,), SI; infinite where there is none."""

@@ -34,12 +34,12 @@ from stoop.estimate.regression.least_squares import (
     Estimates,
     Priors,
     Rows,
-    autoregression,
     r_squared,
     solve,
 )
 from stoop.flight.flight import MIN_SEGMENT
 from stoop.problem import Layout, Nuisance, Piece
+from stoop.problem.color import least_squares_autoregression
 from stoop.problem.observation import imu_axes, integrated_attitude, through_air, true_values
 from stoop.simulation import parameter_rows
 from stoop.simulation.delays import at_samples, first_order_lag
@@ -225,7 +225,8 @@ class RotorEquations(Equations):
         """Return the rows, those of moments with errors at values (j,) that are white."""
         taps = {n: np.zeros(AR_ORDER) for n in ACCELERATIONS}
         for name in {r.equation for r in rows} & set(MOMENTS):
-            taps[name] = autoregression([r.y - r.X @ values for r in rows if r.equation == name])
+            errors = [r.y - r.X @ values for r in rows if r.equation == name]
+            taps[name], _ = least_squares_autoregression(errors, AR_ORDER)
         return [r.filtered(taps[r.equation]) for r in rows]
 
     def _thrust_first(self, rows: Sequence[Rows], priors: Priors, values: FloatArray) -> list[Rows]:
