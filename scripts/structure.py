@@ -24,11 +24,11 @@ FLAG = re.compile(
 )  #: tests whether a vehicle has rotors
 #: room -> lines at most; "stoop" is the whole package, for which the design asks 68,000, and 9,000 for its studies
 BUDGETS = {
-    "stoop": 92356,
-    "stoop_studies": 14892,
+    "stoop": 92331,
+    "stoop_studies": 14895,
     "api": 200,
     "app": 3765,
-    "assessment": 6566,
+    "assessment": 6530,
     "base": 2410,
     "checks": 3050,
     "cli": 3426,
@@ -44,7 +44,7 @@ BUDGETS = {
     "parallel": 1250,
     "performance": 875,
     "prediction": 785,
-    "problem": 2015,
+    "problem": 2028,
     "propagation": 1150,
     "reconstruction": 850,
     "report": 4397,

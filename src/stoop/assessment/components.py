@@ -13,8 +13,9 @@ The covariance of the estimates is the sum of
 With the covariance :math:`C` before it, ``windows`` is the positive semidefinite part of :math:`W - C` in coordinates in which
 :math:`C` is one: the least that makes no variance smaller than that of either. ``maneuvers`` is :math:`E C E` with
 :math:`E = \mathrm{diag}\sqrt{f^2 - 1}` and the factors :math:`f \ge 1` on standard errors. A shift of the estimates by what
-the model lacks, of covariance :math:`K`, cannot exceed what the priors allow: with a measurement of zero of each shift, of the
-error :math:`s` of its prior, it is :math:`K - K (K + \mathrm{diag}\,s^2)^{-1} K`.
+the model lacks, of covariance :math:`K`, cannot exceed what the priors of parameters allow: with a measurement of zero of each
+shift, of the error :math:`s` of its prior, it is :math:`K - K (K + \mathrm{diag}\,s^2)^{-1} K`. Biases and initial states absorb
+what the model lacks, whatever their priors say of instruments: these limit the errors of biases and initial states alone.
 
 References
 ----------
@@ -31,7 +32,7 @@ import numpy as np
 
 from stoop.assessment.clusters import Scatter
 from stoop.assessment.coloring import Coloring
-from stoop.base.arrays import FloatArray
+from stoop.base.arrays import BoolArray, FloatArray
 from stoop.estimate.estimate import Estimate
 from stoop.estimate.response import Responses
 
@@ -88,11 +89,16 @@ def of_scatter(scatter: Scatter, before: FloatArray) -> FloatArray:
     return np.asarray(before * np.outer(more, more))
 
 
-def within_priors(shifts: FloatArray, priors: FloatArray) -> FloatArray:
-    """Return the covariance (f, f) of shifts of the estimates given that priors (f,), infinite where there is none, hold."""
+def within_priors(shifts: FloatArray, priors: FloatArray, joint: BoolArray) -> FloatArray:
+    """Return the covariance (f, f) of shifts of the estimates given that priors (f,), infinite where there is none, hold.
+
+    Those that are `joint` (f,) limit all shifts, the others the shift of their own unknown alone.
+    """
     rows, _ = _roots(shifts)
-    measured = rows / priors[:, None]
-    return np.asarray(rows @ np.linalg.solve(np.eye(rows.shape[1]) + measured.T @ measured, rows.T))
+    measured = rows / np.where(joint, priors, np.inf)[:, None]
+    limited = rows @ np.linalg.solve(np.eye(rows.shape[1]) + measured.T @ measured, rows.T)
+    own = 1.0 / np.sqrt(1.0 + np.where(joint, 0.0, np.diag(limited) / priors**2))
+    return np.asarray(limited * np.outer(own, own))
 
 
 def held_inertia(fit: Estimate) -> dict[str, float]:

@@ -185,7 +185,8 @@ class ErrorBars:
 
     def with_model_error(self, shifts: FloatArray) -> ErrorBars:
         """Return error bars with the covariance (f, f) of shifts of the `free` unknowns by what the model lacks."""
-        lacking = within_priors(np.outer(self.apart, self.apart) + shifts, self.priors)
+        joint = np.array([self.unknowns[i].kind == "parameter" for i in self.free], dtype=np.bool_)
+        lacking = within_priors(np.outer(self.apart, self.apart) + shifts, self.priors, joint)
         kept = tuple(c for c in self.components if c.name != "model")
         return replace(self, components=(*kept, *nonzero(Component("model", lacking))))
 

@@ -54,7 +54,7 @@ HEAD: Final = (
 )  # fmt: skip
 TITLES: Final = {
     "corrected": "corrected",
-    "conditional": "corrected for color only",
+    "conditional": "given the model",
     "cramer_rao": "Cramér–Rao, white",
     "bootstrap": "block bootstrap",
     "posterior": "posterior",

@@ -39,7 +39,7 @@ def test_shifts_within_priors_are_those_that_measurements_of_zero_leave() -> Non
     rng = np.random.default_rng(1)
     shifts, priors = drawn(rng, 4, 3), np.array([np.inf, 1.0, np.inf, 1.0])
     priors[[1, 3]] = np.sqrt(np.diag(shifts))[[1, 3]] * [0.5, 2.0]
-    found, expected = within_priors(shifts, priors), shifts.copy()
+    found, expected = within_priors(shifts, priors, np.ones(4, dtype=np.bool_)), shifts.copy()
     for i in (1, 3):
         gain = expected[:, i] / (expected[i, i] + priors[i] ** 2)
         expected = expected - np.outer(gain, expected[i])
@@ -51,6 +51,15 @@ def test_shifts_within_priors_are_those_that_measurements_of_zero_leave() -> Non
     scatter = (draws * weights[:, None]).T @ draws / weights.sum()
     assert_allclose(scatter, found / np.outer(scale, scale), atol=0.01)
     assert np.all(np.diag(found) <= np.minimum(np.diag(shifts), priors**2))
+
+
+def test_a_prior_that_is_not_joint_limits_its_own_shift_and_no_other() -> None:
+    """Variances are those of two independent measurements; what is at most as wide as its prior stays correlated as it was."""
+    shifts = drawn(np.random.default_rng(3), 4, 3)
+    priors = np.sqrt(np.diag(shifts)) * [np.inf, 0.1, np.inf, 3.0]
+    found = within_priors(shifts, priors, np.zeros(4, dtype=np.bool_))
+    assert_allclose(np.diag(found), 1.0 / (1.0 / np.diag(shifts) + priors**-2.0), rtol=1e-9)
+    assert_allclose(correlation(found), correlation(shifts), atol=1e-9)
 
 
 def test_scatter_of_maneuvers_multiplies_standard_errors() -> None:
