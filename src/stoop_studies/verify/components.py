@@ -1,7 +1,7 @@
 """What each component of the covariance is worth: coverage, errors in standard errors, and widths without it.
 
-The covariance is a sum, so that one fit tells what every smaller sum would say, of its numbers and of what is computed from them
-(trims, modes, limits, control; to first order).
+The covariance is a sum, so that one fit tells what every smaller sum would say, of its numbers, of figures that are computed from
+them (trims, modes, limits, control; to first order), and of readings of a window that is held back.
 """
 
 from __future__ import annotations
@@ -20,10 +20,13 @@ from stoop.assessment.error_bars import ErrorBars
 from stoop.base.arrays import FloatArray
 from stoop.errors import StoopError
 from stoop.estimate.fit import Options
+from stoop.prediction.predict import expected_biases, predict, predictor
+from stoop.problem import on_circle
 from stoop.propagation.rotor_figures import rotor_figures
 from stoop.propagation.wing_figures import wing_figures
 from stoop.simulation.initial import parameter_rows
 from stoop.strategy import Strategy, fit
+from stoop.strategy.decision import Fitted
 from stoop.vehicle import Vehicle
 from stoop_studies.findings import Claim, Findings, Setting, holds
 from stoop_studies.verify import decision_fleet, feedback, misspecified, scenes, study
@@ -43,7 +46,8 @@ WORTH: Final = {
     "model": "lacking",
 }
 LEFT_OUT: Final = ((), *((n,) for n in WORTH), *combinations(("color", "maneuvers", "model"), 2))
-KINDS: Final = ("numbers", "figures")
+KINDS: Final = ("numbers", "figures", "readings")
+THINNED: Final = 20  #: samples, from one reading of a window that is compared to the next
 NOTHING: Final = "nothing"  #: is left out
 Flown = tuple[Any, Vehicle, str]  #: a scene, the vehicle that flew, and a method that is named
 
@@ -114,7 +118,27 @@ def compare(case: str, seed: int) -> dict[str, Any]:
     model = done.estimate.problem.layout.vehicle.with_numbers({n: {"value": v} for n, v in values.items()})
     with suppress(StoopError):  # nothing trims
         out["figures"] = _figures(model, truth, own, bars, free, parts)
+    if isinstance(scene, decision_fleet.Posed):
+        out["readings"] = _readings(scene, done)
     return out
+
+
+def _readings(posed: decision_fleet.Posed, done: Fitted) -> dict[str, Any]:
+    """Return errors of predicted readings of the window that is held back, and what each component adds to their variances."""
+    bars, vehicle = done.tested.bars, done.estimate.problem.layout.vehicle
+    biases, found = [expected_biases(done.estimate, posed.ahead.flight)], {}
+    for name in (one.name for one in bars.components):
+        model = predictor(done.estimate, bars.part("noise", name), done.options.treatment.recorded_motion)
+        found[name] = predict(model, posed.flights, [posed.ahead], biases)
+    pieces, readings = found["noise"].prepared.pieces, found["noise"].readings
+    each = [on_circle(p.measured - y, vehicle.outputs) for p, y in zip(pieces, readings, strict=True)]
+    errors = np.concatenate(each)[::THINNED].ravel()
+    there = np.isfinite(errors)
+    variances = {c: np.concatenate(p.deviations)[::THINNED].ravel()[there] ** 2 for c, p in found.items()}
+    variances |= {c: v - variances["noise"] for c, v in variances.items() if c != "noise"}
+    return {
+        "errors": errors[there].tolist(), "variances": {c: v.tolist() for c, v in variances.items()},
+    }  # fmt: skip
 
 
 def _figures(
