@@ -33,7 +33,7 @@ ROWS: Final = (1000, 100, 10)  #: vehicles, flights of each, figures
 _MEMORY = """
 import sys
 from pathlib import Path
-import stoop.fleet.logs as logs
+import stoop_fleet.logs as logs
 from stoop.base.memory import keep_freed_memory
 keep_freed_memory()
 def peak():

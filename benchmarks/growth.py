@@ -25,14 +25,14 @@ from benchmarks.table import Row
 from stoop.assessment.assessment import linearize
 from stoop.assessment.bootstrap import bootstrap_plan, refit_chunk
 from stoop.assessment.error_bars import error_bars
-from stoop.assessment.posterior import coordinates, posterior_target
-from stoop.assessment.sampling import Chains
 from stoop.estimate.fit import DEFAULTS, OutputErrorEstimate, estimation_problem, fit
 from stoop.problem.windows import Window
 from stoop.simulation.fly import simulate_flight
 from stoop.simulation.maneuver import Maneuver
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import resolve_vehicle
+from stoop_analysis.posterior import coordinates, posterior_target
+from stoop_analysis.sampling import Chains
 
 PART: Final = "growth"
 MEGABYTE: Final = 1e6

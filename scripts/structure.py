@@ -22,32 +22,31 @@ ROOT = Path(__file__).resolve().parents[1]
 FLAG = re.compile(
     r"\bhas_rotors\b|\b(?:if|elif|not|and|or|while|bool\() ?(?:\w+\.)*vehicle\.(?:file\.)?rotors?\b(?!\[)|\bvehicle\.hovers\b"
 )  #: tests whether a vehicle has rotors
-#: room -> lines at most; "stoop" is the whole package, for which the design asks 68,000, and 9,000 for its studies
+#: package, or room of the core -> lines at most; "stoop" is the whole core
 BUDGETS = {
-    "stoop": 92331,
-    "stoop_studies": 14924,
+    "stoop": 81302,
+    "stoop_analysis": 3389,
+    "stoop_app": 3981,
+    "stoop_fleet": 3669,
+    "stoop_studies": 14919,
     "api": 200,
-    "app": 3765,
-    "assessment": 6530,
+    "assessment": 5149,
     "base": 2410,
     "checks": 3050,
-    "cli": 3426,
+    "cli": 3222,
     "control_laws": 1555,
     "estimate": 7818,
     "exporters": 8896,
-    "fleet": 3530,
     "flight": 6550,
     "input_design": 2380,
     "kernels": 2810,
     "logs": 5150,
     "optimize": 2770,
     "parallel": 1250,
-    "performance": 875,
     "prediction": 785,
     "problem": 2028,
-    "propagation": 1150,
     "reconstruction": 850,
-    "report": 4397,
+    "report": 4230,
     "results": 1366,
     "simulation": 3492,
     "strategy": 1452,
@@ -71,11 +70,7 @@ def main() -> int:
     parser.add_argument("--log", metavar="FILE", type=Path, help="a ULog: profile loading it")
     arguments = parser.parse_args()
     source: Path = arguments.source
-    modules = {
-        _name(path, source): path
-        for top in ("stoop", "stoop_studies")
-        for path in (source / top).rglob("*.py")
-    }
+    modules = {_name(path, source): path for path in source.rglob("*.py")}
     trees = {name: ast.parse(path.read_text("utf-8")) for name, path in modules.items()}
     lines = {name: len(path.read_text("utf-8").splitlines()) for name, path in modules.items()}
     exceeded = _print_rooms(modules, lines)

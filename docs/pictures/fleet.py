@@ -8,7 +8,7 @@ from scipy.stats import chi2
 
 from pictures.registry import picture
 from pictures.sketch import BLUE, FAINT, INK, ORANGE, plots
-from stoop.fleet.changes import Readings, changes, peaks, scan, threshold
+from stoop_fleet.changes import Readings, changes, peaks, scan, threshold
 
 FLIGHTS, EXCHANGED, STEP = 60, 30, -0.025
 SPREAD = 0.01  #: of vehicles

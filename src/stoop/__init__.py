@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from stoop.base.notices import Notice
     from stoop.estimate.fit import Options
     from stoop.exporters.jsbsim_autopilot import fly_in_jsbsim
-    from stoop.fleet.store import open_fleet
-    from stoop.fleet.update import update_fleet
     from stoop.flight import Flight
     from stoop.flight.load import load as load_flight
     from stoop.flight.load import save as save_flight
@@ -44,6 +42,8 @@ if TYPE_CHECKING:
     from stoop.workflow.tuning import tune
     from stoop.workflow.validation import validate
     from stoop.workflow.validation import validate as predict
+    from stoop_fleet.store import open_fleet
+    from stoop_fleet.update import update_fleet
 
 _PLACES = {
     **dict.fromkeys(("assess", "check", "look", "new_vehicle", "reconstruct", "save_design"), "stoop.api"),
@@ -51,7 +51,7 @@ _PLACES = {
     "Options": "stoop.estimate.fit",
     "Strategy": "stoop.strategy",
     "fly_in_jsbsim": "stoop.exporters.jsbsim_autopilot",
-    "open_fleet": "stoop.fleet.store",
+    "open_fleet": "stoop_fleet.store",
     **dict.fromkeys(("Flight", "load_flight", "save_flight"), "stoop.flight"),
     "read_result": "stoop.results.result",
     "simulate_flight": "stoop.simulation.fly",
@@ -71,7 +71,7 @@ _PLACES = {
     "propagate": "stoop.workflow.propagation",
     **dict.fromkeys(("predict", "validate"), "stoop.workflow.validation"),
     "tune": "stoop.workflow.tuning",
-    "update_fleet": "stoop.fleet.update",
+    "update_fleet": "stoop_fleet.update",
 }
 """Public name -> module; imported on first use, so that ``import stoop`` costs nothing."""
 _OTHER_NAMES = {

@@ -16,10 +16,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
-from stoop.app import places
-from stoop.app.folder import Project
-from stoop.app.steps import PRODUCTS, Step, steps
 from stoop.base.units import FACTORS
+from stoop_app import places
+from stoop_app.folder import Project
+from stoop_app.steps import PRODUCTS, Step, steps
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Locator, Page
@@ -101,7 +101,7 @@ def nothing_starts(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(places, "_session", {})
     idle = subprocess.Popen(["true"], start_new_session=True)
     idle.wait()
-    monkeypatch.setattr("stoop.app.steps._process", lambda *_: idle)
+    monkeypatch.setattr("stoop_app.steps._process", lambda *_: idle)
 
 
 @dataclass

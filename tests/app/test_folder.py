@@ -8,11 +8,6 @@ import pytest
 from tornado import httputil
 
 from app.conftest import RECORDED
-from stoop.app import columns, numbers, places, server
-from stoop.app.columns import edited, rows_of, units_of
-from stoop.app.folder import ChangedError, Project, version
-from stoop.app.steps import COMMAND, LOCK, PROCESS, Step
-from stoop.app.uploads import safe_name
 from stoop.base.units import KINDS
 from stoop.base.variables import VARIABLES
 from stoop.errors import LogError, StoopError, VehicleError
@@ -21,6 +16,11 @@ from stoop.flight.mapping_draft import draft
 from stoop.input_design.windows_file import Entry
 from stoop.vehicle.builtin import builtin_text
 from stoop.vehicle.load import parse_vehicle
+from stoop_app import columns, numbers, places, server
+from stoop_app.columns import edited, rows_of, units_of
+from stoop_app.folder import ChangedError, Project, version
+from stoop_app.steps import COMMAND, LOCK, PROCESS, Step
+from stoop_app.uploads import safe_name
 
 VTAIL = (Path(__file__).parents[2] / "examples" / "vtail.toml").read_text("utf-8")
 

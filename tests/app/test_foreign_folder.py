@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from stoop.app.fit_view import FitView
-from stoop.app.folder import MAPPING, WINDOWS, Project
-from stoop.app.page import Page
-from stoop.app.steps import COMMAND
 from stoop.errors import StoopError
+from stoop_app.fit_view import FitView
+from stoop_app.folder import MAPPING, WINDOWS, Project
+from stoop_app.page import Page
+from stoop_app.steps import COMMAND
 
 OF_PANEL = ("ignore::PendingDeprecationWarning", "ignore::DeprecationWarning")
 pytestmark = [pytest.mark.usefixtures("nothing_starts"), pytest.mark.filterwarnings(*OF_PANEL)]

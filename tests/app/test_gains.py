@@ -8,14 +8,14 @@ import pytest
 from unit.cli.test_tune import FLOWN, moved_by_commands
 
 from app.conftest import ended
-from stoop.app import steps
-from stoop.app.folder import Project
-from stoop.app.gains_view import GainsView
 from stoop.cli.main import main
 from stoop.errors import StoopError
 from stoop.exporters.flight_logs import save_flight_as
 from stoop.results.verdict import Verdict
 from stoop.tuning.gain_search import DAMPING
+from stoop_app import steps
+from stoop_app.folder import Project
+from stoop_app.gains_view import GainsView
 
 pytestmark = pytest.mark.filterwarnings("ignore::PendingDeprecationWarning")  # of Panel
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from app.conftest import App, Tab, start_app
-from stoop.app.folder import MAPPING, Project
+from stoop_app.folder import MAPPING, Project
 
 Answer = tuple[int, dict[str, str], bytes]
 

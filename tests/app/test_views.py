@@ -13,23 +13,13 @@ import numpy as np
 import pytest
 
 from app.conftest import ended
-from stoop.app import parts, steps
-from stoop.app.columns import edited, rows_of
-from stoop.app.fit_view import FitView
-from stoop.app.fleet_view import FleetView
-from stoop.app.folder import BEFORE, MAPPING, ChangedError, Project, fleet_logs, store_of, version
-from stoop.app.plots import drawn_costs, drawn_curves, thinned
-from stoop.app.use_view import LIMITS, TARGET
-from stoop.app.windows_view import WindowsView
 from stoop.base import files
 from stoop.base.verbs import plain, verbs
 from stoop.cli.main import main
 from stoop.errors import StoopError
 from stoop.estimate.iterates import watched
-from stoop.fleet.store import PAGE
 from stoop.flight.log_columns import columns_of, read_unmapped
 from stoop.input_design.windows_file import Entry
-from stoop.report.comparison import Compared, comparison_sheet
 from stoop.report.series import Series
 from stoop.simulation.fly import simulate_flight
 from stoop.simulation.maneuver import parse_maneuver
@@ -37,6 +27,16 @@ from stoop.vehicle.builtin import builtin_text, resolve_vehicle
 from stoop.workflow.demo import MANEUVER, NAME, misled
 from stoop.workflow.identification import finish, search
 from stoop.workflow.progress import ProgressFile, read_curves
+from stoop_app import parts, steps
+from stoop_app.columns import edited, rows_of
+from stoop_app.comparison import Compared, comparison_sheet
+from stoop_app.fit_view import FitView
+from stoop_app.fleet_view import FleetView
+from stoop_app.folder import BEFORE, MAPPING, ChangedError, Project, fleet_logs, store_of, version
+from stoop_app.plots import drawn_costs, drawn_curves, thinned
+from stoop_app.use_view import LIMITS, TARGET
+from stoop_app.windows_view import WindowsView
+from stoop_fleet.store import PAGE
 
 pytestmark = pytest.mark.filterwarnings("ignore::PendingDeprecationWarning")  # of Panel
 

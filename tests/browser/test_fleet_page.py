@@ -8,10 +8,10 @@ import pytest
 from playwright.sync_api import Browser, Page
 from unit.fleet.made_up import EXCHANGED, changed, fleet
 
-from stoop.fleet.analysis import analyze
-from stoop.fleet.page import fleet_page
-from stoop.fleet.parts import day
-from stoop.fleet.store import Fleet, ToldAlarm
+from stoop_fleet.analysis import analyze
+from stoop_fleet.page import fleet_page
+from stoop_fleet.parts import day
+from stoop_fleet.store import Fleet, ToldAlarm
 
 PANELS, ROWS = ".panels > figure:not([hidden])", "tr.told:not([hidden])"
 

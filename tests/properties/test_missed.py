@@ -13,9 +13,6 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import norm
 from tornado.httputil import HTTPHeaders
 
-from stoop.app.columns import edited, rows_of
-from stoop.app.folder import VEHICLE, Project
-from stoop.app.server import FILE_POLICY, Gate
 from stoop.assessment.covariance import NEIGHBORS, window_scatter
 from stoop.base.html import table
 from stoop.base.robust import white_noise
@@ -27,17 +24,14 @@ from stoop.estimate.filter_likelihood import Innovations
 from stoop.exporters import jsbsim_model
 from stoop.exporters.bullet_and_isaac import INTERVAL
 from stoop.exporters.pyflyt import PyFlyt
-from stoop.fleet.changes import Change, Readings, sizes
 from stoop.flight.faults import Fault, without_faulty
 from stoop.flight.flight import from_columns
 from stoop.input_design.inputs import SHAPES, Frame
 from stoop.logs.blackbox_units import Settings, physical
 from stoop.logs.netcdf import _unpacked
-from stoop.performance.polar import Polar
 from stoop.prediction.open_loop import _near
 from stoop.problem.evidence import unknowns_of
 from stoop.problem.layout import Layout
-from stoop.propagation.wing_figures import full_deflection
 from stoop.reconstruction.compatibility import corrected_flight
 from stoop.report.charts import correlation_map
 from stoop.report.sheet import mathml
@@ -52,6 +46,12 @@ from stoop.vehicle.builtin import resolve_vehicle
 from stoop.vehicle.symbolic import forces, frames
 from stoop.vehicle_draft.handbook import _drag
 from stoop.workflow import outputs
+from stoop_analysis.performance.polar import Polar
+from stoop_analysis.propagation.wing_figures import full_deflection
+from stoop_app.columns import edited, rows_of
+from stoop_app.folder import VEHICLE, Project
+from stoop_app.server import FILE_POLICY, Gate
+from stoop_fleet.changes import Change, Readings, sizes
 
 PROPELLER = """
 [propulsion]
@@ -433,6 +433,6 @@ def test_ranges_for_training_hold_nineteen_draws_of_twenty() -> None:
 
 
 def test_curves_are_not_drawn_across_gaps() -> None:
-    plots = pytest.importorskip("stoop.app.plots")
+    plots = pytest.importorskip("stoop_app.plots")
     drawn = plots._path([[1.0, 2.0, None, 3.0, 4.0], [5.0]], 1.0, 0.0, 1.0)
     assert "".join(c for c in drawn if c.isalpha()) == "MLMLM"

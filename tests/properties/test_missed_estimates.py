@@ -24,8 +24,6 @@ from stoop.exporters.ardupilot_parameters import frame
 from stoop.exporters.fmu import Quantity, Unit, description
 from stoop.exporters.jsbsim_loads import _LOADS
 from stoop.exporters.matlab import _FLY
-from stoop.fleet.changes import threshold
-from stoop.fleet.mixed_model import Design, fit_robust_model
 from stoop.flight.flight import from_columns
 from stoop.flight.instrument_errors import RATES_DELAY, InstrumentError
 from stoop.flight.maneuvers import find_maneuvers
@@ -46,6 +44,8 @@ from stoop.vehicle import parse_vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop.vehicle_draft.autopilot import read_setup
 from stoop.vehicle_draft.strips import strips, to_flap
+from stoop_fleet.changes import threshold
+from stoop_fleet.mixed_model import Design, fit_robust_model
 
 
 def test_the_feedforward_of_a_plane_grows_as_the_air_thins() -> None:

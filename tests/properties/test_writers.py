@@ -125,7 +125,7 @@ def test_what_a_result_writes_is_whole_or_not_there(lacking: Any, tmp_path: Path
 def test_an_uploaded_log_is_on_the_disk_before_it_is_moved(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    uploads = pytest.importorskip("stoop.app.uploads")
+    uploads = pytest.importorskip("stoop_app.uploads")
     upload = object.__new__(uploads.Upload)
     part = NamedTemporaryFile(dir=tmp_path, delete=False)  # noqa: SIM115
     answer: dict[str, Any] = {"set_header": lambda *_: None, "finish": lambda _: None}

@@ -11,8 +11,8 @@ from stoop.control_laws.replay import replay_px4
 from stoop.errors import FlightError, StoopError
 from stoop.flight import Flight, load
 from stoop.logs.read import read
-from stoop.performance.polar import Propulsion
 from stoop.workflow.reconstruction import drag_polar
+from stoop_analysis.performance.polar import Propulsion
 from stoop_studies.findings import Setting
 from stoop_studies.verify import handbook
 from stoop_studies.verify.propellers import EXPERIMENT, read_flights

@@ -96,7 +96,8 @@ class Campaign:
 def code(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a copy of the package: a store is refused when somebody edits the sources meanwhile."""
     folder, ignored = tmp_path_factory.mktemp("code"), shutil.ignore_patterns("__pycache__")
-    shutil.copytree(Path(stoop.__file__).parent, folder / "stoop", ignore=ignored)
+    for package in Path(stoop.__file__).parents[1].glob("stoop*"):
+        shutil.copytree(package, folder / package.name, ignore=ignored)
     shutil.copy(CASE, folder)
     return folder
 

@@ -19,12 +19,12 @@ from stoop import Options, Vehicle, load_vehicle, simulate_flight, trim
 from stoop.assessment.covariance import NORMAL_95
 from stoop.base.variables import EULER
 from stoop.estimate.multiple_shooting import fit
-from stoop.performance.effectiveness import Balance, Hover, Reference, assess, hover, judge
 from stoop.problem.windows import Window
 from stoop.vehicle import parse_vehicle
 from stoop.vehicle.builtin import builtin_text
 from stoop.vehicle.schema import WIND
 from stoop.workflow import identify
+from stoop_analysis.performance.effectiveness import Balance, Hover, Reference, assess, hover, judge
 
 SECONDS, Flights = 40.0, Mapping[str, range]
 AIR: tuple[tuple[str, float, Flights, float, float], ...] = (

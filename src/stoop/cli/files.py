@@ -129,7 +129,7 @@ def simulate(arguments: argparse.Namespace) -> int:
     from stoop.vehicle.builtin import resolve_vehicle
 
     if arguments.fleet is not None:
-        from stoop.cli.fleet import simulate as simulate_fleet
+        from stoop_fleet.cli import simulate as simulate_fleet
 
         return simulate_fleet(arguments)
     if arguments.maneuver is None:

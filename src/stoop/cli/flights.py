@@ -16,7 +16,7 @@ from stoop.errors import FlightError
 
 if TYPE_CHECKING:
     from stoop.flight import Flight
-    from stoop.performance.effectiveness import Assessment, Hover, Reference
+    from stoop_analysis.performance.effectiveness import Assessment, Hover, Reference
 
 MAX_VOLTAGE_DIFFERENCE = 0.05  #: relative; beyond it a flight is named
 
@@ -61,9 +61,9 @@ def polar(arguments: argparse.Namespace) -> int:
     """Fit a drag polar, write where asked to, and print what was found."""
     from stoop.assessment.covariance import NORMAL_95
     from stoop.flight import load
-    from stoop.performance.polar import Propulsion
     from stoop.report.reconstruction import MEANINGS, lift_grid
     from stoop.workflow.reconstruction import POLAR, drag_polar, write_polar
+    from stoop_analysis.performance.polar import Propulsion
 
     folder, others = arguments.output, options.given_paths(arguments.mapping)
     if folder is not None:
@@ -95,9 +95,9 @@ def rotors(arguments: argparse.Namespace) -> int:
     """Compare flights near hover with healthy ones, and say which rotor gives less than its command says."""
     from stoop.checks.rotors import foreign_motors
     from stoop.flight import load
-    from stoop.performance import effectiveness
     from stoop.problem.windows import whole
     from stoop.vehicle.builtin import resolve_vehicle
+    from stoop_analysis.performance import effectiveness
 
     chance = arguments.chance
     if chance >= 0.5:
@@ -155,7 +155,7 @@ def rotors(arguments: argparse.Namespace) -> int:
 
 def _compare(title: str, found: Sequence[Assessment], chance: float) -> None:
     """Print verdicts, with the rotor whose loss explains most and those that explain it nearly as well."""
-    from stoop.performance.effectiveness import indistinct, judge
+    from stoop_analysis.performance.effectiveness import indistinct, judge
 
     if not found:
         return

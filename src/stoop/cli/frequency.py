@@ -12,7 +12,7 @@ from stoop.cli.progress import LiveLine
 from stoop.errors import FlightError
 
 if TYPE_CHECKING:
-    from stoop.assessment.frequency import FrequencyAnalysis
+    from stoop_analysis.frequency import FrequencyAnalysis
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -53,8 +53,8 @@ def _band(text: str | None) -> tuple[float, float] | None:
 
 
 def _print(found: FrequencyAnalysis) -> None:
-    from stoop.assessment.frequency import known
     from stoop.report.frequency import UNITS, condition_text, estimates, interval
+    from stoop_analysis.frequency import known
 
     out = page()
     out.line(f"windows: {', '.join(map(str, found.windows))}")

@@ -119,7 +119,6 @@ def _read(arguments: argparse.Namespace) -> tuple[Vehicle, list[Flight], Options
     """Return vehicle, flights and options; refuse a method, a name or an assessment before the search."""
     from stoop.assessment.assessment import check_method
     from stoop.assessment.profile import check_names
-    from stoop.assessment.sampling import check_libraries
     from stoop.estimate.fit import Options
     from stoop.estimate.methods import find
     from stoop.estimate.noise import read_covariance
@@ -127,6 +126,7 @@ def _read(arguments: argparse.Namespace) -> tuple[Vehicle, list[Flight], Options
     from stoop.optimize import create
     from stoop.strategy.run import choose_method
     from stoop.vehicle.builtin import resolve_vehicle
+    from stoop_analysis.sampling import check_libraries
 
     vehicle = options.with_free(resolve_vehicle(arguments.vehicle), arguments.free, arguments.fix)
     find(arguments.method)

@@ -115,7 +115,7 @@ def differences(here: Mapping[str, str], there: Mapping[str, str]) -> str:
 def work_sources(works: Iterable[str]) -> dict[str, str]:
     """Return one entry for an environment per module of some work functions: its name and a hash of its sources.
 
-    Counted are the module, the modules of the same top-level package and of `stoop` that it imports wherever in its
+    Counted are the module, the modules of its top-level package and those of stoop that it imports wherever in its
     text, what they import, and the ``__init__.py`` above each (what only that imports is not). A package that is imported
     as such counts with all of its files: it may import them by names that it computes. Rooms of `stoop` that every
     environment has, or that compute no numbers, are left out. A module without a source file has no entry.
@@ -135,7 +135,8 @@ _own_sources: Final = functools.cache(work_sources)
 
 def source_files(module: str) -> dict[str, bytes]:
     """Return name and content of each file of a module and of what it imports."""
-    roots = {top: found for top in (module.partition(".")[0], "stoop") if (found := _roots(top))}
+    beside = (folder.name for folder in Path(__file__).parents[2].glob("stoop_*"))  # packages of this wheel
+    roots = {top: found for top in (module.partition(".")[0], "stoop", *beside) if (found := _roots(top))}
     files: dict[str, bytes] = {}
     queue, visited = [module], {*EXCLUDED}
     while queue:

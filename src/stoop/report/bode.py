@@ -15,7 +15,7 @@ from stoop.report.series import Series, Strip, looks_of
 from stoop.report.sheet import Panel
 
 if TYPE_CHECKING:
-    from stoop.assessment.frequency import ModelResponse
+    from stoop_analysis.frequency import ModelResponse
 
 Pair = tuple[FrequencyResponse, "ModelResponse | None"]
 

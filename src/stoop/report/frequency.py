@@ -6,7 +6,11 @@ import math
 from collections.abc import Sequence
 from typing import Final
 
-from stoop.assessment.frequency import (
+from stoop.base.numbers import NOTHING, listed, number
+from stoop.report.bode import Pair, response_panels
+from stoop.report.sheet import Bullets, Code, Legend, Panels, Part, Prose, Section, Sheet, Table
+from stoop.results.modes import DerivedValue
+from stoop_analysis.frequency import (
     AXES,
     MAX_ERROR,
     MIN_COHERENCE,
@@ -14,11 +18,7 @@ from stoop.assessment.frequency import (
     FrequencyAnalysis,
     known,
 )
-from stoop.assessment.handling import EquivalentSystem
-from stoop.base.numbers import NOTHING, listed, number
-from stoop.report.bode import Pair, response_panels
-from stoop.report.sheet import Bullets, Code, Legend, Panels, Part, Prose, Section, Sheet, Table
-from stoop.results.modes import DerivedValue
+from stoop_analysis.handling import EquivalentSystem
 
 MIN_POINTS: Final = 3  #: known ones, of a response that is drawn
 LEGEND: Final = (

@@ -18,11 +18,11 @@ from stoop.base.numbers import (
     share,
 )
 from stoop.base.units import FACTORS
-from stoop.propagation.propagation import EXPRESSIONS, Propagation
-from stoop.propagation.quantities import Curve, Figure
-from stoop.propagation.rotor_figures import HOVER, ROTOR_COMMAND
 from stoop.report.charts import fan_panel
 from stoop.report.sheet import Bullets, Code, Legend, Page, Panel, Panels, Prose, Section, Sheet, Table
+from stoop_analysis.propagation.propagation import EXPRESSIONS, Propagation
+from stoop_analysis.propagation.quantities import Curve, Figure
+from stoop_analysis.propagation.rotor_figures import HOVER, ROTOR_COMMAND
 
 MODES: Final = "Modes"  #: whose frequencies stay in rad/s
 HEAD: Final = ("", "estimate", "std error", "95 % from", "to", "unit", "depends most on")

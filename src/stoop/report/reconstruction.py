@@ -13,12 +13,12 @@ from stoop.base.notices import Notice, of_severity
 from stoop.base.numbers import NOTHING, factor_and_unit, number, rounded_to_error
 from stoop.base.units import DEGREE
 from stoop.base.variables import VARIABLES, WRAPPED
-from stoop.performance.polar import Polar
 from stoop.reconstruction.compatibility import Compatibility
 from stoop.report.plots import plot
 from stoop.report.series import Series, Shade
 from stoop.report.sheet import Bullets, Code, Figure, Prose, Section, Sheet, Table
 from stoop.report.time_history import HistoryPanel, TimeHistory, holes, with_residual
+from stoop_analysis.performance.polar import Polar
 
 COMPATIBILITY_LEAD: Final = """\
 Accelerations and rates were integrated from one initial state per piece; the readings of the other sensors were compared

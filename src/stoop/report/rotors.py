@@ -11,12 +11,12 @@ from markupsafe import Markup
 from stoop.base.numbers import number
 from stoop.base.variables import RATES
 from stoop.flight import Flight
-from stoop.performance.effectiveness import Assessment, judge
 from stoop.report.flight import channel_panels
 from stoop.report.palette import light
 from stoop.report.plots import HEIGHT, WIDTH, canvas, svg
 from stoop.report.sheet import Bullets, Code, Figure, Part, Prose, Section, Sheet, Table
 from stoop.report.time_history import TimeHistory
+from stoop_analysis.performance.effectiveness import Assessment, judge
 
 LEAD: Final = """\
 Each flight near hover is compared with the healthy flights: what each rotor's thrust and torque per command would have to be \

@@ -9,7 +9,6 @@ from typing import Final
 import numpy as np
 from markupsafe import Markup
 
-from stoop.assessment.frequency import MAX_ERROR, MIN_COHERENCE, FrequencyAnalysis
 from stoop.base.arrays import ComplexArray, FloatArray
 from stoop.base.numbers import NOTHING, number
 from stoop.report.bode import response_panels
@@ -23,6 +22,7 @@ from stoop.tuning.gain_search import Design, Specification
 from stoop.tuning.judgment import AxisMargins, LoopMargins, worst
 from stoop.tuning.physical_parameters import PhysicalParameters
 from stoop.tuning.proposal import SHOWN, Proposal
+from stoop_analysis.frequency import MAX_ERROR, MIN_COHERENCE, FrequencyAnalysis
 
 CLOUD: Final = 40  #: draws of a Nichols plot
 REACH: Final = (-360.0, 0.0)  #: deg, of it

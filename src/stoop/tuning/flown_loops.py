@@ -25,8 +25,6 @@ import numpy as np
 from scipy.stats import chi2
 
 from stoop.assessment.covariance import NORMAL_95
-from stoop.assessment.frequency import FrequencyAnalysis, ModelResponse, known
-from stoop.assessment.handling import DB, DEG, error_correlation
 from stoop.base.arrays import ComplexArray, FloatArray, run_slices
 from stoop.base.notices import Notice, notice
 from stoop.control_laws.rate_law import AXES
@@ -40,6 +38,8 @@ from stoop.logs.read import read
 from stoop.problem.windows import Window
 from stoop.tuning.judgment import Condition
 from stoop.tuning.loops import AxisLoop, followed, motion
+from stoop_analysis.frequency import FrequencyAnalysis, ModelResponse, known
+from stoop_analysis.handling import DB, DEG, error_correlation
 
 #: of the rate at which a setpoint was logged: up to there a spline through it is right to 2 %
 RESOLVED: Final = 0.25

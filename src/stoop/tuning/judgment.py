@@ -9,8 +9,6 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from stoop.assessment.draws import Draws
-from stoop.assessment.handling import attitude_figures
 from stoop.base.arrays import FloatArray
 from stoop.base.notices import Notice
 from stoop.base.numbers import without_rounding
@@ -39,6 +37,8 @@ from stoop.tuning.loops import (
 from stoop.tuning.margins import Margins, joined, margins, rms_of_noise, split
 from stoop.vehicle import Vehicle
 from stoop.vehicle_draft.autopilot import read_setup
+from stoop_analysis.draws import Draws
+from stoop_analysis.handling import attitude_figures
 
 if TYPE_CHECKING:
     import pandas as pd

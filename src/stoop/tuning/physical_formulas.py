@@ -33,7 +33,6 @@ from stoop.control_laws.parameters import Parameters
 from stoop.control_laws.rate_law import AXES
 from stoop.errors import StoopError
 from stoop.flight.air_data import RECONSTRUCTED
-from stoop.propagation.wing_figures import Domain
 from stoop.simulation import trim
 from stoop.simulation.initial import parameter_rows
 from stoop.simulation.linearize import linear_models
@@ -44,6 +43,7 @@ from stoop.simulation.trim import Trims
 from stoop.vehicle import Vehicle
 from stoop.vehicle.schema import Propeller
 from stoop.vehicle_draft.autopilot import read_setup
+from stoop_analysis.propagation.wing_figures import Domain
 
 COMMANDS: Final = 21  #: of a thrust curve
 CURVE: Final = 3  #: of them, least that its square needs

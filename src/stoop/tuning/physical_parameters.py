@@ -9,16 +9,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from stoop.assessment.draws import Draws
 from stoop.base.arrays import FloatArray
 from stoop.base.notices import Notice, notice
 from stoop.control_laws.table import rounded
 from stoop.errors import StoopError
-from stoop.propagation.propagation import figures_of
-from stoop.propagation.quantities import ROUNDING, Figure, Samples
-from stoop.propagation.wing_figures import FEW, Domain
 from stoop.tuning.physical_formulas import TABLE, Candidates
 from stoop.vehicle import Vehicle
+from stoop_analysis.draws import Draws
+from stoop_analysis.propagation.propagation import figures_of
+from stoop_analysis.propagation.quantities import ROUNDING, Figure, Samples
+from stoop_analysis.propagation.wing_figures import FEW, Domain
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 
-from stoop.assessment.draws import POSTERIOR_FILE, draws_of
 from stoop.base.arrays import FloatArray
 from stoop.base.files import check_targets, make_folder, write_files
 from stoop.errors import StoopError
@@ -23,6 +22,7 @@ from stoop.vehicle import Vehicle
 from stoop.workflow.fitted_model import FittedModel
 from stoop.workflow.load import takes_model_or_vehicle
 from stoop.workflow.summary import refusal
+from stoop_analysis.draws import POSTERIOR_FILE, draws_of
 
 
 @takes_model_or_vehicle

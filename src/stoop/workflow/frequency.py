@@ -10,17 +10,6 @@ from typing import Final
 import numpy as np
 
 from stoop.assessment.covariance import NORMAL_95
-from stoop.assessment.frequency import (
-    AXES,
-    MIN_COHERENCE,
-    Figures,
-    FrequencyAnalysis,
-    ModelResponse,
-    UncertainModel,
-    known,
-    uncertain_model,
-)
-from stoop.assessment.handling import FORMS, Known, bandwidth, equivalent_system, flight_draws
 from stoop.base.arrays import BoolArray, FloatArray, run_slices
 from stoop.base.notices import Notice, notice
 from stoop.base.text import nearest
@@ -41,6 +30,17 @@ from stoop.workflow.flights import Flights, as_flights
 from stoop.workflow.load import model_or_vehicle, takes_model_or_vehicle
 from stoop.workflow.outputs import by_name
 from stoop.workflow.summary import refusal
+from stoop_analysis.frequency import (
+    AXES,
+    MIN_COHERENCE,
+    Figures,
+    FrequencyAnalysis,
+    ModelResponse,
+    UncertainModel,
+    known,
+    uncertain_model,
+)
+from stoop_analysis.handling import FORMS, Known, bandwidth, equivalent_system, flight_draws
 
 OUTPUTS: Final = ("p", "q", "r", "ax", "ay", "az")
 ATTITUDES: Final = {"q": "theta", "p": "phi"}  #: attitude of which a rate is nearly the derivative

@@ -8,18 +8,18 @@ from typing import Final
 
 import numpy as np
 
-from stoop.assessment.draws import POSTERIOR_FILE, Source, draws_of
 from stoop.base.arrays import FloatArray
 from stoop.base.atmosphere import standard_density
 from stoop.errors import StoopError
 from stoop.problem import Piece
-from stoop.propagation.propagation import Propagation, propagate_draws
-from stoop.propagation.wing_figures import Domain
 from stoop.report.propagation import propagation_page
 from stoop.report.sheet import Page
 from stoop.workflow.fitted_model import FittedModel
 from stoop.workflow.load import takes_model
 from stoop.workflow.summary import refusal
+from stoop_analysis.draws import POSTERIOR_FILE, Source, draws_of
+from stoop_analysis.propagation.propagation import Propagation, propagate_draws
+from stoop_analysis.propagation.wing_figures import Domain
 
 DRAWS: Final = 2000
 RANGE: Final = (1.0, 99.0)  #: percentiles of the samples between which a model was flown

@@ -16,10 +16,10 @@ from stoop.base.numbers import finite_or_none
 from stoop.errors import FlightError
 from stoop.flight import Flight, flight_bytes
 from stoop.flight.air_data import RECONSTRUCTED
-from stoop.performance.polar import DISC, DISC_SPREAD, Polar, Propulsion, blocks, fit_polar
 from stoop.reconstruction.compatibility import Compatibility, check, corrected_flight
 from stoop.workflow.outputs import file_hashes, flight_files, versions
 from stoop.workflow.summary import data_notices
+from stoop_analysis.performance.polar import DISC, DISC_SPREAD, Polar, Propulsion, blocks, fit_polar
 
 COMPATIBILITY: Final = ("compatibility.html", "flight.nc", "compatibility.json")
 """Files; the result last: where it is, the others are."""

@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from stoop.assessment.response_misfit import response_misfits
 from stoop.base.variables import RATES
 from stoop.errors import FlightError
 from stoop.flight import Flight
@@ -16,6 +15,7 @@ from stoop.results.response_misfit import ResponseMisfit
 from stoop.results.result import ManeuverResult, ManeuverTrace
 from stoop.vehicle import Vehicle
 from stoop.workflow.frequency import control_inputs, moving_inputs, steady_model
+from stoop_analysis.response_misfit import response_misfits
 
 
 def model_misfits(

@@ -9,8 +9,6 @@ from typing import Any, Final
 
 import numpy as np
 
-from stoop.assessment.draws import POSTERIOR_FILE, Draws, Source, draws_of
-from stoop.assessment.frequency import FrequencyAnalysis
 from stoop.base.arrays import FloatArray
 from stoop.base.atmosphere import equivalent_over_true, standard_density
 from stoop.base.notices import Notice, notice
@@ -35,6 +33,8 @@ from stoop.vehicle import Vehicle
 from stoop.workflow.fitted_model import FittedModel
 from stoop.workflow.load import takes_model
 from stoop.workflow.propagation import flown_domain
+from stoop_analysis.draws import POSTERIOR_FILE, Draws, Source, draws_of
+from stoop_analysis.frequency import FrequencyAnalysis
 
 DRAWS: Final = 2000
 SPEEDS: Final = 3  #: airspeeds of a range

@@ -22,12 +22,12 @@ from stoop.errors import StoopError
 from stoop.estimate.fit import Options
 from stoop.prediction.predict import expected_biases, predict, predictor
 from stoop.problem import on_circle
-from stoop.propagation.rotor_figures import rotor_figures
-from stoop.propagation.wing_figures import wing_figures
 from stoop.simulation.initial import parameter_rows
 from stoop.strategy import Strategy, fit
 from stoop.strategy.decision import Fitted
 from stoop.vehicle import Vehicle
+from stoop_analysis.propagation.rotor_figures import rotor_figures
+from stoop_analysis.propagation.wing_figures import wing_figures
 from stoop_studies.findings import Claim, Findings, Setting, holds
 from stoop_studies.verify import decision_fleet, feedback, misspecified, scenes, study
 from stoop_studies.verify.propagate import ROTOR, WING

@@ -15,11 +15,11 @@ from scipy.linalg import cholesky, solve_triangular
 from scipy.stats import chi2
 
 from stoop.base.arrays import FloatArray
-from stoop.fleet.analysis import YEAR, FleetAnalysis, analyze
-from stoop.fleet.causes import SOFTWARE
-from stoop.fleet.changes import scan, threshold
-from stoop.fleet.parts import Fitting, Parts
-from stoop.fleet.table import FigureTable
+from stoop_fleet.analysis import YEAR, FleetAnalysis, analyze
+from stoop_fleet.causes import SOFTWARE
+from stoop_fleet.changes import scan, threshold
+from stoop_fleet.parts import Fitting, Parts
+from stoop_fleet.table import FigureTable
 from stoop_studies.findings import Claim, Findings, Setting, holds
 from stoop_studies.verify import study
 

@@ -15,7 +15,6 @@ from typing import Any, Final
 
 import numpy as np
 
-from stoop.assessment.draws import Draws
 from stoop.base.variables import RATES
 from stoop.control_laws.table import Firmware, firmwares
 from stoop.errors import SimulationError, StoopError
@@ -30,6 +29,7 @@ from stoop.vehicle.document import with_entries
 from stoop.workflow.fitted_model import FittedModel
 from stoop.workflow.propagation import flown_domain
 from stoop.workflow.tuning import conditions_of, tune
+from stoop_analysis.draws import Draws
 from stoop_studies.findings import Findings, Setting, holds
 from stoop_studies.verify import defaults, pilots, study
 from stoop_studies.verify.autotune import backed_off, minimum_variance

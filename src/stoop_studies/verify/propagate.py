@@ -7,17 +7,11 @@ from typing import Any, Final
 
 import numpy as np
 
-from stoop.assessment.draws import Draws, from_covariance, truncated_normal
 from stoop.assessment.error_bars import error_bars
 from stoop.base.arrays import FloatArray
 from stoop.errors import StoopError
 from stoop.estimate import methods
 from stoop.estimate.fit import Options
-from stoop.propagation.propagation import propagate_draws
-from stoop.propagation.quantities import ON_PRIOR
-from stoop.propagation.rotor_figures import rotor_figures
-from stoop.propagation.wing_figures import Domain, wing_figures
-from stoop.propagation.wings import level_flight, linear_flights, steady_flights
 from stoop.simulation import linearize, trim
 from stoop.simulation.initial import parameter_rows
 from stoop.simulation.linearize import modes_of
@@ -25,6 +19,12 @@ from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop.workflow.fitted_model import FittedModel
 from stoop.workflow.identification import identify
+from stoop_analysis.draws import Draws, from_covariance, truncated_normal
+from stoop_analysis.propagation.propagation import propagate_draws
+from stoop_analysis.propagation.quantities import ON_PRIOR
+from stoop_analysis.propagation.rotor_figures import rotor_figures
+from stoop_analysis.propagation.wing_figures import Domain, wing_figures
+from stoop_analysis.propagation.wings import level_flight, linear_flights, steady_flights
 from stoop_studies.findings import Claim, Findings, Setting, holds
 from stoop_studies.verify import scenes, study
 

@@ -16,8 +16,8 @@ from scipy.stats import mannwhitneyu
 
 from stoop.errors import StoopError
 from stoop.flight import load
-from stoop.performance import effectiveness
 from stoop.vehicle import parse_vehicle
+from stoop_analysis.performance import effectiveness
 from stoop_studies.findings import Claim, Findings, Setting, counted, holds, number
 from stoop_studies.verify.study import Samples, Verification, published_files, vehicle_text
 

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from stoop.errors import FlightError
-from stoop.fleet.analysis import analyze
-from stoop.fleet.parts import Parts
 from stoop.input_design.windows import find_windows
+from stoop_fleet.analysis import analyze
+from stoop_fleet.parts import Parts
 from stoop_studies.verify import decisions, extensions, pilots, windows
 from stoop_studies.verify.capture import NOISE, fly
 from stoop_studies.verify.fleet import BACK, CHANGED, UPDATED, Flown, drawn, least_delay

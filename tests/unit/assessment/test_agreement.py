@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from scipy.stats import kstest, truncnorm
 
-from stoop.assessment.draws import draws_of, from_covariance, truncated_normal
 from stoop.assessment.uncertainty import agreement, method_agreement, scatter, without_prior
 from stoop.base.notices import notice
 from stoop.errors import StoopError
 from stoop.results import uncertainty as of
 from stoop.results.result import Covariance, ManeuverResult, NoiseCovariance, ParameterEstimate, Result
+from stoop_analysis.draws import draws_of, from_covariance, truncated_normal
 
 
 def singles(values: list[float], errors: list[float]) -> list[of.SingleEstimate]:

@@ -13,10 +13,7 @@ from scipy.signal import lfilter
 from stoop import load_vehicle, trim
 from stoop.assessment.covariance import NORMAL_95
 from stoop.assessment.free_response import free_response, measured_mode
-from stoop.assessment.frequency import ModelResponse, transfer, uncertain_model
-from stoop.assessment.handling import Known, bandwidth, equivalent_system, error_correlation, flight_draws
 from stoop.assessment.modes import Linearized, differentiated, mode_estimates, state_equation_estimates
-from stoop.assessment.response_misfit import response_misfits
 from stoop.assessment.verdict import LIMITS
 from stoop.base.arrays import ComplexArray, FloatArray
 from stoop.flight.frequency import Stretch
@@ -25,6 +22,9 @@ from stoop.results.response_misfit import ResponseMisfit
 from stoop.results.result import Covariance, NoiseCovariance, ParameterEstimate, Result
 from stoop.simulation.linearize import linearize, modes_of, state_matrix
 from stoop.simulation.steady_flight import neighbors
+from stoop_analysis.frequency import ModelResponse, transfer, uncertain_model
+from stoop_analysis.handling import Known, bandwidth, equivalent_system, error_correlation, flight_draws
+from stoop_analysis.response_misfit import response_misfits
 
 
 def short_period(w: float, zeta: float, *variances: float) -> ModeEstimate:

@@ -14,21 +14,21 @@ from scipy.signal import lfilter
 from unit.flown import maneuver, with_few_free
 
 from stoop import Bootstrap, FittedModel, Options, Profile, load_vehicle, simulate_flight
-from stoop.assessment import sampling
 from stoop.assessment.assessment import Optimum, check_method, linearize, refit
 from stoop.assessment.bootstrap import ColoredBlocks, block_length, percentiles, shifts
 from stoop.assessment.coloring import ColoredNoise
 from stoop.assessment.covariance import NORMAL_95
 from stoop.assessment.error_bars import estimate_uncertainty
-from stoop.assessment.posterior import Target, coordinates, stretch
 from stoop.assessment.profile import ProfileLikelihood
-from stoop.assessment.sampling import SAMPLER, Chains, Coordinates, check_libraries, hamiltonian, sample
 from stoop.errors import IdentificationError
 from stoop.optimize.normal_equations import dense
 from stoop.parallel import Given
 from stoop.problem.evidence import PieceEvidence
 from stoop.vehicle import parse_vehicle
 from stoop.workflow import identify
+from stoop_analysis import sampling
+from stoop_analysis.posterior import Target, coordinates, stretch
+from stoop_analysis.sampling import SAMPLER, Chains, Coordinates, check_libraries, hamiltonian, sample
 
 SAMPLES = 800
 TRUTH = np.array([0.5, 0.4, 0.3])

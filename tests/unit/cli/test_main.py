@@ -119,7 +119,7 @@ def test_an_interrupt_amid_an_import(fake: Callable[..., None], cli: Cli) -> Non
 
 
 def test_a_step_of_the_app_is_stopped_at_once(tmp_path: Path) -> None:
-    from stoop.app.steps import start
+    from stoop_app.steps import start
 
     step = start(tmp_path, "designs", lambda name: ["design", "quad-x", "-o", f"{name}/design.toml"])
     step.stop()

@@ -2,7 +2,7 @@
 
 import pytest
 
-from stoop.fleet import analysis
+from stoop_fleet import analysis
 
 
 @pytest.fixture(autouse=True)

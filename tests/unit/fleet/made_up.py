@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from stoop.fleet.analysis import DAY
-from stoop.fleet.parts import Fitting, Parts
-from stoop.fleet.table import FigureTable
+from stoop_fleet.analysis import DAY
+from stoop_fleet.parts import Fitting, Parts
+from stoop_fleet.table import FigureTable
 
 VEHICLES, FLIGHTS = 8, 50
 EXCHANGED, UPDATED = 20, 35  #: flights

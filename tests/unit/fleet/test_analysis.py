@@ -9,11 +9,11 @@ from unit.fleet import made_up
 from unit.fleet.made_up import CHANGED, EXCHANGED, UPDATED, changed, fleet
 
 from stoop.base.arrays import FloatArray
-from stoop.fleet.analysis import analyze, figure_model
-from stoop.fleet.causes import EVERY
-from stoop.fleet.changes import Readings
-from stoop.fleet.software_updates import common_steps, significant
-from stoop.fleet.table import FigureTable
+from stoop_fleet.analysis import analyze, figure_model
+from stoop_fleet.causes import EVERY
+from stoop_fleet.changes import Readings
+from stoop_fleet.software_updates import common_steps, significant
+from stoop_fleet.table import FigureTable
 
 
 def test_the_model_tells_vehicles_from_parts() -> None:

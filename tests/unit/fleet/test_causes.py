@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from stoop.fleet.causes import Cause, Event, Stretch, causes, unrecorded
-from stoop.fleet.changes import KINDS, Change, Kind, Readings
-from stoop.fleet.table import FigureTable
+from stoop_fleet.causes import Cause, Event, Stretch, causes, unrecorded
+from stoop_fleet.changes import KINDS, Change, Kind, Readings
+from stoop_fleet.table import FigureTable
 
 FLIGHTS = 60
 

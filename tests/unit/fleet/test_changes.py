@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from stoop.base.arrays import FloatArray
-from stoop.fleet.changes import Change, Readings, changes, peaks, scan, threshold
+from stoop_fleet.changes import Change, Readings, changes, peaks, scan, threshold
 
 SPREADS = [(np.inf,), (0.7,), (np.inf, 0.5, 0.8), (0.3, 0.5)]
 

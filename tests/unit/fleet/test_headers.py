@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from stoop.fleet.headers import CLOCKS, Dated, Header, contradictions, header
 from stoop.flight.apply_mapping import read_mapped
 from stoop.logs import Recording, Stream
+from stoop_fleet.headers import CLOCKS, Dated, Header, contradictions, header
 
 NOON = datetime(2026, 5, 31, 12, tzinfo=UTC).timestamp()
 

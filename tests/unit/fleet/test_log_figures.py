@@ -12,19 +12,19 @@ from scipy.signal import lfilter
 
 from stoop.base.arrays import FloatArray
 from stoop.errors import FlightError
-from stoop.fleet import log_figures
-from stoop.fleet.log_figures import FlightFigure, command_delay, conditions, figures_of, groups
-from stoop.fleet.vibration import NO_VIBRATION, vibration
 from stoop.flight import Flight, from_columns
 from stoop.flight.flight import AirData
 from stoop.flight.gridding import Channels
-from stoop.performance.effectiveness import Balance
 from stoop.reconstruction.compatibility import Compatibility, Consistency, Finding, Trace
 from stoop.simulation.fly import simulate_flight
 from stoop.simulation.maneuver import load_maneuver
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import builtin_vehicle
 from stoop.vehicle.extensions import with_free_number
+from stoop_analysis.performance.effectiveness import Balance
+from stoop_fleet import log_figures
+from stoop_fleet.log_figures import FlightFigure, command_delay, conditions, figures_of, groups
+from stoop_fleet.vibration import NO_VIBRATION, vibration
 
 RATE, SECONDS, RESISTANCE = 20.0, 240.0, 0.05
 GROUPS, PLANE = groups(NO_VIBRATION), builtin_vehicle("twin-boom")

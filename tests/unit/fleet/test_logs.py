@@ -13,10 +13,10 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from stoop.errors import StoopError
-from stoop.fleet.logs import ABSENT, DATES, LogFigures, Reading, _require_own, gathered, is_table, plan, read
-from stoop.fleet.table import LOGS, read_figures
 from stoop.flight import Flight, from_columns
 from stoop.vehicle.builtin import resolve_vehicle
+from stoop_fleet.logs import ABSENT, DATES, LogFigures, Reading, _require_own, gathered, is_table, plan, read
+from stoop_fleet.table import LOGS, read_figures
 
 HEAD = "flight,vehicle,time,figure,value,std_error"
 

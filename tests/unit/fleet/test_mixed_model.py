@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from stoop.fleet.mixed_model import Design, fit_mixed_model, fit_robust_model
+from stoop_fleet.mixed_model import Design, fit_mixed_model, fit_robust_model
 
 #: vaccinated with and without tuberculosis, controls with and without: thirteen trials of the BCG vaccine, G. A. Colditz et
 #: al., "Efficacy of BCG vaccine in the prevention of tuberculosis", JAMA 271 (1994) 698

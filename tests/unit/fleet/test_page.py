@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from unit.fleet.made_up import EXCHANGED, FLIGHTS, changed, fleet
 
-from stoop.fleet.analysis import FleetAnalysis, analyze
-from stoop.fleet.mixed_model import Outlier, indices
-from stoop.fleet.page import MOST, NEAR, _thinned, fleet_page
-from stoop.fleet.parts import Parts, day
-from stoop.fleet.store import Fleet, ToldAlarm
-from stoop.fleet.table import FigureTable
 from stoop.report.sheet import render_sheet
+from stoop_fleet.analysis import FleetAnalysis, analyze
+from stoop_fleet.mixed_model import Outlier, indices
+from stoop_fleet.page import MOST, NEAR, _thinned, fleet_page
+from stoop_fleet.parts import Parts, day
+from stoop_fleet.store import Fleet, ToldAlarm
+from stoop_fleet.table import FigureTable
 
 
 @cache

@@ -11,13 +11,13 @@ import pytest
 from stoop.base.files import write_files
 from stoop.cli.main import main
 from stoop.errors import StoopError
-from stoop.fleet.headers import CLOCKS, header
-from stoop.fleet.log_figures import rotors
-from stoop.fleet.parts import read_parts
-from stoop.fleet.simulation import FACTOR_SPREAD, FleetFile, MadeFlight, drawn, read_fleet, ready
 from stoop.flight.apply_mapping import read_mapped
 from stoop.flight.load import load
 from stoop.vehicle.builtin import resolve_vehicle
+from stoop_fleet.headers import CLOCKS, header
+from stoop_fleet.log_figures import rotors
+from stoop_fleet.parts import read_parts
+from stoop_fleet.simulation import FACTOR_SPREAD, FleetFile, MadeFlight, drawn, read_fleet, ready
 
 QUAD = resolve_vehicle("quad-x")
 THRUST = "rotor.m1.factor"

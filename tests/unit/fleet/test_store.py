@@ -15,11 +15,11 @@ import stoop
 from stoop.base.files import only_writer
 from stoop.cli.main import main
 from stoop.errors import StoopError
-from stoop.fleet.analysis import FleetAnalysis
-from stoop.fleet.logs import LogFigures
-from stoop.fleet.parts import Parts
-from stoop.fleet.store import STATE, Fleet, ToldAlarm, updated_fleet
-from stoop.fleet.table import FigureTable, read_figures
+from stoop_fleet.analysis import FleetAnalysis
+from stoop_fleet.logs import LogFigures
+from stoop_fleet.parts import Parts
+from stoop_fleet.store import STATE, Fleet, ToldAlarm, updated_fleet
+from stoop_fleet.table import FigureTable, read_figures
 
 WHOLE, PARTS = fleet()
 FEW = [v in ("v1", "v2", "v3") and int(f[3:]) < 28 for v, f in zip(WHOLE.vehicle, WHOLE.flight, strict=True)]
@@ -108,7 +108,7 @@ def test_an_alarm_that_could_not_be_kept_is_told_again(tmp_path: Path, capsys: A
     command = ["fleet", str(figures), "--parts", str(parts), "-o", str(tmp_path / "store")]
 
     with monkeypatch.context() as patched:
-        patched.setattr("stoop.fleet.store.write_files", Mock(side_effect=StoopError("the disk is full")))
+        patched.setattr("stoop_fleet.store.write_files", Mock(side_effect=StoopError("the disk is full")))
         assert main(command) == 2
     assert "v3 thrust: step" in capsys.readouterr().out
     assert not list((tmp_path / "store").iterdir())

@@ -10,8 +10,8 @@ import pytest
 from unit.fleet.made_up import fleet
 
 from stoop.errors import StoopError
-from stoop.fleet.parts import Parts, read_parts
-from stoop.fleet.table import read_figures
+from stoop_fleet.parts import Parts, read_parts
+from stoop_fleet.table import read_figures
 
 HEAD = "vehicle,part,serial,from,to\n"
 TABLE = HEAD + ("A,rotor_1,P1,,2026-03-01\nA,rotor_1,P2,2026-03-01,\nB, rotor_1, P1, 2026-04-01T12:00, \n"

@@ -9,9 +9,9 @@ import pytest
 from scipy.signal import lfilter
 
 from stoop.base.arrays import FloatArray
-from stoop.fleet.logs import plan, read
-from stoop.fleet.vibration import SPEEDS, Windows, vibration
 from stoop.flight.gridding import Channels
+from stoop_fleet.logs import plan, read
+from stoop_fleet.vibration import SPEEDS, Windows, vibration
 
 SECONDS, RATE, TURNS = 90.0, 500.0, 100.0  #: s, Hz, rotors a second
 SHAKES = np.array([0.5, 0.4, 1.5, 0.6])  #: m/s2, of each rotor

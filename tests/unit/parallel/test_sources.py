@@ -59,6 +59,7 @@ def test_a_study_counts_what_it_imports_and_no_pages() -> None:
     rooms = {name.removesuffix(".py") for name in worker.ROOMS}
     counts = dict.fromkeys(("search", "compare.race"), "stoop_studies.problems.paper.py")
     counts["verify.design"] = "stoop.input_design.optimization.py"
+    counts["verify.propagate"] = "stoop_analysis.draws.py"
     counts["verify.delays"] = "stoop.reconstruction.compatibility.py"
     for work, counted in counts.items():
         files = set(source_files(f"stoop_studies.{work}"))

@@ -9,10 +9,18 @@ import sympy as sp
 
 from stoop.errors import FlightError, VehicleError
 from stoop.flight import Flight, from_columns
-from stoop.performance import effectiveness
-from stoop.performance.effectiveness import Balance, Hover, Reference, assess, hover, indistinct, judge
 from stoop.vehicle import Vehicle, load_vehicle, parse_vehicle
 from stoop.vehicle.builtin import resolve_vehicle
+from stoop_analysis.performance import effectiveness
+from stoop_analysis.performance.effectiveness import (
+    Balance,
+    Hover,
+    Reference,
+    assess,
+    hover,
+    indistinct,
+    judge,
+)
 
 EXAMPLE = Path(__file__).parents[3] / "examples" / "crazyflie.toml"
 HALF = -0.0103 + 0.6 * 0.1825 - 0.36 * 0.0401  #: N, thrust of a rotor at a command of 0.6

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from stoop.performance.polar import Blocks, Propulsion, fit_polar, useful_power
+from stoop_analysis.performance.polar import Blocks, Propulsion, fit_polar, useful_power
 
 AREA, MASS, GRAVITY, DENSITY = 1.5, 9.4, 9.81, 1.2
 EFFICIENCY, DIAMETER = 0.72, 0.4

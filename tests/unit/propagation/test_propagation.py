@@ -8,19 +8,25 @@ import numpy as np
 import pytest
 
 from stoop import Vehicle, load_vehicle, trim
-from stoop.assessment.draws import Draws
 from stoop.base.arrays import FloatArray
 from stoop.base.atmosphere import SEA_LEVEL_DENSITY
 from stoop.errors import SimulationError, StoopError
-from stoop.propagation.expressions import parse_expressions
-from stoop.propagation.propagation import Propagation, propagate_draws
-from stoop.propagation.quantities import conditional_draws, figure
-from stoop.propagation.wing_figures import Domain
-from stoop.propagation.wings import level_flight, lift_maximum, linear_flights, static_margin, steady_flights
 from stoop.simulation import linearize
 from stoop.simulation.initial import parameter_rows
 from stoop.vehicle.builtin import builtin_text
 from stoop.vehicle.load import parse_vehicle
+from stoop_analysis.draws import Draws
+from stoop_analysis.propagation.expressions import parse_expressions
+from stoop_analysis.propagation.propagation import Propagation, propagate_draws
+from stoop_analysis.propagation.quantities import conditional_draws, figure
+from stoop_analysis.propagation.wing_figures import Domain
+from stoop_analysis.propagation.wings import (
+    level_flight,
+    lift_maximum,
+    linear_flights,
+    static_margin,
+    steady_flights,
+)
 
 DENSITY = 1.20165
 DOMAIN = Domain((33.0, 37.0), 35.0, 200.0, DENSITY, (0.0, 0.2))

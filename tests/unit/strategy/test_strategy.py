@@ -205,7 +205,7 @@ def test_components_of_the_covariance_are_left_out_beside_any_decisions() -> Non
 
 
 def test_the_app_writes_the_switches_that_give_the_checked_decisions() -> None:
-    from stoop.app.fit_view import switches
+    from stoop_app.fit_view import switches
 
     default = Strategy.default()
     for chosen in (default, Strategy.textbook(), default.without("bounds").including("extensions")):

@@ -9,7 +9,6 @@ import pytest
 from unit.tuning.made_up import quad, wing
 
 from stoop import simulate
-from stoop.assessment.draws import Draws
 from stoop.base.files import write_files
 from stoop.base.rotations import quaternions_of
 from stoop.base.units import STANDARD_GRAVITY
@@ -25,6 +24,7 @@ from stoop.tuning.judgment import commands_of
 from stoop.vehicle import Vehicle
 from stoop.vehicle.document import with_entries
 from stoop.workflow.tuning import conditions_of
+from stoop_analysis.draws import Draws
 
 Parameters = Mapping[str, float]
 WING = {"FW_RR_P": 0.4, "FW_RR_I": 0.3, "FW_RR_FF": 0.3, "FW_PR_P": 0.8, "FW_PR_I": 0.6, "FW_PR_FF": 1.0, "FW_YR_P": 0.3,

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from unit.tuning.made_up import SURFACES, TAIL, quad, rolling, v_tail, wing
 
-from stoop.assessment.draws import Draws
 from stoop.control_laws import px4
 from stoop.control_laws.table import firmwares
 from stoop.errors import StoopError
@@ -14,6 +13,7 @@ from stoop.tuning.judgment import Condition, commands_of, judge, with_handling, 
 from stoop.tuning.loops import AxisLoop
 from stoop.vehicle.document import with_entries
 from stoop.workflow.tuning import conditions_of, pitot_readings
+from stoop_analysis.draws import Draws
 from stoop_studies.verify import scenes
 
 WING = {"FW_RR_P": 0.4, "FW_RR_I": 0.6, "FW_RR_FF": 0.0}
