@@ -56,7 +56,10 @@ sys.exit(code)
 
 @functools.cache
 def sources() -> dict[str, str]:
-    return {p.relative_to(PACKAGE).as_posix(): p.read_text("utf-8") for p in PACKAGE.rglob("*.py")}
+    own = [p for p in PACKAGE.parent.glob("stoop*/**/*.py") if "stoop_studies" not in p.parts]
+    return {
+        p.relative_to(PACKAGE.parent).as_posix().removeprefix("stoop/"): p.read_text("utf-8") for p in own
+    }
 
 
 def places(pattern: str) -> set[str]:
@@ -67,14 +70,16 @@ def places(pattern: str) -> set[str]:
 def test_programs_connections_and_servers_have_one_place_each() -> None:
     """The child that reads formats of others, the steps of the app, its browser, the C compiler; a Dask client; the app."""
     starters = r"\b(subprocess\.(run|Popen|call|check_\w+)|os\.(system|popen|exec\w*|spawn\w*|posix_spawn\w*)|pty\.\w+)\("
-    assert places(starters) == {"logs/guard.py", "app/steps.py", "exporters/fmu.py"}
-    assert places(r"\bwebbrowser\.\w+\(") == {"app/server.py"}
+    assert places(starters) == {"logs/guard.py", "stoop_app/steps.py", "exporters/fmu.py"}
+    assert places(r"\bwebbrowser\.\w+\(") == {"stoop_app/server.py"}
     network = r"^\s*(import|from) (socket|socketserver|http|urllib|ssl|requests|httpx|aiohttp|ftplib|smtplib|asyncio)\b"
     assert places(network) == {"parallel/pools.py", "parallel/worker.py"}
     assert places(r"\bsocket\.(?!gethostname|create_connection|timeout)\w+\(") == set()
-    assert all(place.startswith("app/") for place in places(r"^\s*(import|from) (tornado|bokeh|panel)\b"))
-    assert places(r'^ADDRESS\b.* = "127\.0\.0\.1"') == {"app/server.py"}
-    assert places(r"\bget_server\(") == {"app/server.py"}
+    assert all(
+        place.startswith("stoop_app/") for place in places(r"^\s*(import|from) (tornado|bokeh|panel)\b")
+    )
+    assert places(r'^ADDRESS\b.* = "127\.0\.0\.1"') == {"stoop_app/server.py"}
+    assert places(r"\bget_server\(") == {"stoop_app/server.py"}
     assert places(r"exec_module\(|source_to_code\(") == {"kernels/generated.py", "exporters/exporter.py"}
 
 

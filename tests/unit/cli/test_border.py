@@ -16,7 +16,6 @@ from rich.text import Text
 from unit.cli.conftest import Cli
 
 import stoop
-import stoop_studies
 from stoop.base.text import printable, show
 from stoop.cli.main import main
 from stoop.cli.page import Page, words
@@ -31,14 +30,13 @@ CALL = re.compile(r"\b(print|pprint|print_exc|print_exception|Console|input|os\.
 
 
 def printing_calls() -> Iterator[tuple[str, str, ast.Call]]:
-    for package in (stoop, stoop_studies):
-        for path in Path(package.__file__ or "").parent.rglob("*.py"):
-            text = path.read_text(encoding="utf-8")
-            if not CALL.search(text) and path.name not in ("page.py", "progress.py"):
-                continue
-            for node in ast.walk(ast.parse(text)):
-                if isinstance(node, ast.Call):
-                    yield path.name, getattr(node.func, "attr", getattr(node.func, "id", "")), node
+    for path in Path(stoop.__file__ or "").parents[1].glob("stoop*/**/*.py"):
+        text = path.read_text(encoding="utf-8")
+        if not CALL.search(text) and path.name not in ("page.py", "progress.py"):
+            continue
+        for node in ast.walk(ast.parse(text)):
+            if isinstance(node, ast.Call):
+                yield path.name, getattr(node.func, "attr", getattr(node.func, "id", "")), node
 
 
 def test_only_the_border_prints_and_rich_is_given_texts() -> None:
