@@ -42,7 +42,7 @@ LEAST_GAIN: Final = 0.05
 
 @dataclass(frozen=True, eq=False)
 class Component:
-    """What one source of error adds to the covariance (f, f) of the estimated unknowns; `name` is one of `COMPONENTS`."""
+    """A contribution to the covariance (f, f) of the estimated unknowns; `name` is one of `COMPONENTS`."""
 
     name: str
     covariance: FloatArray
@@ -63,7 +63,7 @@ def _roots(covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def excess(covariance: FloatArray, before: FloatArray) -> FloatArray:
-    """Return what a covariance (f, f) adds to another of the same estimates where it is larger, positive semidefinite."""
+    """Return the positive semidefinite part (f, f) of the difference of a covariance and another of the same estimates."""
     rows, inverse = _roots(before)
     gains, axes = np.linalg.eigh(inverse @ covariance @ inverse.T)
     rows = rows @ axes * np.sqrt(np.maximum(gains - 1.0, 0.0))
