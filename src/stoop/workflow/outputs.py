@@ -128,7 +128,7 @@ def with_values(vehicle: Vehicle, values: dict[str, float]) -> str:
             continue
         value, keys = values.get(name, q.value), keys_of(vehicle, name)
         fields: dict[str, Any] = {} if q.free in (None, before.free) else {"free": q.free}
-        if name in values and q.prior is not None:
+        if q.prior is not None and (name in values or q.prior != before.prior):
             fields |= {"prior": q.prior, "mean": q.prior_mean}
         if fields or name in values or value != before.value:
             low, high = q.bounds or (-MAX_NUMBER, MAX_NUMBER)

@@ -68,8 +68,10 @@ def test_an_inertia_of_no_body_is_held_and_the_written_vehicle_loads(prior: floa
     assert record.state == "applied"
     held = found.estimate.problem.layout.vehicle
     written = parse_vehicle(with_values(held, found.estimate.estimates), "written")
-    assert written.value(PITCH) == truth
-    assert not next(p for p in written.parameters if p.name == PITCH).free
+    (before, after) = (next(p for p in v.parameters if p.name == PITCH) for v in (held, written))
+    assert (after.value, after.free) == (truth, False)
+    assert after.prior == pytest.approx(before.prior, rel=1e-9)
+    assert after.prior_mean == truth
     for verb in (trim, linearize, derivatives):
         verb(written)  # type: ignore[operator]
 
