@@ -24,13 +24,13 @@ FLAG = re.compile(
 )  #: tests whether a vehicle has rotors
 #: package, or room of the core -> lines at most; "stoop" is the whole core
 BUDGETS = {
-    "stoop": 81302,
+    "stoop": 81308,
     "stoop_analysis": 3389,
     "stoop_app": 3981,
     "stoop_fleet": 3669,
     "stoop_studies": 14919,
     "api": 200,
-    "assessment": 5149,
+    "assessment": 5152,
     "base": 2410,
     "checks": 3050,
     "cli": 3222,
@@ -42,9 +42,9 @@ BUDGETS = {
     "kernels": 2810,
     "logs": 5150,
     "optimize": 2770,
-    "parallel": 1250,
+    "parallel": 1241,
     "prediction": 785,
-    "problem": 2028,
+    "problem": 2029,
     "reconstruction": 850,
     "report": 4230,
     "results": 1366,
@@ -53,7 +53,7 @@ BUDGETS = {
     "tuning": 2390,
     "vehicle": 3705,
     "vehicle_draft": 3380,
-    "workflow": 4252,
+    "workflow": 4253,
 }
 #: modules that an allowed import cycle goes through, imports in functions counted: registries that name their entries
 REGISTRIES = {"stoop.optimize.registry", "stoop.vehicle.vehicle", "stoop.workflow.fitted_model"}

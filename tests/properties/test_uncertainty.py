@@ -10,6 +10,7 @@ from numpy.testing import assert_allclose
 
 from stoop.strategy import decision
 from stoop.workflow import FittedModel
+from stoop.workflow.summary import fit_warnings
 
 
 def test_errors_of_the_table_are_those_of_the_covariance(lacking: FittedModel, tmp_path: Path) -> None:
@@ -33,6 +34,9 @@ def test_a_component_that_is_left_out_is_not_in_the_sum(lacking: FittedModel) ->
     """The other components stay; what is lacking moves all three numbers together."""
     less, result = decision.test(lacking.estimate, ("model",))[0].bars, lacking.result
     assert less.left_out == {"model"}
+    flights = {flight.name: flight for flight in lacking.flights}
+    told = fit_warnings(result.parameters, less, result.maneuvers, lacking.estimate, flights)
+    assert [n.values["components"] for n in told if n.code == "components-left-out"] == [("model",)]
     held = {c: np.array([*own.values()]) for c, own in result.components.variances.items()}
     assert_allclose(less.std[:3] ** 2, sum(held[name] for name in held if name != "model"))
     moved = result.covariance.matrix - less.covariance[:3, :3]

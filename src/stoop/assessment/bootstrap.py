@@ -132,7 +132,7 @@ def whitened(segments: Sequence[FloatArray], order: int) -> list[FloatArray]:
     known = (
         np.append(1.0, -coefficients) if rows >= MIN_INNOVATIONS + 2 * order else np.full(order + 1, np.nan)
     )
-    return [np.convolve(segment, known, "valid") for segment in segments]
+    return [np.convolve(s, known, "valid") if len(s) > order else s[:0] for s in segments]
 
 
 @dataclass(frozen=True, eq=False)

@@ -90,15 +90,15 @@ def of_scatter(scatter: Scatter, before: FloatArray) -> FloatArray:
 
 
 def within_priors(shifts: FloatArray, priors: FloatArray, joint: BoolArray) -> FloatArray:
-    """Return the covariance (f, f) of shifts of the estimates given that priors (f,), infinite where there is none, hold.
+    """Return the covariance (f, f) of shifts of the estimates given that priors (f,) > 0, infinite where there is none, hold.
 
     Those that are `joint` (f,) limit all shifts, the others the shift of their own unknown alone.
     """
     rows, _ = _roots(shifts)
     measured = rows / np.where(joint, priors, np.inf)[:, None]
     limited = rows @ np.linalg.solve(np.eye(rows.shape[1]) + measured.T @ measured, rows.T)
-    own = 1.0 / np.sqrt(1.0 + np.where(joint, 0.0, np.diag(limited) / priors**2))
-    return np.asarray(limited * np.outer(own, own))
+    each = 1.0 / np.hypot(1.0, np.sqrt(np.maximum(np.diag(limited), 0.0)) / np.where(joint, np.inf, priors))
+    return np.asarray(limited * np.outer(each, each))
 
 
 def held_inertia(fit: Estimate) -> dict[str, float]:

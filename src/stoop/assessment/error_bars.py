@@ -297,6 +297,7 @@ class Identifiability:
         return replace(self, identifiable=False, reason=reason) if reason and self.identifiable else self
 
 
+@on_one_blas_thread
 def identifiability(
     unknowns: Sequence[Unknown], information: FloatArray, covariance: FloatArray
 ) -> tuple[Identifiability, ...]:

@@ -160,6 +160,8 @@ def method_agreement(
     apart = _by_maneuvers(sure, methods, components)
     contained = float(np.median(list(apart.values()))) if apart else 1.0
     out = [notice("agreement-maneuvers", ratio=contained) if apart else notice("agreement-one-maneuver")]
+    out = [] if "maneuvers" in components.left_out else out
+    color = {} if "color" in components.left_out else color
     typical = float(np.median(list(color.values()))) if color else 1.0
     scattered = repeated.scatter_ratio / contained
     degrees = sum(one.degrees for one in repeated.parameters.values() if one.verdict)

@@ -115,9 +115,9 @@ def differences(here: Mapping[str, str], there: Mapping[str, str]) -> str:
 def work_sources(works: Iterable[str]) -> dict[str, str]:
     """Return one entry for an environment per module of some work functions: its name and a hash of its sources.
 
-    Counted are the module, the modules of its top-level package and those of stoop that it imports wherever in its
-    text, what they import, and the ``__init__.py`` above each (what only that imports is not). A package that is imported
-    as such counts with all of its files: it may import them by names that it computes. Rooms of `stoop` that every
+    Counted are the module, the modules of its top-level package, of `stoop` and of packages `stoop_*` beside it that it
+    imports in its text, what they import, and the ``__init__.py`` above each (what only that imports is not). A package that
+    is imported as such counts with all of its files: it may import them by names that it computes. Rooms of `stoop` that every
     environment has, or that compute no numbers, are left out. A module without a source file has no entry.
     """
     found = {}
@@ -135,7 +135,7 @@ _own_sources: Final = functools.cache(work_sources)
 
 def source_files(module: str) -> dict[str, bytes]:
     """Return name and content of each file of a module and of what it imports."""
-    beside = (folder.name for folder in Path(__file__).parents[2].glob("stoop_*"))  # packages of this wheel
+    beside = (p.parent.name for p in Path(__file__).parents[2].glob("stoop_*/__init__.py"))
     roots = {top: found for top in (module.partition(".")[0], "stoop", *beside) if (found := _roots(top))}
     files: dict[str, bytes] = {}
     queue, visited = [module], {*EXCLUDED}

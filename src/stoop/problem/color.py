@@ -28,7 +28,7 @@ from stoop.problem.weights import Weights
 
 
 def yule_walker(autocovariance: FloatArray) -> tuple[FloatArray, float]:
-    """Return coefficients (p,) and innovation variance of the autoregression with an autocovariance (p + 1,)."""
+    """Return coefficients (p,) and innovation variance of the autoregression with a positive definite autocovariance (p + 1,)."""
     r = autocovariance
     coefficients = solve_toeplitz(r[:-1], r[1:]) if len(r) > 1 and r[0] > 0.0 else np.zeros(len(r) - 1)
     return coefficients, float(r[0] - coefficients @ r[1:])
@@ -40,7 +40,8 @@ def least_squares_autoregression(segments: Sequence[FloatArray], order: int) -> 
     Unlike :func:`yule_walker` it is not biased where the spectrum is steep.
     """
     window = np.lib.stride_tricks.sliding_window_view
-    rows = np.concatenate([window(s, order + 1)[:, ::-1] for s in segments if len(s) > order])
+    long = [window(s, order + 1)[:, ::-1] for s in segments if len(s) > order]
+    rows = np.concatenate([np.empty((0, order + 1)), *long])
     rows = rows[np.isfinite(rows).all(axis=1)]
     return np.linalg.lstsq(rows[:, 1:], rows[:, 0], rcond=None)[0], len(rows)
 

@@ -21,7 +21,7 @@ from stoop.estimate.estimate import Estimate
 from stoop.flight import Flight
 from stoop.prediction.predict import ForceFigures
 from stoop.results.result import ManeuverResult, ParameterEstimate, Result
-from stoop.results.uncertainty import ParameterIdentifiability, Repeatability
+from stoop.results.uncertainty import COMPONENTS, ParameterIdentifiability, Repeatability
 from stoop.vehicle import Vehicle
 
 #: kinds of faults that affect a fit -> code
@@ -55,6 +55,8 @@ def fit_warnings(
         if any(name == flight.name and a < fault.stop and fault.start < b for name, a, b in spans)
     ]
     found = [*search_notices(fit.outcome.status, fit.outcome.advice), *sensor_faults]
+    if left_out := tuple(name for name in COMPONENTS if name in bars.left_out):
+        found.append(notice("components-left-out", components=left_out))
     found += attempt(found, [], check_lift, vehicle, flights)
     found += attempt(found, [], inertia_notices, vehicle, fit.estimates)
     found += attempt(found, [], prior_conflicts, fit, bars)

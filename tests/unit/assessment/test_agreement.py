@@ -161,6 +161,17 @@ def test_no_error_bars_are_trusted_beside_maneuvers_that_scatter_beyond_them() -
     assert "agreement-scatter" in {n.code for n in method_agreement(ONE, white, repeated(2.4, 1))}
 
 
+@pytest.mark.parametrize(
+    ("name", "code"), [("maneuvers", "agreement-one-maneuver"), ("color", "agreement-colored")]
+)
+def test_nothing_is_said_of_a_component_that_is_left_out(name: str, code: str) -> None:
+    every, less = (
+        {n.code for n in method_agreement(ONE, COLORED, components=of.Components(left_out=out))}
+        for out in ((), (name,))
+    )
+    assert every - less == {code}
+
+
 def test_maneuvers_that_agree_change_nothing_but_for_one_in_twenty() -> None:
     codes = [[n.code for n in method_agreement(ONE, COLORED, repeated(1.0, seed))] for seed in range(100)]
     assert sum("agreement-scatter-colored" in one for one in codes) <= 12
