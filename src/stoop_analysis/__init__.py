@@ -1,1 +1,1 @@
-"""What is asked of a model or a flight beside the fit: frequency responses, propagation, handling qualities, posterior."""
+"""Analyses of a fitted model or a flight: frequency responses, propagation, handling qualities, posterior, polar."""

@@ -90,9 +90,9 @@ def of_scatter(scatter: Scatter, before: FloatArray) -> FloatArray:
 
 
 def within_priors(shifts: FloatArray, priors: FloatArray, joint: BoolArray) -> FloatArray:
-    """Return the covariance (f, f) of shifts of the estimates given that priors (f,) > 0, infinite where there is none, hold.
+    """Return the covariance (f, f) of shifts of the estimates, limited by priors (f,) > 0, infinite without a prior.
 
-    Those that are `joint` (f,) limit all shifts, the others the shift of their own unknown alone.
+    Priors marked `joint` (f,) limit the shifts of all unknowns, the other priors the shift of their own unknown alone.
     """
     rows, _ = _roots(shifts)
     measured = rows / np.where(joint, priors, np.inf)[:, None]

@@ -134,7 +134,7 @@ class ErrorBars:
 
     @cached_property
     def identifiability(self) -> dict[str, Identifiability]:
-        """Identifiability by parameter, judged by the covariance; of parameters at a bound there is none."""
+        """Identifiability of each parameter that is not at a bound, by its standard error."""
         free, total = [self.unknowns[i] for i in self.free], self.of_free(*COMPONENTS)
         own = identifiability(free, self.uncertainty.information, total)
         doubts = {
