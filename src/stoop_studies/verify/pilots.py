@@ -279,7 +279,7 @@ def on_rotors(vehicle: Vehicle, wind: FloatArray, rng: np.random.Generator) -> C
                 (control, shape, start, step * rng.uniform(0.9, 1.1), sign * size * rng.uniform(0.8, 1.2))
             )
     maneuver: Maneuver = step_maneuvers({"plan": tuple(shakes)}, ROTOR_DURATION, ROTOR_RATE)["plan"]
-    blown = maneuver.model_copy(update={"wind": (float(wind[0]), float(wind[1]), 0.0)})
+    blown = maneuver.model_copy(update={"altitude": ALTITUDE, "wind": (*wind.tolist(), 0.0)})
     flown = fly_maneuver(vehicle, blown, int(rng.integers(2**31)))
     columns = dict(zip(vehicle.outputs, flown.outputs.T, strict=True))
     if flown.velocity is not None:

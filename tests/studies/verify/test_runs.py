@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from stoop.base.atmosphere import SEA_LEVEL_DENSITY, standard_density
 from stoop.errors import FlightError
 from stoop.input_design.windows import find_windows
 from stoop_fleet.analysis import analyze
@@ -13,6 +14,7 @@ from stoop_fleet.parts import Parts
 from stoop_studies.verify import decisions, extensions, pilots, windows
 from stoop_studies.verify.capture import NOISE, fly
 from stoop_studies.verify.fleet import BACK, CHANGED, UPDATED, Flown, drawn, least_delay
+from stoop_studies.verify.made_up import GRAVITY, made_up
 
 ROTOR = "another propeller, step"
 
@@ -46,6 +48,15 @@ def test_a_case_calls_for_its_decision(case: str, called: str) -> None:
     assert {called, "all"} <= set(found["without"])
     assert set(found["default"]) == set(decisions.FIGURES)
     assert found["default"]["bias"] < 2.5
+
+
+def test_rotors_carry_the_weight_in_the_air_of_the_recorded_altitude() -> None:
+    vehicle = made_up(3).vehicle
+    flown = pilots.on_rotors(vehicle, np.zeros(2), np.random.default_rng(0))
+    x = np.array([flown[name][0] for name in vehicle.recorded])
+    thrust = np.sum(vehicle.value("rotors.T1") * x + vehicle.value("rotors.T2") * x**2)
+    air = standard_density(flown["altitude"][:1])[0] / SEA_LEVEL_DENSITY
+    assert air * thrust == pytest.approx(GRAVITY * vehicle.value("mass.mass"), rel=1e-3)
 
 
 def test_a_log_holds_noisy_poses_and_commands_as_they_were_sent(tmp_path: Path, monkeypatch: Any) -> None:
