@@ -30,7 +30,7 @@ BUDGETS = {
     "stoop_fleet": 3669,
     "stoop_studies": 14919,
     "api": 200,
-    "assessment": 5152,
+    "assessment": 5151,
     "base": 2410,
     "checks": 3050,
     "cli": 3222,

@@ -3,7 +3,7 @@ r"""Covariance of estimates by a model that lacks something.
 Error bars from residuals hold for the model. Where the score tests of its extensions together are significant, it lacks some of
 them, or something that they stand for. They are taken as random, each with a variance of its own, those of greatest evidence
 (automatic relevance determination): with the information G of the extensions, the unknowns having taken what they can, and the
-covariance S of their scores z by noise,
+covariance S of their scores z by noise and by numbers that are held at values with priors,
 
 .. math:: z \sim N(0, S + G T G), \qquad T = \mathrm{diag}(\tau^2),
 
@@ -21,7 +21,7 @@ pp. 110-114.
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Mapping
 from typing import Final
 
 import numpy as np
@@ -41,24 +41,23 @@ ROUNDING: Final = 1e-10
 
 
 @on_one_blas_thread
-def model_error(known: Scored, considered: Collection[str] = ()) -> FloatArray:
+def model_error(known: Scored, held: Mapping[str, float]) -> FloatArray:
     """Return the covariance (k, k) that what the model lacks adds to the unknowns; zero where it lacks nothing.
 
-    Left out are numbers that the file gives, changes that make no sense, and what is `considered` already.
+    Left out are numbers that the file gives, changes that make no sense, and what errors of `held` numbers (SI) explain.
     """
     own = known.scores
     sense = [
-        one.kind not in GIVEN and one.name not in considered and one.believes(change)
+        one.kind not in GIVEN and one.name not in held and one.believes(change)
         for one, change in zip(known.extensions, own.change.tolist(), strict=True)
     ]
     kept = np.flatnonzero(own.tested & sense)
-    count = len(own.shifts)
-    if not kept.size:
-        return np.zeros((count, count))
-    z, G, S = own.score[kept], own.information[np.ix_(kept, kept)], own.noise[np.ix_(kept, kept)]
+    z, G = own.score[kept], own.information[np.ix_(kept, kept)]
+    answers = own.information[kept] * [held.get(one.name, 0.0) for one in known.extensions]
+    S = own.noise[np.ix_(kept, kept)] + answers @ answers.T
     std = np.sqrt(np.diag(S))
-    if lacks_nothing(z / std, S / np.outer(std, std)):
-        return np.zeros((count, count))
+    if not kept.size or lacks_nothing(z / std, S / np.outer(std, std)):
+        return np.zeros((len(own.shifts),) * 2)
     shifts = own.shifts[:, kept]
     return np.asarray(shifts * variances(z, G, S) @ shifts.T)
 

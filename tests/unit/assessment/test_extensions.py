@@ -79,7 +79,7 @@ def test_right_model_lacks_nothing_and_keeps_its_error_bars() -> None:
     assert (found.tested > 80, found.level, found.found) == (True, LIMITS.level, ())
     assert extension_notices(found) == ()
     assert known is not None
-    assert not model_error(known).any()
+    assert not model_error(known, {}).any()
     assert np.array_equal(decided.bars.std, bars.std)
     assert not decided.notices
 
@@ -138,12 +138,24 @@ DEFECTS = {
 }  #: extension -> the file of the truth, the file of the fit, the true value
 
 
-def lacking(truth: str, fitted: str, seed: int) -> ExtensionTests:
+def multirotor(truth: str, fitted: str, seed: int) -> Estimate:
     flown = maneuver(SECONDS, *INPUTS, rate=100.0, wind=(2.0, -1.0, 0.0))
     flight = simulate_flight(parse_vehicle(truth, "truth"), flown, seed=seed, name="sim")
     windows = [Window("sim", 0.0, SECONDS)]
-    done = multiple_shooting.fit(parse_vehicle(fitted, "quad"), {"sim": flight}, windows, Options(seed=1))
+    return multiple_shooting.fit(parse_vehicle(fitted, "quad"), {"sim": flight}, windows, Options(seed=1))
+
+
+def lacking(truth: str, fitted: str, seed: int) -> ExtensionTests:
+    done = multirotor(truth, fitted, seed)
     return extension_tests(done, error_bars(done))
+
+
+def test_what_a_wrong_held_inertia_explains_the_model_does_not_lack() -> None:
+    done, name = multirotor(TEXT, TEXT.replace("xx = 0.0291", "xx = 0.0320"), 1), "mass.inertia.xx"
+    known = scored(done, error_bars(done))
+    assert known is not None
+    lacks = [model_error(known, held).any() for held in ({}, {name: 0.003}, {name: 1e-6})]
+    assert lacks == [True, False, True]
 
 
 @pytest.mark.parametrize("seed", [1, 2])
