@@ -1,19 +1,18 @@
-"""Write the tables of docs/commands.md from those of the verbs: src/stoop/data/verbs.toml, src/stoop_studies/cli/verbs.toml."""
+"""Write the tables of docs/commands.md from those of the verbs: src/stoop/data/verbs.toml, and stoop.toml of packages."""
 
 from __future__ import annotations
 
 import re
 from pathlib import Path
 
-from stoop.base.verbs import Option, Verb
-from stoop.cli.main import all_verbs
+from stoop.base.verbs import Option, Verb, verbs
 
 PAGE = Path(__file__).parents[1] / "docs" / "commands.md"
 
 
 def page(text: str) -> str:
     """Return the page with its tables as they follow from the verbs; the text around them stays."""
-    known = all_verbs()
+    known = verbs()
     rows = (
         f"| [`{name}`](#stoop-{name.replace(' ', '-')}) | {verb.summary} |" for name, verb in known.items()
     )

@@ -24,16 +24,16 @@ FLAG = re.compile(
 )  #: tests whether a vehicle has rotors
 #: package, or room of the core -> lines at most; "stoop" is the whole core
 BUDGETS = {
-    "stoop": 81308,
+    "stoop": 81397,
     "stoop_analysis": 3389,
     "stoop_app": 3981,
     "stoop_fleet": 3669,
-    "stoop_studies": 14919,
+    "stoop_studies": 14881,
     "api": 200,
     "assessment": 5151,
-    "base": 2410,
+    "base": 2554,
     "checks": 3050,
-    "cli": 3222,
+    "cli": 3200,
     "control_laws": 1555,
     "estimate": 7818,
     "exporters": 8896,
@@ -41,7 +41,7 @@ BUDGETS = {
     "input_design": 2380,
     "kernels": 2810,
     "logs": 5150,
-    "optimize": 2770,
+    "optimize": 2768,
     "parallel": 1241,
     "prediction": 785,
     "problem": 2029,
@@ -53,7 +53,7 @@ BUDGETS = {
     "tuning": 2390,
     "vehicle": 3705,
     "vehicle_draft": 3380,
-    "workflow": 4253,
+    "workflow": 4279,
 }
 #: modules that an allowed import cycle goes through, imports in functions counted: registries that name their entries
 REGISTRIES = {"stoop.optimize.registry", "stoop.vehicle.vehicle", "stoop.workflow.fitted_model"}

@@ -36,6 +36,7 @@ CHECKS = {
     "format": ["ruff", "format", "--check", "."],
     "types": ["mypy"],
     "layers": ["lint-imports"],
+    "interface": ["python", "scripts/interface.py", "--check"],
     "structure": ["python", "scripts/structure.py"],
     "docs": ["sphinx-build", "-q", "-W", "--keep-going", "docs", "{scratch}/site"],
 }

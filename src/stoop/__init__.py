@@ -10,123 +10,48 @@
 
 from __future__ import annotations
 
-import importlib
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-if TYPE_CHECKING:
-    from stoop import errors
-    from stoop.api import assess, check, look, new_vehicle, reconstruct, save_design
-    from stoop.base.notices import Notice
-    from stoop.estimate.fit import Options
-    from stoop.exporters.jsbsim_autopilot import fly_in_jsbsim
-    from stoop.flight import Flight
-    from stoop.flight.load import load as load_flight
-    from stoop.flight.load import save as save_flight
-    from stoop.results.result import read_result
-    from stoop.simulation import trim
-    from stoop.simulation.fly import simulate_flight
-    from stoop.simulation.maneuver import load_maneuver
-    from stoop.strategy import Strategy
-    from stoop.vehicle import Vehicle
-    from stoop.vehicle.builtin import resolve_vehicle as load_vehicle
-    from stoop.workflow import Bootstrap, Posterior, Profile
-    from stoop.workflow.derivatives import derivatives
-    from stoop.workflow.design import design
-    from stoop.workflow.export import export
-    from stoop.workflow.fitted_model import FittedModel
-    from stoop.workflow.flying import linearize, simulate
-    from stoop.workflow.frequency import frequency, frequency_responses
-    from stoop.workflow.identification import identify as fit
-    from stoop.workflow.load import load
-    from stoop.workflow.propagation import propagate
-    from stoop.workflow.tuning import tune
-    from stoop.workflow.validation import validate
-    from stoop.workflow.validation import validate as predict
-    from stoop_fleet.store import open_fleet
-    from stoop_fleet.update import update_fleet
-
-_PLACES = {
-    **dict.fromkeys(("assess", "check", "look", "new_vehicle", "reconstruct", "save_design"), "stoop.api"),
-    "Notice": "stoop.base.notices",
-    "Options": "stoop.estimate.fit",
-    "Strategy": "stoop.strategy",
-    "fly_in_jsbsim": "stoop.exporters.jsbsim_autopilot",
-    "open_fleet": "stoop_fleet.store",
-    **dict.fromkeys(("Flight", "load_flight", "save_flight"), "stoop.flight"),
-    "read_result": "stoop.results.result",
-    "simulate_flight": "stoop.simulation.fly",
-    "load_maneuver": "stoop.simulation.maneuver",
-    "trim": "stoop.simulation",
-    "Vehicle": "stoop.vehicle",
-    "load_vehicle": "stoop.vehicle.builtin",
-    **dict.fromkeys(("Bootstrap", "Posterior", "Profile"), "stoop.workflow"),
-    "derivatives": "stoop.workflow.derivatives",
-    "design": "stoop.workflow.design",
-    "export": "stoop.workflow.export",
-    "FittedModel": "stoop.workflow.fitted_model",
-    **dict.fromkeys(("linearize", "simulate"), "stoop.workflow.flying"),
-    **dict.fromkeys(("frequency", "frequency_responses"), "stoop.workflow.frequency"),
-    "fit": "stoop.workflow.identification",
-    "load": "stoop.workflow.load",
-    "propagate": "stoop.workflow.propagation",
-    **dict.fromkeys(("predict", "validate"), "stoop.workflow.validation"),
-    "tune": "stoop.workflow.tuning",
-    "update_fleet": "stoop_fleet.update",
+_MODULES = {
+    "stoop.api": "assess check look new_vehicle reconstruct save_design",
+    "stoop.assessment.bootstrap": "Bootstrap",
+    "stoop.assessment.profile": "Profile",
+    "stoop.base.notices": "Notice",
+    "stoop.estimate.fit": "Options",
+    "stoop.exporters.jsbsim_autopilot": "fly_in_jsbsim",
+    "stoop.flight": "Flight",
+    "stoop.results.result": "read_result",
+    "stoop.simulation": "trim",
+    "stoop.simulation.fly": "simulate_flight",
+    "stoop.simulation.maneuver": "load_maneuver",
+    "stoop.strategy": "Strategy",
+    "stoop.vehicle": "Vehicle",
+    "stoop.workflow.design": "design",
+    "stoop.workflow.export": "export",
+    "stoop.workflow.fitted_model": "FittedModel",
+    "stoop.workflow.flying": "linearize simulate",
+    "stoop.workflow.load": "load",
+    "stoop.workflow.tuning": "tune",
+    "stoop.workflow.validation": "validate",
 }
-"""Public name -> module; imported on first use, so that ``import stoop`` costs nothing."""
-_OTHER_NAMES = {
-    "fit": "identify",
-    "load_flight": "load",
-    "load_vehicle": "resolve_vehicle",
-    "predict": "validate",
-    "save_flight": "save",
+PLACES = {name: f"{module}:{name}" for module, names in _MODULES.items() for name in names.split()} | {
+    "fit": "stoop.workflow.identification:identify",
+    "load_flight": "stoop.flight.load:load",
+    "load_vehicle": "stoop.vehicle.builtin:resolve_vehicle",
+    "predict": "stoop.workflow.validation:validate",
+    "save_flight": "stoop.flight.load:save",
 }
+"""Public name -> ``module:name``, imported on first use, so that ``import stoop`` costs nothing. Packages add theirs."""
 
-__all__ = [
-    "Bootstrap",
-    "FittedModel",
-    "Flight",
-    "Notice",
-    "Options",
-    "Posterior",
-    "Profile",
-    "Strategy",
-    "Vehicle",
-    "assess",
-    "check",
-    "derivatives",
-    "design",
-    "errors",
-    "export",
-    "fit",
-    "fly_in_jsbsim",
-    "frequency",
-    "frequency_responses",
-    "linearize",
-    "load",
-    "load_flight",
-    "load_maneuver",
-    "load_vehicle",
-    "look",
-    "new_vehicle",
-    "open_fleet",
-    "predict",
-    "propagate",
-    "read_result",
-    "reconstruct",
-    "save_design",
-    "save_flight",
-    "simulate",
-    "simulate_flight",
-    "trim",
-    "tune",
-    "update_fleet",
-    "validate",
-]
+
+def _public() -> dict[str, str]:
+    from stoop.base.packages import places
+
+    return PLACES | places("functions", [*PLACES, "errors"])
 
 
 def __dir__() -> list[str]:
-    return sorted([*__all__, "__version__"])
+    return sorted([*_public(), "errors", "__version__"])
 
 
 def __getattr__(name: str) -> Any:
@@ -134,13 +59,18 @@ def __getattr__(name: str) -> Any:
         from importlib.metadata import version
 
         return version("stoop")
+    if name == "__all__":
+        return sorted([*_public(), "errors"])
     if name == "errors":
-        return importlib.import_module("stoop.errors")
-    if name not in _PLACES:
+        import stoop.errors as found
+    elif name.startswith("_") or (place := PLACES.get(name) or _public().get(name)) is None:
         from stoop.base.text import nearest
 
-        advice = "" if name.startswith("_") else f"; {nearest(name, __all__)}"
+        advice = "" if name.startswith("_") else f"; {nearest(name, _public())}"
         raise AttributeError(f"module 'stoop' has no attribute '{name}'{advice}")
-    found = getattr(importlib.import_module(_PLACES[name]), _OTHER_NAMES.get(name, name))
+    else:
+        from stoop.base.packages import resolved
+
+        found = resolved(place)
     globals()[name] = found
     return found

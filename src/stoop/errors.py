@@ -84,5 +84,13 @@ class OutputError(StoopError):
     """An output cannot be written."""
 
 
-class CacheWarning(UserWarning):
+class StoopWarning(UserWarning):
+    """What the user should know, though all goes on."""
+
+
+class CacheWarning(StoopWarning):
     """Compiled equations cannot be kept for the next process."""
+
+
+class PackageWarning(StoopWarning):
+    """A package that extends stoop, or a part of it, is left out."""

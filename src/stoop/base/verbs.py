@@ -1,16 +1,28 @@
-"""The table of verbs: parsers, help, completion, ``docs/commands.md`` and fields of the app follow from ``data/verbs.toml``."""
+"""The table of verbs: parsers, help, completion, ``docs/commands.md`` and fields of the app follow from ``data/verbs.toml``.
+
+Packages add theirs (`stoop.base.packages`).
+"""
 
 from __future__ import annotations
 
 import functools
-import importlib
 import re
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from importlib.resources import files
-from typing import Any
+from typing import Any, Final
 
+from stoop.base import packages
+
+GROUPS: Final = (
+    "flights",
+    "models",
+    "uses",
+    "fleets",
+    "studies",
+    "help",
+)  #: of verbs, in the order of their list
 MOST_EXPLAINED = 16  #: choices with titles that the help of an option lists
 _LINK = re.compile(r"\[([^\]]*)\]\((?:([\w-]+\.md)[^)]*|[^)]*)\)")
 _PLACE = re.compile(r"[\w.]+:\w+")  #: a text that stands for an object of a module
@@ -58,6 +70,8 @@ class Option:
         Name in the program, if it is not `name`.
     parameter : str
         Name of the parameter of the verb's Python function, if it is not `dest`.
+    run : str
+        Place of the function that runs the verb instead where it is given.
     """
 
     name: str
@@ -77,6 +91,7 @@ class Option:
     group: str = ""
     dest: str = ""
     parameter: str = ""
+    run: str = ""
 
     @property
     def positional(self) -> bool:
@@ -130,6 +145,8 @@ class Verb:
         Place of the function of the Python interface that does the same; empty if there is none.
     closing : str
         Text at the end of its help, or the place of one.
+    group : str
+        One of `GROUPS`.
     """
 
     name: str
@@ -138,6 +155,7 @@ class Verb:
     options: tuple[Option, ...] = ()
     python: str = ""
     closing: str = ""
+    group: str = GROUPS[2]
 
     @property
     def epilog(self) -> str:
@@ -163,8 +181,23 @@ def shared_options() -> dict[str, Option]:
 
 @functools.cache
 def verbs() -> dict[str, Verb]:
-    """Return the verbs of stoop, by name."""
-    return read_verbs({"verbs": _table()["verbs"]})
+    """Return all verbs by name, in the order of `GROUPS`, those of stoop before those of packages."""
+    found = read_verbs({"verbs": _table()["verbs"]})
+    for package, name, row in packages.rows("verbs", found):
+        try:
+            found |= read_verbs(
+                {"options": packages.packages()[package].get("options", {}), "verbs": {name: row}}
+            )
+        except (AttributeError, KeyError, TypeError) as error:
+            packages.warn(package, f"its verb '{name}' cannot be read ({error!r})")
+    for package, content in packages.packages().items():
+        for name, row in content.get("more", {}).items():
+            try:
+                added = tuple(_option(one, shared_options()) for one in row["options"])
+                found[name] = replace(found[name], options=found[name].options + added)
+            except (KeyError, TypeError) as error:
+                packages.warn(package, f"its options of '{name}' cannot be read ({error!r})")
+    return {one.name: one for one in sorted(found.values(), key=lambda verb: GROUPS.index(verb.group))}
 
 
 def read_verbs(table: Mapping[str, Any]) -> dict[str, Verb]:
@@ -173,8 +206,11 @@ def read_verbs(table: Mapping[str, Any]) -> dict[str, Verb]:
     found = {}
     for name, row in table["verbs"].items():
         options = tuple(_option(one, shared) for one in row["options"])
+        group = row.get("group", GROUPS[2])
+        if group not in GROUPS:
+            raise KeyError(group)
         found[name] = Verb(
-            name, row["summary"], row["run"], options, row.get("python", ""), row.get("epilog", "")
+            name, row["summary"], row["run"], options, row.get("python", ""), row.get("epilog", ""), group
         )
     return found
 
@@ -200,6 +236,5 @@ def _resolved(value: Any) -> Any:
     """Return a value, or what the place ``module:NAME`` holds: an object, or a function that returns it."""
     if not isinstance(value, str) or not _PLACE.fullmatch(value):
         return value
-    module, _, name = value.partition(":")
-    found = getattr(importlib.import_module(module), name)
+    found = packages.resolved(value)
     return found() if callable(found) else found

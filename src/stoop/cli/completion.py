@@ -12,8 +12,8 @@ from collections.abc import Iterable
 from typing import Any
 
 from stoop.base.text import show
-from stoop.base.verbs import Verb
-from stoop.cli.main import DEBUG_HELP, all_verbs
+from stoop.base.verbs import Verb, verbs
+from stoop.cli.main import DEBUG_HELP
 from stoop.cli.options import add_options
 
 
@@ -36,10 +36,10 @@ def all_parsers() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="stoop")
     parser.add_argument("--version", action="store_true", help="print the version and exit")
     parser.add_argument("--debug", action="store_true", help=DEBUG_HELP)
-    verbs, known = parser.add_subparsers(), all_verbs()
+    added, known = parser.add_subparsers(), verbs()
     parsers = {name: _parser(verb, BUILT_IN) for name, verb in known.items()}
     for name in (name for name in known if " " not in name):
-        verb = _add(verbs, name, parsers[name], known[name].summary)
+        verb = _add(added, name, parsers[name], known[name].summary)
         seconds = [other for other in known if other.startswith(f"{name} ")]
         if seconds:
             options = [action for action in parsers[name]._actions if action.option_strings]
@@ -52,8 +52,8 @@ def all_parsers() -> argparse.ArgumentParser:
     return parser
 
 
-def _add(verbs: Any, name: str, verb: argparse.ArgumentParser, purpose: str) -> argparse.ArgumentParser:
-    added: argparse.ArgumentParser = verbs.add_parser(
+def _add(words: Any, name: str, verb: argparse.ArgumentParser, purpose: str) -> argparse.ArgumentParser:
+    added: argparse.ArgumentParser = words.add_parser(
         name, parents=[verb], add_help=False, description=purpose, help=purpose
     )
     return added

@@ -128,12 +128,8 @@ def simulate(arguments: argparse.Namespace) -> int:
     from stoop.tuning.closed_loop import simulate_under_law
     from stoop.vehicle.builtin import resolve_vehicle
 
-    if arguments.fleet is not None:
-        from stoop_fleet.cli import simulate as simulate_fleet
-
-        return simulate_fleet(arguments)
     if arguments.maneuver is None:
-        arguments.complain("name a maneuver by --maneuver, or a fleet by --fleet")
+        arguments.complain("name a maneuver by --maneuver")
     target: Path = arguments.output
     check_target(target, arguments.overwrite)
     check_ending(target)

@@ -11,7 +11,6 @@ import atexit
 import contextlib
 import errno
 import gc
-import importlib
 import io
 import os
 import re
@@ -26,14 +25,12 @@ from typing import Any, Final, NoReturn
 from stoop.base.files import recorded_inputs
 from stoop.base.interrupts import restore_interrupts, unblock_interrupts
 from stoop.base.memory import keep_freed_memory
+from stoop.base.packages import resolved
 from stoop.base.streams import flush_or_discard, open_missing_streams
 from stoop.base.text import nearest, printable, show
 from stoop.base.verbs import Verb, verbs
 from stoop.cli.options import add_options, check_outputs
-from stoop.errors import CacheWarning, StoopError
-
-VERBS: Final = verbs()  #: of this package, by name
-GROUP: Final = "stoop.verbs"  #: entry points of other packages, each a mapping of names to verbs
+from stoop.errors import StoopError, StoopWarning
 
 GARBAGE: Final = 50_000  #: new objects until cycles are looked for; with 700 it took a tenth of the time
 BUG, USER_ERROR, INTERRUPTED, UNREAD = 1, 2, 130, 141
@@ -93,7 +90,7 @@ def main(given: Sequence[str] | None = None) -> int:
             signal.signal(signal.SIGTERM, signal.default_int_handler)
         if not sys.warnoptions and "--debug" not in given:
             warnings.simplefilter("ignore")  # of libraries
-            warnings.simplefilter("default", CacheWarning)
+            warnings.simplefilter("default", StoopWarning)
             warnings.formatwarning = lambda message, *_, **__: f"stoop: warning: {printable(str(message))}\n"
     debug = "--debug" in given or bool(os.environ.get("STOOP_DEBUG"))
     try:
@@ -159,7 +156,7 @@ def one_verb(given: Sequence[str]) -> list[str]:
     for i, pair in enumerate(pairwise(given)):
         if not pair[0].startswith("-"):
             joined = " ".join(pair)
-            return [*given[:i], joined, *given[i + 2 :]] if joined in VERBS else list(given)
+            return [*given[:i], joined, *given[i + 2 :]] if joined in verbs() else list(given)
     return list(given)
 
 
@@ -167,7 +164,7 @@ def parser_for(given: Sequence[str]) -> Parser:
     """Return a parser that knows every verb by name and the arguments of the chosen one."""
     given = one_verb(given)
     chosen = _verb(given)
-    known = VERBS if chosen in VERBS else all_verbs()
+    known = verbs()
     parser = Parser(
         prog="stoop",
         usage="stoop [-h] [--version] [--debug] VERB ...",
@@ -197,11 +194,11 @@ def parser_for(given: Sequence[str]) -> Parser:
 
 
 def _run(verb: Verb, arguments: argparse.Namespace) -> int:
-    """Import the module of a verb, and run it; one with ``--overwrite`` replaces nothing that it reads."""
-    module, _, function = verb.run.partition(":")
+    """Import the function of a verb, or of an option that runs it instead; with ``--overwrite`` it replaces nothing it reads."""
+    others = [one.run for one in verb.options if one.run and getattr(arguments, one.key) is not None]
     with recorded_inputs() if hasattr(arguments, "overwrite") else contextlib.nullcontext():
         check_outputs(verb.options, arguments)
-        return int(getattr(importlib.import_module(module), function)(arguments))
+        return int(resolved(*others[:1] or [verb.run])(arguments))
 
 
 def _verb(words: Sequence[str]) -> str | None:
@@ -228,21 +225,6 @@ def _check_options(parser: Parser, words: Sequence[str]) -> None:
         option = word.partition("=")[0]
         if option.startswith("--") and " " not in word and option not in known:  # no value, for argparse
             parser.error(f"there is no option {option}; {nearest(option, known, OPTION_CUTOFF)}")
-
-
-def all_verbs() -> dict[str, Verb]:
-    """Return the verbs of this package and of those that are registered with it; looking these up takes time."""
-    from importlib.metadata import entry_points
-
-    known = dict(VERBS)
-    for point in entry_points(group=GROUP):
-        verbs = point.load()
-        if not all(isinstance(verb, Verb) for verb in verbs.values()):
-            raise StoopError(
-                f"{point.value}: no table of verbs; update or remove its package (verbs come from stoop.base.verbs.read_verbs)"
-            )
-        known.update(verbs)
-    return known
 
 
 def _complain(message: str, code: int) -> int:

@@ -1,21 +1,19 @@
-"""Optimizers by name; installed packages add theirs by an entry point of the group ``stoop.optimizers``."""
+"""Optimizers by name; packages add theirs (`stoop.base.packages`)."""
 
 from __future__ import annotations
 
-import importlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
-from importlib.metadata import entry_points
 from math import isfinite
 from types import MappingProxyType
 from typing import Any, Final
 
+from stoop.base.packages import resolved, rows, warn
 from stoop.errors import IdentificationError
 from stoop.optimize.state import Optimizer
 
 DEFAULT: Final = "ps-gde-lm"
-GROUP: Final = "stoop.optimizers"  #: each entry point names a mapping from optimizer names to `Entry`
 
 
 @dataclass(frozen=True)
@@ -39,10 +37,13 @@ _BUILT_IN: Final[dict[str, Entry]] = {
 
 @cache
 def _entries() -> Mapping[str, Entry]:
-    """Return the built-in optimizers and those of installed packages."""
+    """Return the built-in optimizers and those of packages."""
     found = dict(_BUILT_IN)
-    for point in entry_points(group=GROUP):
-        found.update(point.load())
+    for package, name, row in rows("optimizers", found):
+        try:
+            found[name] = Entry(**row)
+        except TypeError as error:
+            warn(package, f"its optimizer '{name}' cannot be read ({error})")
     return MappingProxyType(found)
 
 
@@ -72,8 +73,7 @@ def create(name: str = DEFAULT, budget: float | None = None) -> Optimizer[Any]:
         If there is none of that name, or its package is not installed.
     """
     entry = _entry(name)
-    module, _, attribute = entry.make.partition(":")
-    make = getattr(importlib.import_module(module), attribute)
+    make = resolved(entry.make)
     planned = None if budget is None or not isfinite(budget) else budget
     optimizer: Optimizer[Any] = make(planned) if entry.plans else make()
     return optimizer

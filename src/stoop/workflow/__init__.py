@@ -1,9 +1,19 @@
 """The main job: flights and a vehicle file in; estimates, figures, identified vehicle and report out."""
 
+from typing import Any
+
 from stoop.assessment.bootstrap import Bootstrap
 from stoop.assessment.profile import Profile
+from stoop.base.packages import places, resolved
 from stoop.workflow.fitted_model import FittedModel
 from stoop.workflow.identification import identify
-from stoop_analysis.posterior import Posterior
 
-__all__ = ["Bootstrap", "FittedModel", "Posterior", "Profile", "identify"]
+__all__ = ["Bootstrap", "FittedModel", "Profile", "identify"]
+
+
+def __getattr__(name: str) -> Any:
+    """Return a function or class of a package, such as ``Posterior``."""
+    place = places("functions").get(name)
+    if place is None:
+        raise AttributeError(f"module 'stoop.workflow' has no attribute '{name}'")
+    return resolved(place)

@@ -6,13 +6,11 @@ of a model is what `FittedModel.save` writes and `stoop.load` reads.
 
 from __future__ import annotations
 
-import importlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from html import escape
 from pathlib import Path
-from types import MethodType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -40,6 +38,7 @@ from stoop.vehicle import Vehicle
 from stoop.vehicle.notation import symbols
 from stoop.workflow.archive import unpacked
 from stoop.workflow.curves import channel_units
+from stoop.workflow.model_methods import ModelMethods
 from stoop.workflow.outputs import ESTIMATE, RESULT, check_folder, place_outputs
 
 if TYPE_CHECKING:
@@ -49,20 +48,8 @@ if TYPE_CHECKING:
     from stoop.report.identification import Plots
 
 
-class Verb:
-    """A function ``package.module:name`` as a method; the module is imported at the first use."""
-
-    def __init__(self, place: str) -> None:
-        self.place = place
-
-    def __get__(self, model: FittedModel | None, owner: type[FittedModel]) -> Callable[..., Any]:
-        module, _, name = self.place.partition(":")
-        function: Callable[..., Any] = getattr(importlib.import_module(module), name)
-        return function if model is None else MethodType(function, model)
-
-
 @dataclass(frozen=True, eq=False, repr=False)
-class FittedModel:
+class FittedModel(ModelMethods):
     """A fitted model, as :func:`stoop.fit` returns it and :func:`stoop.load` reads it.
 
     Attributes
@@ -105,16 +92,6 @@ class FittedModel:
     attachments: Mapping[str, bytes] = field(default_factory=dict)
     folder: Path | None = None
     missing: str = ""
-
-    validate = predict = Verb("stoop.workflow.validation:validate")
-    propagate = Verb("stoop.workflow.propagation:propagate")
-    tune = Verb("stoop.workflow.tuning:tune")
-    linearize = Verb("stoop.workflow.flying:linearize")
-    simulate = Verb("stoop.workflow.flying:simulate")
-    derivatives = Verb("stoop.workflow.derivatives:derivatives")
-    frequency = Verb("stoop.workflow.frequency:frequency")
-    export = Verb("stoop.workflow.export:export")
-    design = Verb("stoop.workflow.design:design")
 
     @property
     def uncertainty(self) -> Components:

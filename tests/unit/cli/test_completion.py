@@ -12,7 +12,7 @@ from unit.cli.conftest import Cli
 
 from stoop.base.verbs import verbs
 from stoop.cli.completion import all_parsers
-from stoop.cli.main import all_verbs, parser_for
+from stoop.cli.main import parser_for
 from stoop.exporters.targets import TARGETS
 from stoop.vehicle.builtin import BUILT_IN
 
@@ -71,8 +71,8 @@ COMPLETED: list[tuple[str, set[str]]] = [
 
 def test_words_of_commands(scripts: Path) -> None:
     wanted = [*((words.split(" "), found) for words, found in COMPLETED)]
-    wanted += [([""], {name for name in all_verbs() if " " not in name})]
-    wanted += [([*verb.split(), "--"], options(verb)) for verb in all_verbs()]
+    wanted += [([""], {name for name in verbs() if " " not in name})]
+    wanted += [([*verb.split(), "--"], options(verb)) for verb in verbs()]
     found = asked(scripts, [words for words, _ in wanted])
     for (words, expected), completed in zip(wanted, found, strict=True):
         assert completed == expected, words

@@ -7,14 +7,12 @@ import sys
 import time
 import types
 from collections.abc import Callable
-from importlib.metadata import EntryPoint
 from pathlib import Path
 
 import pytest
 from unit.cli.conftest import Cli
 
-from stoop.base.verbs import Verb
-from stoop.cli.main import VERBS
+from stoop.base.verbs import Verb, verbs
 from stoop.errors import StoopError
 
 HEAVY = set("numpy scipy sympy numba xarray pandas pydantic rich stoop.vehicle stoop.flight".split())  # noqa: SIM905
@@ -26,7 +24,7 @@ def fake(monkeypatch: pytest.MonkeyPatch) -> Callable[[Callable[[object], int]],
         module = types.ModuleType("fake_verb")
         module.run = run  # type: ignore[attr-defined]
         monkeypatch.setitem(sys.modules, "fake_verb", module)
-        monkeypatch.setitem(VERBS, "fake", Verb("fake", "does what the test says", "fake_verb:run"))
+        monkeypatch.setitem(verbs(), "fake", Verb("fake", "does what the test says", "fake_verb:run"))
 
     monkeypatch.delenv("STOOP_DEBUG", raising=False)
     return register
@@ -43,7 +41,7 @@ def test_help_lists_every_verb_and_each_explains_itself(cli: Cli) -> None:
     code, out, err = cli("--help")
     assert (code, err) == (0, "")
     assert all(len(line) <= 90 for line in out.splitlines())
-    for name, verb in VERBS.items():
+    for name, verb in verbs().items():
         assert re.search(rf"^  {name} +{re.escape(verb.summary)}$", out, re.MULTILINE)
         assert importlib.util.find_spec(verb.run.partition(":")[0]) is not None
         code, told, err = cli([name, "--help"])
@@ -131,7 +129,7 @@ def test_a_step_of_the_app_is_stopped_at_once(tmp_path: Path) -> None:
 def test_warnings_of_libraries_do_not_reach_the_user(tmp_path: Path) -> None:
     module = "import warnings\ndef run(arguments): warnings.warn('boo'); return 0\n"
     (tmp_path / "noisy.py").write_text(module)
-    registered = "m.VERBS['noisy'] = m.Verb('noisy', 'warns', 'noisy:run')"
+    registered = "m.verbs()['noisy'] = m.Verb('noisy', 'warns', 'noisy:run')"
     words = f"import sys; from stoop.cli import main as m; {registered}; sys.exit(m.main())"
     command = [sys.executable, "-c", words, "noisy"]
     quiet, loud = (
@@ -140,14 +138,3 @@ def test_warnings_of_libraries_do_not_reach_the_user(tmp_path: Path) -> None:
     )
     assert quiet == ""
     assert "boo" in loud
-
-
-def test_old_table_of_another_package(monkeypatch: pytest.MonkeyPatch, cli: Cli) -> None:
-    module = types.ModuleType("old_plugin")
-    module.verbs = {"hum": ("old_plugin:run", "hum a tune")}  # type: ignore[attr-defined]
-    monkeypatch.setitem(sys.modules, "old_plugin", module)
-    points = [EntryPoint("hum", "old_plugin:verbs", "stoop.verbs")]
-    monkeypatch.setattr("importlib.metadata.entry_points", lambda **_: points)
-    code, _, err = cli("hum")
-    assert code == 2
-    assert err.startswith("stoop: error: old_plugin:verbs: no table of verbs; update or remove its package")

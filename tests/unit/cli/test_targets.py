@@ -10,7 +10,6 @@ from unit.cli.conftest import Cli, Refused
 
 from stoop.base.verbs import verbs
 from stoop.cli.main import main
-from stoop_studies.cli.verbs import VERBS as STUDIES
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="no FIFOs, no devices")
 MANEUVER = "initial = { airspeed = 20.0 }\n"
@@ -128,7 +127,7 @@ def test_an_input_without_end_is_refused(place: Path, cli: Cli) -> None:
 
 
 def test_every_output_of_the_table_asks_for_overwrite() -> None:
-    for verb in (*verbs().values(), *STUDIES.values()):
+    for verb in verbs().values():
         if any(o.kind in ("output", "output-or-print", "page") for o in verb.options):
             assert any(option.key == "overwrite" for option in verb.options), verb.name
         assert not any(o.key == "output" and o.kind == "file" for o in verb.options), verb.name

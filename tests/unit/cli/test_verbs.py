@@ -14,7 +14,7 @@ import pytest
 import stoop
 from stoop.base.verbs import Option, Verb, plain, read_verbs, verbs
 from stoop.cli.completion import all_parsers
-from stoop.cli.main import all_verbs, parser_for
+from stoop.cli.main import parser_for
 from stoop.cli.options import NUMBERS, READERS, WHOLE, identify_command, reader
 from stoop.vehicle.builtin import BUILT_IN
 
@@ -38,7 +38,7 @@ def test_all_that_a_verb_shows_follows_from_its_row() -> None:
     completed, text = all_parsers(), PAGE.read_text("utf-8")
     page = runpy.run_path(str(ROOT / "scripts" / "commands.py"))["page"]
     assert page(text) == text, "`python scripts/commands.py` writes it"
-    for name, verb in all_verbs().items():
+    for name, verb in verbs().items():
         check_verb(name, verb, completed)
 
 
@@ -93,7 +93,7 @@ def test_an_angle_becomes_radians_within_its_limits() -> None:
 
 
 def test_every_kind_has_a_reader_and_a_whole_number_limits_that_its_program_can_take() -> None:
-    for verb in all_verbs().values():
+    for verb in verbs().values():
         for option in verb.options:
             assert option.kind in {"switch", *READERS, *NUMBERS, *WHOLE}
             if option.kind not in WHOLE:

@@ -1,0 +1,85 @@
+"""Written by scripts/interface.py."""
+
+from stoop import errors
+from stoop.api import assess as assess
+from stoop.api import check as check
+from stoop.api import look as look
+from stoop.api import new_vehicle as new_vehicle
+from stoop.api import reconstruct as reconstruct
+from stoop.api import save_design as save_design
+from stoop.assessment.bootstrap import Bootstrap as Bootstrap
+from stoop.assessment.profile import Profile as Profile
+from stoop.base.notices import Notice as Notice
+from stoop.estimate.fit import Options as Options
+from stoop.exporters.jsbsim_autopilot import fly_in_jsbsim as fly_in_jsbsim
+from stoop.flight import Flight as Flight
+from stoop.flight.load import load as load_flight
+from stoop.flight.load import save as save_flight
+from stoop.results.result import read_result as read_result
+from stoop.simulation import trim as trim
+from stoop.simulation.fly import simulate_flight as simulate_flight
+from stoop.simulation.maneuver import load_maneuver as load_maneuver
+from stoop.strategy import Strategy as Strategy
+from stoop.vehicle import Vehicle as Vehicle
+from stoop.vehicle.builtin import resolve_vehicle as load_vehicle
+from stoop.workflow.derivatives import derivatives as derivatives
+from stoop.workflow.design import design as design
+from stoop.workflow.export import export as export
+from stoop.workflow.fitted_model import FittedModel as FittedModel
+from stoop.workflow.flying import linearize as linearize
+from stoop.workflow.flying import simulate as simulate
+from stoop.workflow.frequency import frequency as frequency
+from stoop.workflow.frequency import frequency_responses as frequency_responses
+from stoop.workflow.identification import identify as fit
+from stoop.workflow.load import load as load
+from stoop.workflow.propagation import propagate as propagate
+from stoop.workflow.tuning import tune as tune
+from stoop.workflow.validation import validate as predict
+from stoop.workflow.validation import validate as validate
+from stoop_analysis.posterior import Posterior as Posterior
+from stoop_fleet.store import open_fleet as open_fleet
+from stoop_fleet.update import update_fleet as update_fleet
+
+PLACES: dict[str, str]
+__version__: str
+__all__ = [
+    "Bootstrap",
+    "FittedModel",
+    "Flight",
+    "Notice",
+    "Options",
+    "Posterior",
+    "Profile",
+    "Strategy",
+    "Vehicle",
+    "assess",
+    "check",
+    "derivatives",
+    "design",
+    "errors",
+    "export",
+    "fit",
+    "fly_in_jsbsim",
+    "frequency",
+    "frequency_responses",
+    "linearize",
+    "load",
+    "load_flight",
+    "load_maneuver",
+    "load_vehicle",
+    "look",
+    "new_vehicle",
+    "open_fleet",
+    "predict",
+    "propagate",
+    "read_result",
+    "reconstruct",
+    "save_design",
+    "save_flight",
+    "simulate",
+    "simulate_flight",
+    "trim",
+    "tune",
+    "update_fleet",
+    "validate",
+]

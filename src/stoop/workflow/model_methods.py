@@ -1,0 +1,39 @@
+"""Functions of a fitted model as its methods; ``model_methods.pyi``, written by scripts/interface.py, has their signatures."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from types import MethodType
+from typing import Any, Final
+
+from stoop.base.packages import places, resolved
+
+#: method -> place ``module:name`` of the function whose first argument is the model; packages add theirs
+METHODS: Final = {
+    "design": "stoop.workflow.design:design",
+    "export": "stoop.workflow.export:export",
+    "linearize": "stoop.workflow.flying:linearize",
+    "predict": "stoop.workflow.validation:validate",
+    "simulate": "stoop.workflow.flying:simulate",
+    "tune": "stoop.workflow.tuning:tune",
+    "validate": "stoop.workflow.validation:validate",
+}
+
+
+class _Method:
+    """A function as a method; its module is imported at the first use."""
+
+    def __init__(self, place: str) -> None:
+        self.place = place
+
+    def __get__(self, model: object | None, owner: type) -> Callable[..., Any]:
+        function: Callable[..., Any] = resolved(self.place)
+        return function if model is None else MethodType(function, model)
+
+
+class ModelMethods:
+    """The methods of a fitted model that are functions of a package."""
+
+
+for _name, _place in (METHODS | places("methods", METHODS)).items():
+    setattr(ModelMethods, _name, _Method(_place))
