@@ -10,12 +10,12 @@ from typing import Final
 import numpy as np
 
 from benchmarks.table import Row
-from stoop.control_laws.table import firmware_of
-from stoop.tuning.gain_search import DAMPING, Design, Specification, propose
 from stoop.vehicle.builtin import builtin_vehicle
 from stoop.vehicle.document import with_entries
-from stoop.workflow.tuning import conditions_of
 from stoop_analysis.draws import Draws
+from stoop_tune.control_laws.table import firmware_of
+from stoop_tune.gain_search import DAMPING, Design, Specification, propose
+from stoop_tune.tuning import conditions_of
 
 PART = "tuning"
 FLOWN: Final = {

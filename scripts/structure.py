@@ -24,17 +24,17 @@ FLAG = re.compile(
 )  #: tests whether a vehicle has rotors
 #: package, or room of the core -> lines at most; "stoop" is the whole core
 BUDGETS = {
-    "stoop": 81397,
+    "stoop": 76870,
     "stoop_analysis": 3389,
     "stoop_app": 3981,
     "stoop_fleet": 3669,
     "stoop_studies": 14881,
+    "stoop_tune": 4549,
     "api": 200,
     "assessment": 5151,
     "base": 2554,
     "checks": 3050,
-    "cli": 3200,
-    "control_laws": 1555,
+    "cli": 3061,
     "estimate": 7818,
     "exporters": 8896,
     "flight": 6550,
@@ -46,14 +46,13 @@ BUDGETS = {
     "prediction": 785,
     "problem": 2029,
     "reconstruction": 850,
-    "report": 4230,
+    "report": 4034,
     "results": 1366,
     "simulation": 3492,
     "strategy": 1452,
-    "tuning": 2390,
     "vehicle": 3705,
     "vehicle_draft": 3380,
-    "workflow": 4279,
+    "workflow": 4031,
 }
 #: modules that an allowed import cycle goes through, imports in functions counted: registries that name their entries
 REGISTRIES = {"stoop.optimize.registry", "stoop.vehicle.vehicle", "stoop.workflow.fitted_model"}

@@ -7,13 +7,13 @@ from matplotlib.figure import Figure
 
 from pictures.registry import picture
 from pictures.sketch import BLUE, FAINT, INK, ORANGE, SOFT, plots
-from stoop.control_laws.table import firmware_of
-from stoop.tuning.gain_search import Design, Specification, propose
-from stoop.tuning.loops import frequencies
 from stoop.vehicle.builtin import builtin_vehicle
 from stoop.vehicle.document import with_entries
-from stoop.workflow.tuning import conditions_of
 from stoop_analysis.draws import Draws
+from stoop_tune.control_laws.table import firmware_of
+from stoop_tune.gain_search import Design, Specification, propose
+from stoop_tune.loops import frequencies
+from stoop_tune.tuning import conditions_of
 
 FLOWN = {
     "FW_RR_P": 0.4, "FW_RR_I": 0.3, "FW_RR_FF": 0.3, "FW_PR_P": 0.8, "FW_PR_I": 0.6, "FW_PR_FF": 1.0, "FW_YR_P": 0.3,

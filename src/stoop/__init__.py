@@ -31,7 +31,6 @@ _MODULES = {
     "stoop.workflow.fitted_model": "FittedModel",
     "stoop.workflow.flying": "linearize simulate",
     "stoop.workflow.load": "load",
-    "stoop.workflow.tuning": "tune",
     "stoop.workflow.validation": "validate",
 }
 PLACES = {name: f"{module}:{name}" for module, names in _MODULES.items() for name in names.split()} | {

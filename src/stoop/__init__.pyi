@@ -33,12 +33,12 @@ from stoop.workflow.frequency import frequency_responses as frequency_responses
 from stoop.workflow.identification import identify as fit
 from stoop.workflow.load import load as load
 from stoop.workflow.propagation import propagate as propagate
-from stoop.workflow.tuning import tune as tune
 from stoop.workflow.validation import validate as predict
 from stoop.workflow.validation import validate as validate
 from stoop_analysis.posterior import Posterior as Posterior
 from stoop_fleet.store import open_fleet as open_fleet
 from stoop_fleet.update import update_fleet as update_fleet
+from stoop_tune.tuning import tune as tune
 
 PLACES: dict[str, str]
 __version__: str

@@ -15,7 +15,6 @@ import tomlkit
 
 from stoop.base.files import make_folder, write_bytes_atomic, write_text_atomic
 from stoop.base.toml import parse_source, read_source
-from stoop.control_laws.parameters import ENDINGS
 from stoop.errors import LogError, OutputError, StoopError
 from stoop.flight.flight import flight_name
 from stoop.flight.mapping import READY
@@ -27,6 +26,7 @@ from stoop.vehicle.load import parse_vehicle
 from stoop_app import steps
 from stoop_app.places import bytes_of, document_of, inside, recalled, remember, resolved, text_of
 from stoop_app.steps import Step
+from stoop_tune.control_laws.parameters import ENDINGS
 
 FILE: Final = "app.toml"  #: names the log
 VEHICLE, WINDOWS, MAPPING = "vehicle.toml", "windows.toml", "mapping.toml"

@@ -10,8 +10,6 @@ from typing import Any, Final
 import panel as pn
 
 from stoop.base.verbs import verbs
-from stoop.control_laws.parameters import ENDINGS
-from stoop.tuning.gain_search import DAMPING, Specification
 from stoop_app import parts
 from stoop_app.fit_view import finished
 from stoop_app.folder import modified
@@ -19,6 +17,8 @@ from stoop_app.places import reading
 from stoop_app.steps import COMMAND, OUTPUT, PRODUCTS, Step
 from stoop_app.uploads import safe_name
 from stoop_app.view import View
+from stoop_tune.control_laws.parameters import ENDINGS
+from stoop_tune.gain_search import DAMPING, Specification
 
 TUNE: Final = verbs()["tune"]
 MARGINS: Final = tuple(map(TUNE.option, ("gain_margin", "phase_margin", "disk_margin", "noise")))

@@ -12,10 +12,10 @@ from stoop.cli.main import main
 from stoop.errors import StoopError
 from stoop.exporters.flight_logs import save_flight_as
 from stoop.results.verdict import Verdict
-from stoop.tuning.gain_search import DAMPING
 from stoop_app import steps
 from stoop_app.folder import Project
 from stoop_app.gains_view import GainsView
+from stoop_tune.gain_search import DAMPING
 
 pytestmark = pytest.mark.filterwarnings("ignore::PendingDeprecationWarning")  # of Panel
 

@@ -4,9 +4,9 @@ import control
 import numpy as np
 import pytest
 
-from stoop.control_laws import px4
-from stoop.tuning.loops import AxisLoop, Plants, followed, motion, opened, return_difference, stable
-from stoop.tuning.margins import margins
+from stoop_tune.control_laws import px4
+from stoop_tune.loops import AxisLoop, Plants, followed, motion, opened, return_difference, stable
+from stoop_tune.margins import margins
 
 AXES = ("roll", "pitch", "yaw")
 STATES = ("p", "q", "r", "phi", "theta", "x", "y")

@@ -39,8 +39,6 @@ from stoop.simulation import loads, parameter_rows, trajectories
 from stoop.simulation.linearize import LinearModel
 from stoop.simulation.rotors import channel_range, effects
 from stoop.strategy.extensions import Trial
-from stoop.tuning import physical_formulas
-from stoop.tuning.margins import margins
 from stoop.vehicle import parse_vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop.vehicle.symbolic import forces, frames
@@ -52,6 +50,8 @@ from stoop_app.columns import edited, rows_of
 from stoop_app.folder import VEHICLE, Project
 from stoop_app.server import FILE_POLICY, Gate
 from stoop_fleet.changes import Change, Readings, sizes
+from stoop_tune import physical_formulas
+from stoop_tune.margins import margins
 
 PROPELLER = """
 [propulsion]

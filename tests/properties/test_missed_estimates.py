@@ -17,8 +17,6 @@ from scipy.stats import linregress
 from stoop.base import files
 from stoop.base.autopilots import FRAMES
 from stoop.base.units import FOOT, POUND_FORCE
-from stoop.control_laws.ardupilot import plane
-from stoop.control_laws.rate_law import SETPOINT
 from stoop.estimate.regression.least_squares import Priors, Rows, solve
 from stoop.exporters.ardupilot_parameters import frame
 from stoop.exporters.fmu import Quantity, Unit, description
@@ -38,14 +36,16 @@ from stoop.reconstruction.problem import START, Piece, Problem
 from stoop.report import charts, estimates
 from stoop.results.result import ParameterEstimate
 from stoop.simulation import initial_states, parameter_rows
-from stoop.tuning.gain_search import Specification
-from stoop.tuning.judgment import worst
 from stoop.vehicle import parse_vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop.vehicle_draft.autopilot import read_setup
 from stoop.vehicle_draft.strips import strips, to_flap
 from stoop_fleet.changes import threshold
 from stoop_fleet.mixed_model import Design, fit_robust_model
+from stoop_tune.control_laws.ardupilot import plane
+from stoop_tune.control_laws.rate_law import SETPOINT
+from stoop_tune.gain_search import Specification
+from stoop_tune.judgment import worst
 
 
 def test_the_feedforward_of_a_plane_grows_as_the_air_thins() -> None:

@@ -6,8 +6,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from stoop.control_laws import ardupilot, px4
-from stoop.control_laws.replay import replay_px4
 from stoop.errors import FlightError, StoopError
 from stoop.flight import Flight, load
 from stoop.logs.read import read
@@ -16,6 +14,8 @@ from stoop_analysis.performance.polar import Propulsion
 from stoop_studies.findings import Setting
 from stoop_studies.verify import handbook
 from stoop_studies.verify.propellers import EXPERIMENT, read_flights
+from stoop_tune.control_laws import ardupilot, px4
+from stoop_tune.control_laws.replay import replay_px4
 
 PUBLISHED = {0.5: (0.052, 0.046, 0.063), 1.0: (0.065, 0.056, 0.072)}
 """CL -> CD and its 75 % interval, read off the published figure (SOURCE.md, figures of the repository)."""

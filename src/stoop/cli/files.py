@@ -119,14 +119,13 @@ def simulate(arguments: argparse.Namespace) -> int:
     """Fly from trim, write what the instruments would record, and print what to do next."""
     from stoop.base.text import nearest
     from stoop.base.variables import VARIABLES
-    from stoop.control_laws.parameters import read_parameters
     from stoop.exporters.flight_logs import OWN, check_ending, save_flight_as
     from stoop.input_design.windows import find_windows
     from stoop.logs.csv_tables import mapping_beside
     from stoop.simulation.fly import flown_trim, numbers_set, simulate_flight
     from stoop.simulation.maneuver import load_maneuver
-    from stoop.tuning.closed_loop import simulate_under_law
     from stoop.vehicle.builtin import resolve_vehicle
+    from stoop.workflow.flying import simulate_under_law
 
     if arguments.maneuver is None:
         arguments.complain("name a maneuver by --maneuver")
@@ -145,7 +144,7 @@ def simulate(arguments: argparse.Namespace) -> int:
         with LiveLine(options.COMPILING):
             asked = (arguments.seed, not arguments.no_noise, target.stem)
             if arguments.autopilot:
-                flight = simulate_under_law(vehicle, maneuver, read_parameters(*arguments.autopilot), *asked)
+                flight = simulate_under_law(vehicle, maneuver, arguments.autopilot, *asked)
             else:
                 flight = simulate_flight(vehicle, maneuver, *asked)
             flown = numbers_set(vehicle, flown_trim(vehicle, maneuver))

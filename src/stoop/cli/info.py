@@ -175,7 +175,7 @@ def _following(arguments: argparse.Namespace, found: Found) -> list[str]:
 
 def info_document(summary: FlightSummary, found: Found) -> dict[str, Any]:
     """Return what is known of a flight for JSON, SI and rad; time histories and notes of its air data stand elsewhere."""
-    from stoop.control_laws.table import LAWS
+    from stoop.base.packages import hooks
 
     flight = summary.flight
     own = {} if flight.air is None else vars(flight.air)
@@ -188,7 +188,7 @@ def info_document(summary: FlightSummary, found: Found) -> dict[str, Any]:
         "stop": float(flight.time[-1]),
         "rate": flight.rate,
         "channels": [asdict(row) for row in summary.rows],
-        "control_laws": [one.title for one in LAWS if one.known_by in flight.parameters],
+        "control_laws": [t for titles in hooks("control_laws") for t in titles(flight.parameters)],
         "faults": [fault.to_dict() for fault in flight.faults],
         "maneuvers": [asdict(maneuver) for maneuver in summary.maneuvers],
         "windows": [

@@ -7,14 +7,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from stoop.base.arrays import FloatArray
-from stoop.control_laws.parameters import read_parameters
+from stoop.base.packages import hook
 from stoop.errors import ManeuverError
 from stoop.flight import Flight
 from stoop.simulation import LinearModel, Trim, trim
 from stoop.simulation import linearize as linearized
 from stoop.simulation.fly import simulate as simulated
 from stoop.simulation.maneuver import Maneuver, load_maneuver
-from stoop.tuning.closed_loop import simulate_under_law
 from stoop.vehicle import Vehicle
 from stoop.workflow.fitted_model import FittedModel
 from stoop.workflow.load import takes_model_or_vehicle
@@ -115,12 +114,7 @@ def simulate(
             raise ManeuverError(
                 "autopilot: a maneuver has its own time and steady flight; remove time, airspeed and initial_state"
             )
-        if isinstance(autopilot, Mapping):
-            values = autopilot
-        else:
-            paths = [autopilot] if isinstance(autopilot, str | Path) else autopilot
-            values = read_parameters(*map(Path, paths))
-        return simulate_under_law(vehicle, maneuver, values, seed, noise, name)
+        return simulate_under_law(vehicle, maneuver, autopilot, seed, noise, name)
     return simulated(
         vehicle,
         inputs,
@@ -132,3 +126,17 @@ def simulate(
         name=name,
         initial_state=initial_state,
     )
+
+
+def simulate_under_law(
+    vehicle: Vehicle,
+    maneuver: Maneuver,
+    autopilot: str | Path | Sequence[str | Path] | Mapping[str, float],
+    seed: int,
+    noise: bool,
+    name: str,
+) -> Flight:
+    """Simulate a maneuver under the law of an autopilot; parameters and errors as of :func:`simulate`."""
+    simulated_under_law = hook("simulate_under_law", "the law of an autopilot")
+    flight: Flight = simulated_under_law(vehicle, maneuver, autopilot, seed, noise, name)
+    return flight

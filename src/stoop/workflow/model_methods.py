@@ -15,7 +15,6 @@ METHODS: Final = {
     "linearize": "stoop.workflow.flying:linearize",
     "predict": "stoop.workflow.validation:validate",
     "simulate": "stoop.workflow.flying:simulate",
-    "tune": "stoop.workflow.tuning:tune",
     "validate": "stoop.workflow.validation:validate",
 }
 

@@ -14,10 +14,10 @@ from stoop.simulation.maneuver import Maneuver as Maneuver
 from stoop.workflow.derivatives import DerivativeTables as DerivativeTables
 from stoop.workflow.flights import Flights as Flights
 from stoop.workflow.propagation import Propagated as Propagated
-from stoop.workflow.tuning import JudgedGains as JudgedGains
 from stoop.workflow.validation import Validated as Validated
 from stoop_analysis.draws import Source as Source
 from stoop_analysis.frequency import FrequencyAnalysis as FrequencyAnalysis
+from stoop_tune.tuning import JudgedGains as JudgedGains
 from typing import Any as Any
 from typing import Literal as Literal
 import xarray as xr

@@ -20,9 +20,9 @@ from typing import Final
 import numpy as np
 
 from stoop.base.arrays import ComplexArray, FloatArray
-from stoop.control_laws.table import rounded
-from stoop.tuning.gain_search import Design
-from stoop.tuning.loops import motion
+from stoop_tune.control_laws.table import rounded
+from stoop_tune.gain_search import Design
+from stoop_tune.loops import motion
 
 BACK_OFF: Final = 0.75
 MODEL_STEP: Final = 0.01  #: s

@@ -16,25 +16,25 @@ from typing import Any, Final
 import numpy as np
 
 from stoop.base.variables import RATES
-from stoop.control_laws.table import Firmware, firmwares
 from stoop.errors import SimulationError, StoopError
 from stoop.flight import load
 from stoop.simulation.maneuver import parse_maneuver
-from stoop.tuning.closed_loop import fly_under_law
-from stoop.tuning.gain_search import SLACK, Design, Specification, propose
-from stoop.tuning.judgment import AxisMargins, commands_of
-from stoop.tuning.loops import MOTION, motion
 from stoop.vehicle import Vehicle
 from stoop.vehicle.document import with_entries
 from stoop.workflow.fitted_model import FittedModel
 from stoop.workflow.propagation import flown_domain
-from stoop.workflow.tuning import conditions_of, tune
 from stoop_analysis.draws import Draws
 from stoop_studies.findings import Findings, Setting, holds
 from stoop_studies.verify import defaults, pilots, study
 from stoop_studies.verify.autotune import backed_off, minimum_variance
 from stoop_studies.verify.made_up import KINDS, WINGED
 from stoop_studies.verify.scenes import LOG_GRID
+from stoop_tune.closed_loop import fly_under_law
+from stoop_tune.control_laws.table import Firmware, firmwares
+from stoop_tune.gain_search import SLACK, Design, Specification, propose
+from stoop_tune.judgment import AxisMargins, commands_of
+from stoop_tune.loops import MOTION, motion
+from stoop_tune.tuning import conditions_of, tune
 
 CASES: Final = {"wings": "aeroplanes", "rotors": "multirotors"}
 #: numbers in `KINDS` of each case

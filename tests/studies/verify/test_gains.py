@@ -3,13 +3,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from stoop.control_laws.table import firmwares
-from stoop.tuning.gain_search import Design, Specification
-from stoop.tuning.judgment import commands_of
 from stoop.vehicle.document import with_entries
 from stoop_studies.verify import autotune, gains
 from stoop_studies.verify.gains import CASES, OF_CASE
 from stoop_studies.verify.made_up import made_up
+from stoop_tune.control_laws.table import firmwares
+from stoop_tune.gain_search import Design, Specification
+from stoop_tune.judgment import commands_of
 
 
 @pytest.mark.parametrize("case", CASES)

@@ -12,12 +12,12 @@ from unit.tuning.test_flown_loops import px4_log
 
 import stoop
 from stoop.cli.main import main
-from stoop.control_laws.parameters import read_parameters
 from stoop.errors import StoopError
 from stoop.vehicle.load import parse_vehicle
 from stoop.workflow.fitted_model import FittedModel
-from stoop.workflow.tuning import JudgedGains, gyro_noise
 from stoop_analysis.frequency import known
+from stoop_tune.control_laws.parameters import read_parameters
+from stoop_tune.tuning import JudgedGains, gyro_noise
 
 GAINS = {
     "FW_RR_P": 0.1, "FW_RR_I": 0.1, "FW_RR_FF": 0.3, "FW_PR_P": 0.2, "FW_PR_I": 0.2, "FW_PR_FF": 0.3, "FW_YR_P": 0.1,

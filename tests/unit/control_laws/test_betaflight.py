@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from stoop.control_laws.betaflight import level, mixing, rate_pid, settable, thrust_slope
-from stoop.control_laws.parameters import read_parameters
-from stoop.control_laws.rate_law import AXES, RATE, SETPOINT
-from stoop.control_laws.table import firmwares
 from stoop.errors import StoopError
+from stoop_tune.control_laws.betaflight import level, mixing, rate_pid, settable, thrust_slope
+from stoop_tune.control_laws.parameters import read_parameters
+from stoop_tune.control_laws.rate_law import AXES, RATE, SETPOINT
+from stoop_tune.control_laws.table import firmwares
 
 Floats = NDArray[np.float64]
 Step = Callable[[float], float]

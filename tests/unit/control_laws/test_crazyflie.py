@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from unit.control_laws.test_betaflight import flown, of_step, second_order
 
-from stoop.control_laws.crazyflie import attitude, cascade
-from stoop.control_laws.rate_law import AXES, RATE, SETPOINT, RateLaw
 from stoop.errors import StoopError
+from stoop_tune.control_laws.crazyflie import attitude, cascade
+from stoop_tune.control_laws.rate_law import AXES, RATE, SETPOINT, RateLaw
 
 VALUES = {"pid_rate.roll_kp": 250.0, "pid_rate.pitch_kp": 240.0, "pid_rate.pitch_kff": 30.0, "pid_rate.yaw_kp": 120.0,
           "pid_rate.yaw_kd": 1.5}  # fmt: skip

@@ -13,14 +13,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from naive.rate_loops import ArduPilotLoop, Px4Loop
 
-from stoop.control_laws import ardupilot, betaflight, crazyflie, px4
-from stoop.control_laws.filters import PASS, butterworth, low_pass, notch
-from stoop.control_laws.mixing import thrust_slope
-from stoop.control_laws.parameters import read_parameters
-from stoop.control_laws.rate_law import ACCELERATION, RATE, SETPOINT, RateLaw
-from stoop.control_laws.recursion import LawRecursion
-from stoop.control_laws.table import firmware_of, firmwares
 from stoop.errors import StoopError
+from stoop_tune.control_laws import ardupilot, betaflight, crazyflie, px4
+from stoop_tune.control_laws.filters import PASS, butterworth, low_pass, notch
+from stoop_tune.control_laws.mixing import thrust_slope
+from stoop_tune.control_laws.parameters import read_parameters
+from stoop_tune.control_laws.rate_law import ACCELERATION, RATE, SETPOINT, RateLaw
+from stoop_tune.control_laws.recursion import LawRecursion
+from stoop_tune.control_laws.table import firmware_of, firmwares
 
 COUNT = 4000
 PX4 = {"FW_RR_P": 0.06, "FW_RR_I": 0.4, "FW_RR_D": 0.01, "FW_RR_FF": 0.5, "FW_RR_IMAX": 0.05, "IMU_GYRO_RATEMAX": 400.0,

@@ -12,19 +12,19 @@ from stoop import simulate
 from stoop.base.files import write_files
 from stoop.base.rotations import quaternions_of
 from stoop.base.units import STANDARD_GRAVITY
-from stoop.control_laws.recursion import LawRecursion
-from stoop.control_laws.table import firmware_of
 from stoop.errors import ManeuverError, SimulationError, StoopError
 from stoop.exporters import jsbsim_aircraft
 from stoop.exporters.jsbsim_flight import Host, Record, begin, file_name
 from stoop.simulation.maneuver import Maneuver
-from stoop.tuning.closed_loop import AttitudeLoop, Course, FlownUnderLaw, centered_means, fly_under_law
-from stoop.tuning.gain_search import Design, Specification
-from stoop.tuning.judgment import commands_of
 from stoop.vehicle import Vehicle
 from stoop.vehicle.document import with_entries
-from stoop.workflow.tuning import conditions_of
 from stoop_analysis.draws import Draws
+from stoop_tune.closed_loop import AttitudeLoop, Course, FlownUnderLaw, centered_means, fly_under_law
+from stoop_tune.control_laws.recursion import LawRecursion
+from stoop_tune.control_laws.table import firmware_of
+from stoop_tune.gain_search import Design, Specification
+from stoop_tune.judgment import commands_of
+from stoop_tune.tuning import conditions_of
 
 Parameters = Mapping[str, float]
 WING = {"FW_RR_P": 0.4, "FW_RR_I": 0.3, "FW_RR_FF": 0.3, "FW_PR_P": 0.8, "FW_PR_I": 0.6, "FW_PR_FF": 1.0, "FW_YR_P": 0.3,

@@ -11,13 +11,13 @@ from naive.closed_loops import asked_at_random, flown
 from unit.tuning.made_up import rolling
 
 from stoop.base.notices import Notice
-from stoop.control_laws import px4
 from stoop.exporters.log_bytes import Table, Topic, dataflash_bytes, ulog
 from stoop.flight.frequency import FrequencyResponse, Stretch, estimate_responses
-from stoop.tuning.flown_loops import closed_loops, disagreement, modeled_loop, under_feedback
-from stoop.tuning.judgment import Condition, judge, with_handling
-from stoop.tuning.loops import AxisLoop, Plants
 from stoop_analysis.frequency import ModelResponse, known
+from stoop_tune.control_laws import px4
+from stoop_tune.flown_loops import closed_loops, disagreement, modeled_loop, under_feedback
+from stoop_tune.judgment import Condition, judge, with_handling
+from stoop_tune.loops import AxisLoop, Plants
 
 RATE = 100.0
 PARAMETERS = {"FW_RR_P": 0.15, "FW_RR_I": 0.3, "FW_RR_FF": 0.1, "FW_RR_IMAX": 1e9, "IMU_GYRO_CUTOFF": 0.0,

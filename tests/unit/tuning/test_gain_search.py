@@ -10,16 +10,16 @@ from naive.closed_loops import moved_by_noise
 from unit.tuning.made_up import rolling
 
 from stoop.base.notices import notice
-from stoop.control_laws.parameters import read_parameters
-from stoop.control_laws.table import firmwares
 from stoop.errors import StoopError
-from stoop.tuning.gain_search import DAMPING, FARTHEST, SLACK, Design, Specification, propose
-from stoop.tuning.judgment import Condition
-from stoop.tuning.proposal import proposal
 from stoop.vehicle.builtin import builtin_vehicle
 from stoop.vehicle.document import with_entries
-from stoop.workflow.tuning import conditions_of
 from stoop_analysis.draws import Draws
+from stoop_tune.control_laws.parameters import read_parameters
+from stoop_tune.control_laws.table import firmwares
+from stoop_tune.gain_search import DAMPING, FARTHEST, SLACK, Design, Specification, propose
+from stoop_tune.judgment import Condition
+from stoop_tune.proposal import proposal
+from stoop_tune.tuning import conditions_of
 
 FLOWN = {"FW_RR_P": 0.05, "FW_RR_I": 0.05, "FW_RR_FF": 0.2, "FW_R_TC": 0.5, "IMU_GYRO_CUTOFF": 30.0,
          "IMU_GYRO_RATEMAX": 200.0, "FW_PR_P": 0.3}  # fmt: skip

@@ -4,17 +4,17 @@ import numpy as np
 import pytest
 from unit.tuning.made_up import SURFACES, TAIL, quad, rolling, v_tail, wing
 
-from stoop.control_laws import px4
-from stoop.control_laws.table import firmwares
 from stoop.errors import StoopError
 from stoop.flight import Flight, from_columns
-from stoop.tuning.gain_search import Design, Specification
-from stoop.tuning.judgment import Condition, commands_of, judge, with_handling, worst
-from stoop.tuning.loops import AxisLoop
 from stoop.vehicle.document import with_entries
-from stoop.workflow.tuning import conditions_of, pitot_readings
 from stoop_analysis.draws import Draws
 from stoop_studies.verify import scenes
+from stoop_tune.control_laws import px4
+from stoop_tune.control_laws.table import firmwares
+from stoop_tune.gain_search import Design, Specification
+from stoop_tune.judgment import Condition, commands_of, judge, with_handling, worst
+from stoop_tune.loops import AxisLoop
+from stoop_tune.tuning import conditions_of, pitot_readings
 
 WING = {"FW_RR_P": 0.4, "FW_RR_I": 0.6, "FW_RR_FF": 0.0}
 

@@ -6,11 +6,11 @@ import pytest
 from naive.closed_loops import grows
 from unit.tuning.made_up import rolling
 
-from stoop.control_laws import px4
-from stoop.control_laws.rate_law import RateLaw
-from stoop.tuning import loops as modeled
-from stoop.tuning.loops import AxisLoop, Plants, motion, stable
-from stoop.tuning.margins import margins
+from stoop_tune import loops as modeled
+from stoop_tune.control_laws import px4
+from stoop_tune.control_laws.rate_law import RateLaw
+from stoop_tune.loops import AxisLoop, Plants, motion, stable
+from stoop_tune.margins import margins
 
 S = control.tf("s")
 LOOPS = {

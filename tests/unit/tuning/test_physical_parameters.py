@@ -11,13 +11,13 @@ from scipy.optimize import fsolve
 from unit.tuning.made_up import TAIL, v_tail
 
 from stoop.simulation import trim
-from stoop.tuning.physical_parameters import PhysicalParameters as Found
-from stoop.tuning.physical_parameters import physical_parameters
 from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.vehicle.builtin import builtin_vehicle
 from stoop.vehicle.document import with_entries
 from stoop_analysis.draws import Draws
 from stoop_analysis.propagation.wing_figures import Domain
+from stoop_tune.physical_parameters import PhysicalParameters as Found
+from stoop_tune.physical_parameters import physical_parameters
 
 G, SEA = 9.80665, 1.225
 HEIGHT, RHO = 400.0, SEA * (1.0 - 2.25577e-5 * 400.0) ** 4.25588  #: m, kg/m3 of the standard atmosphere

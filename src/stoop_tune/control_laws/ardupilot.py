@@ -22,10 +22,10 @@ from dataclasses import replace
 from typing import Final
 
 from stoop.base.arrays import FloatArray
-from stoop.control_laws.filters import Filter, butterworth, difference, low_pass, series
-from stoop.control_laws.mixing import by_place, thrust_slope
-from stoop.control_laws.parameters import Parameters
-from stoop.control_laws.rate_law import ERROR, RATE, SETPOINT, Integral, RateLaw, Term, through
+from stoop_tune.control_laws.filters import Filter, butterworth, difference, low_pass, series
+from stoop_tune.control_laws.mixing import by_place, thrust_slope
+from stoop_tune.control_laws.parameters import Parameters
+from stoop_tune.control_laws.rate_law import ERROR, RATE, SETPOINT, Integral, RateLaw, Term, through
 
 FULL: Final = 45.0  #: degrees of a full command of a plane
 PLANE: Final = {"roll": "RLL_RATE_{}", "pitch": "PTCH_RATE_{}", "yaw": "YAW_RATE_{}"}

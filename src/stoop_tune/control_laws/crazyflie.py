@@ -21,10 +21,10 @@ from typing import Final
 
 from stoop.base.arrays import FloatArray
 from stoop.base.units import DEGREE
-from stoop.control_laws.filters import PASS, Filter, butterworth, difference, series
-from stoop.control_laws.mixing import by_place
-from stoop.control_laws.parameters import Parameters
-from stoop.control_laws.rate_law import ERROR, RATE, SETPOINT, Integral, RateLaw, Term, through
+from stoop_tune.control_laws.filters import PASS, Filter, butterworth, difference, series
+from stoop_tune.control_laws.mixing import by_place
+from stoop_tune.control_laws.parameters import Parameters
+from stoop_tune.control_laws.rate_law import ERROR, RATE, SETPOINT, Integral, RateLaw, Term, through
 
 LOOP_RATE, GYRO_RATE, GYRO_CUTOFF = 500.0, 1000.0, 80.0  # Hz
 FULL: Final = 32767.0  #: command of one

@@ -16,6 +16,7 @@ import math
 from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Final
 
 import numpy as np
@@ -26,9 +27,6 @@ from stoop.base.notices import notice
 from stoop.base.rotations import conjugate, euler_angles, product, quaternions_of, to_body, vectors_of
 from stoop.base.units import STANDARD_GRAVITY
 from stoop.base.variables import EULER, RATES
-from stoop.control_laws.rate_law import AXES
-from stoop.control_laws.recursion import LawRecursion
-from stoop.control_laws.table import Firmware, firmware_of
 from stoop.errors import ManeuverError, SimulationError, StoopError
 from stoop.flight import Flight
 from stoop.kernels.filtering import step
@@ -48,9 +46,13 @@ from stoop.simulation.rotors import channel_range
 from stoop.simulation.steady_flight import OnWings, steady_flight
 from stoop.simulation.trajectories import Flown
 from stoop.simulation.trim import Trim, inputs_about
-from stoop.tuning.judgment import commands_of
 from stoop.vehicle import Vehicle
 from stoop.vehicle.vehicle import noise_input
+from stoop_tune.control_laws.parameters import read_parameters
+from stoop_tune.control_laws.rate_law import AXES
+from stoop_tune.control_laws.recursion import LawRecursion
+from stoop_tune.control_laws.table import Firmware, firmware_of
+from stoop_tune.judgment import commands_of
 
 STEP_RATE: Final = 400.0  #: Hz, least at which the model moves
 LOST: Final = math.radians(75.0)  #: error of roll or pitch at which a flight ends
@@ -60,7 +62,7 @@ QUATERNION: Final = ("e0", "e1", "e2", "e3")
 def simulate_under_law(
     vehicle: Vehicle,
     maneuver: Maneuver,
-    parameters: Mapping[str, float],
+    autopilot: str | Path | Sequence[str | Path] | Mapping[str, float],
     seed: int = 0,
     noise: bool = True,
     name: str = "simulated",
@@ -73,8 +75,8 @@ def simulate_under_law(
     maneuver : Maneuver
         Its inputs are changes from the trim: of the attitude's setpoints (``phi``, ``theta``, on rotors ``psi``, rad), of
         the wind (``wind_n``, ``wind_e``, ``wind_d``, m/s), and of channels and controls, added to what the law commands.
-    parameters : mapping of str to float
-        Of the autopilot, by which its law is known.
+    autopilot : path, paths or mapping of str to float
+        Its parameters, by which its law is known: a log or files that hold them, later ones over earlier ones, or by name.
     seed : int
         Of the measurement noise and of the gusts.
     noise : bool
@@ -95,6 +97,7 @@ def simulate_under_law(
     StoopError
         The law does not move the vehicle.
     """
+    parameters = read_parameters(*([autopilot] if isinstance(autopilot, str | Path | Mapping) else autopilot))
     firmware = firmware_of(parameters, on_rotors(vehicle, maneuver))
     flown = fly_under_law(vehicle, maneuver, firmware, parameters, seed)
     flight = recorded(vehicle, maneuver, flown, seed, noise, name)

@@ -16,9 +16,9 @@ from stoop.cli.propagate import airspeeds_of
 from stoop.errors import StoopError
 
 if TYPE_CHECKING:
-    from stoop.tuning.judgment import AxisMargins
-    from stoop.tuning.physical_parameters import PhysicalParameters
-    from stoop.tuning.proposal import Proposal
+    from stoop_tune.judgment import AxisMargins
+    from stoop_tune.physical_parameters import PhysicalParameters
+    from stoop_tune.proposal import Proposal
 
 
 PAGE: Final = "tuning.html"  #: in the folder of the proposal
@@ -26,9 +26,9 @@ PAGE: Final = "tuning.html"  #: in the folder of the proposal
 
 def run(arguments: argparse.Namespace) -> int:
     """Judge, propose where asked to, and print."""
-    from stoop.tuning.gain_search import Specification
-    from stoop.tuning.proposal import check_proposal
-    from stoop.workflow.tuning import tune
+    from stoop_tune.gain_search import Specification
+    from stoop_tune.proposal import check_proposal
+    from stoop_tune.tuning import tune
 
     airspeed = airspeeds_of(arguments.airspeed)
     wanted = Specification(
@@ -113,7 +113,7 @@ def _physics(out: Page, physics: PhysicalParameters) -> None:
 
 def _proposal(out: Page, better: Proposal) -> None:
     """Print old and new values, and what trial flights on the way there must show."""
-    from stoop.tuning.proposal import SHOWN
+    from stoop_tune.proposal import SHOWN
 
     out.heading("Proposed gains")
     columns = [

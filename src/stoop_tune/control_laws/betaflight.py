@@ -29,7 +29,9 @@ from scipy.optimize import brentq
 
 from stoop.base.arrays import FloatArray
 from stoop.base.units import DEGREE
-from stoop.control_laws.filters import (
+from stoop.errors import StoopError
+from stoop.logs.blackbox_units import DSHOT, is_digital
+from stoop_tune.control_laws.filters import (
     PASS,
     Filter,
     below_nyquist,
@@ -39,10 +41,8 @@ from stoop.control_laws.filters import (
     notch_of_quality,
     series,
 )
-from stoop.control_laws.parameters import Parameters
-from stoop.control_laws.rate_law import AXES, ERROR, RATE, SETPOINT, Integral, RateLaw, Term, through
-from stoop.errors import StoopError
-from stoop.logs.blackbox_units import DSHOT, is_digital
+from stoop_tune.control_laws.parameters import Parameters
+from stoop_tune.control_laws.rate_law import AXES, ERROR, RATE, SETPOINT, Integral, RateLaw, Term, through
 
 P_SCALE, I_SCALE, D_SCALE, FF_SCALE = 0.032029, 0.244381, 0.000529, 0.013754e-2
 YAW_INTEGRAL: Final = 2.5  #: times the gain of I about yaw

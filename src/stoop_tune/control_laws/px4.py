@@ -21,10 +21,19 @@ from typing import Final
 import numpy as np
 
 from stoop.base.arrays import FloatArray
-from stoop.control_laws.filters import Filter, butterworth, difference, low_pass, notch, series
-from stoop.control_laws.mixing import command_of, thrust_slope
-from stoop.control_laws.parameters import Parameters
-from stoop.control_laws.rate_law import ACCELERATION, ERROR, RATE, SETPOINT, Integral, RateLaw, Term, through
+from stoop_tune.control_laws.filters import Filter, butterworth, difference, low_pass, notch, series
+from stoop_tune.control_laws.mixing import command_of, thrust_slope
+from stoop_tune.control_laws.parameters import Parameters
+from stoop_tune.control_laws.rate_law import (
+    ACCELERATION,
+    ERROR,
+    RATE,
+    SETPOINT,
+    Integral,
+    RateLaw,
+    Term,
+    through,
+)
 
 FADE: Final = math.radians(400.0)  #: rad/s, error at which the integral stands
 #: axis -> pattern of the parameters of a fixed wing, with the defaults of PX4; P tells of which vehicle a log is

@@ -11,14 +11,14 @@ import numpy as np
 
 from stoop.base.arrays import FloatArray
 from stoop.base.notices import Notice, notice
-from stoop.control_laws.table import rounded
 from stoop.errors import StoopError
-from stoop.tuning.physical_formulas import TABLE, Candidates
 from stoop.vehicle import Vehicle
 from stoop_analysis.draws import Draws
 from stoop_analysis.propagation.propagation import figures_of
 from stoop_analysis.propagation.quantities import ROUNDING, Figure, Samples
 from stoop_analysis.propagation.wing_figures import FEW, Domain
+from stoop_tune.control_laws.table import rounded
+from stoop_tune.physical_formulas import TABLE, Candidates
 
 if TYPE_CHECKING:
     import pandas as pd

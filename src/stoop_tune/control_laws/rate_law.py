@@ -15,7 +15,7 @@ from typing import Final
 import numpy as np
 
 from stoop.base.arrays import ComplexArray, FloatArray
-from stoop.control_laws.filters import PASS, Filter
+from stoop_tune.control_laws.filters import PASS, Filter
 
 AXES: Final = ("roll", "pitch", "yaw")
 SETPOINT, RATE, ACCELERATION = "setpoint", "rate", "acceleration"

@@ -12,29 +12,29 @@ import numpy as np
 from stoop.base.arrays import FloatArray
 from stoop.base.atmosphere import equivalent_over_true, standard_density
 from stoop.base.notices import Notice, notice
-from stoop.control_laws.parameters import is_log, read_parameters
-from stoop.control_laws.rate_law import AXES
-from stoop.control_laws.table import Firmware, firmware_of
 from stoop.flight import Flight
 from stoop.flight.air_data import RECONSTRUCTED
 from stoop.flight.airborne import airborne
 from stoop.flight.airspeed import TRUE
 from stoop.flight.spectra import power_spectra
 from stoop.report.sheet import Page
-from stoop.report.tuning import tuning_page
 from stoop.simulation import trim
-from stoop.tuning.flown_loops import closed_loops
-from stoop.tuning.gain_search import Design, Specification
-from stoop.tuning.judgment import AxisMargins, Condition, LoopMargins, commands_of, plants_of, require_stable
-from stoop.tuning.loops import MOTION
-from stoop.tuning.physical_parameters import PhysicalParameters, physical_parameters
-from stoop.tuning.proposal import Proposal, proposal
 from stoop.vehicle import Vehicle
 from stoop.workflow.fitted_model import FittedModel
 from stoop.workflow.load import takes_model
 from stoop.workflow.propagation import flown_domain
 from stoop_analysis.draws import POSTERIOR_FILE, Draws, Source, draws_of
 from stoop_analysis.frequency import FrequencyAnalysis
+from stoop_tune.control_laws.parameters import is_log, read_parameters
+from stoop_tune.control_laws.rate_law import AXES
+from stoop_tune.control_laws.table import Firmware, firmware_of
+from stoop_tune.flown_loops import closed_loops
+from stoop_tune.gain_search import Design, Specification
+from stoop_tune.judgment import AxisMargins, Condition, LoopMargins, commands_of, plants_of, require_stable
+from stoop_tune.loops import MOTION
+from stoop_tune.physical_parameters import PhysicalParameters, physical_parameters
+from stoop_tune.proposal import Proposal, proposal
+from stoop_tune.report import tuning_page
 
 DRAWS: Final = 2000
 SPEEDS: Final = 3  #: airspeeds of a range
@@ -117,9 +117,8 @@ def tune(
         The parameters are missing, or of another kind of vehicle, the model is not driven by commands about the axes,
         or the loops are unstable around it.
     """
-    path = None if isinstance(parameters, Mapping) else Path(parameters)
-    values = parameters if isinstance(parameters, Mapping) else read_parameters(Path(parameters))
-    log = path if path and is_log(path) else None
+    values = read_parameters(parameters)
+    log = Path(parameters) if not isinstance(parameters, Mapping) and is_log(Path(parameters)) else None
     vehicle = model.vehicle.coupled_to(())
     vehicle = vehicle.reduced("full") if vehicle.reduce == "lateral" else vehicle
     firmware = firmware_of(values, bool(vehicle.rotors))

@@ -8,10 +8,10 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from stoop.base.arrays import FloatArray
-from stoop.control_laws import ardupilot, betaflight, crazyflie, px4
-from stoop.control_laws.parameters import COMMANDS
-from stoop.control_laws.rate_law import AXES, RateLaw
 from stoop.errors import StoopError
+from stoop_tune.control_laws import ardupilot, betaflight, crazyflie, px4
+from stoop_tune.control_laws.parameters import COMMANDS
+from stoop_tune.control_laws.rate_law import AXES, RateLaw
 
 PID: Final = {term: term for term in ("P", "I", "D")}
 PID_FF: Final = {**PID, "FF": "FF"}
@@ -131,6 +131,11 @@ def firmwares(parameters: Mapping[str, float]) -> tuple[Firmware, ...]:
             "them from a log of this vehicle, or from its ground station"
         )
     return found
+
+
+def titles_of(parameters: Mapping[str, float]) -> list[str]:
+    """Return the titles of the laws that parameters are of."""
+    return [one.title for one in LAWS if one.known_by in parameters]
 
 
 def firmware_of(parameters: Mapping[str, float], rotors: bool) -> Firmware:

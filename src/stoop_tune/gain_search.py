@@ -27,11 +27,11 @@ import numpy as np
 from scipy.optimize import NonlinearConstraint, minimize
 
 from stoop.base.arrays import ComplexArray, FloatArray
-from stoop.control_laws.rate_law import SETPOINT
-from stoop.control_laws.table import Firmware, rounded
 from stoop.errors import StoopError
-from stoop.tuning.judgment import AxisMargins, Condition, judge, with_handling
-from stoop.tuning.loops import MOTION, SLOWEST, AxisLoop, frequencies, motion, opened, return_difference
+from stoop_tune.control_laws.rate_law import SETPOINT
+from stoop_tune.control_laws.table import Firmware, rounded
+from stoop_tune.judgment import AxisMargins, Condition, judge, with_handling
+from stoop_tune.loops import MOTION, SLOWEST, AxisLoop, frequencies, motion, opened, return_difference
 
 FARTHEST: Final = 10.0  #: factor by which a gain moves at most
 FEW: Final = 400  #: draws, of which the percentiles of most rounds are

@@ -27,10 +27,6 @@ import numpy as np
 
 from stoop.base.arrays import FloatArray
 from stoop.base.atmosphere import SEA_LEVEL_DENSITY, equivalent_over_true
-from stoop.control_laws import ardupilot, px4
-from stoop.control_laws.mixing import thrust_of
-from stoop.control_laws.parameters import Parameters
-from stoop.control_laws.rate_law import AXES
 from stoop.errors import StoopError
 from stoop.flight.air_data import RECONSTRUCTED
 from stoop.simulation import trim
@@ -44,6 +40,10 @@ from stoop.vehicle import Vehicle
 from stoop.vehicle.schema import Propeller
 from stoop.vehicle_draft.autopilot import read_setup
 from stoop_analysis.propagation.wing_figures import Domain
+from stoop_tune.control_laws import ardupilot, px4
+from stoop_tune.control_laws.mixing import thrust_of
+from stoop_tune.control_laws.parameters import Parameters
+from stoop_tune.control_laws.rate_law import AXES
 
 COMMANDS: Final = 21  #: of a thrust curve
 CURVE: Final = 3  #: of them, least that its square needs

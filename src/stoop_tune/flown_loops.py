@@ -27,7 +27,6 @@ from scipy.stats import chi2
 from stoop.assessment.covariance import NORMAL_95
 from stoop.base.arrays import ComplexArray, FloatArray, run_slices
 from stoop.base.notices import Notice, notice
-from stoop.control_laws.rate_law import AXES
 from stoop.errors import StoopError
 from stoop.flight import Flight, load
 from stoop.flight.airborne import in_flight
@@ -36,10 +35,11 @@ from stoop.flight.gridding import Grid, resample
 from stoop.flight.maneuvers import moves
 from stoop.logs.read import read
 from stoop.problem.windows import Window
-from stoop.tuning.judgment import Condition
-from stoop.tuning.loops import AxisLoop, followed, motion
 from stoop_analysis.frequency import FrequencyAnalysis, ModelResponse, known
 from stoop_analysis.handling import DB, DEG, error_correlation
+from stoop_tune.control_laws.rate_law import AXES
+from stoop_tune.judgment import Condition
+from stoop_tune.loops import AxisLoop, followed, motion
 
 #: of the rate at which a setpoint was logged: up to there a spline through it is right to 2 %
 RESOLVED: Final = 0.25

@@ -13,8 +13,6 @@ from stoop.base.arrays import FloatArray
 from stoop.base.notices import Notice
 from stoop.base.numbers import without_rounding
 from stoop.base.variables import RATES
-from stoop.control_laws.rate_law import AXES
-from stoop.control_laws.table import Firmware
 from stoop.errors import StoopError
 from stoop.simulation.delays import input_delays
 from stoop.simulation.initial import channel_gains, parameter_rows
@@ -22,7 +20,13 @@ from stoop.simulation.linearize import INTEGRATORS, linear_models, model_inputs
 from stoop.simulation.rotors import channel_range
 from stoop.simulation.steady_flight import neighbors, trim
 from stoop.simulation.trim import Trim
-from stoop.tuning.loops import (
+from stoop.vehicle import Vehicle
+from stoop.vehicle_draft.autopilot import read_setup
+from stoop_analysis.draws import Draws
+from stoop_analysis.handling import attitude_figures
+from stoop_tune.control_laws.rate_law import AXES
+from stoop_tune.control_laws.table import Firmware
+from stoop_tune.loops import (
     LANES,
     AxisLoop,
     Plants,
@@ -34,11 +38,7 @@ from stoop.tuning.loops import (
     return_difference,
     stable,
 )
-from stoop.tuning.margins import Margins, joined, margins, rms_of_noise, split
-from stoop.vehicle import Vehicle
-from stoop.vehicle_draft.autopilot import read_setup
-from stoop_analysis.draws import Draws
-from stoop_analysis.handling import attitude_figures
+from stoop_tune.margins import Margins, joined, margins, rms_of_noise, split
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any, Final
 
 from stoop.base.files import check_targets, make_folder, write_files
 from stoop.base.notices import Notice, notice, paragraph
-from stoop.control_laws.table import Firmware
 from stoop.errors import StoopError
-from stoop.tuning.gain_search import FARTHEST, FEW, SLACK, Design, propose
-from stoop.tuning.judgment import AxisMargins, worst
-from stoop.tuning.physical_parameters import PhysicalParameter
+from stoop_tune.control_laws.table import Firmware
+from stoop_tune.gain_search import FARTHEST, FEW, SLACK, Design, propose
+from stoop_tune.judgment import AxisMargins, worst
+from stoop_tune.physical_parameters import PhysicalParameter
 
 if TYPE_CHECKING:
     import pandas as pd

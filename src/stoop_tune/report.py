@@ -18,11 +18,11 @@ from stoop.report.frequency import shown_pairs
 from stoop.report.palette import light
 from stoop.report.plots import NARROW, canvas, svg
 from stoop.report.sheet import Bullets, Code, Legend, Page, Panel, Panels, Part, Prose, Section, Sheet, Table
-from stoop.tuning.gain_search import Design, Specification
-from stoop.tuning.judgment import AxisMargins, LoopMargins, worst
-from stoop.tuning.physical_parameters import PhysicalParameters
-from stoop.tuning.proposal import SHOWN, Proposal
 from stoop_analysis.frequency import MAX_ERROR, MIN_COHERENCE, FrequencyAnalysis
+from stoop_tune.gain_search import Design, Specification
+from stoop_tune.judgment import AxisMargins, LoopMargins, worst
+from stoop_tune.physical_parameters import PhysicalParameters
+from stoop_tune.proposal import SHOWN, Proposal
 
 CLOUD: Final = 40  #: draws of a Nichols plot
 REACH: Final = (-360.0, 0.0)  #: deg, of it

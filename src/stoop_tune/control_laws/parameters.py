@@ -9,10 +9,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from stoop.control_laws.rate_law import AXES
 from stoop.errors import StoopError
 from stoop.logs.read import read
 from stoop.logs.recording import log_content
+from stoop_tune.control_laws.rate_law import AXES
 
 ENDINGS: Final = frozenset({".params", ".parm", ".param", ".config"})
 MOST: Final = 2**22  #: bytes of a file of parameters
@@ -79,17 +79,18 @@ def is_log(path: Path) -> bool:
     return path.suffix.lower() not in ENDINGS
 
 
-def read_parameters(*paths: Path) -> Mapping[str, float]:
-    """Return the parameters of a log, or of a file: `ENDINGS` of QGroundControl, ArduPilot and Betaflight's commands.
+def read_parameters(*sources: str | Path | Mapping[str, float]) -> Mapping[str, float]:
+    """Return parameters by name, those of a log, or of a file: `ENDINGS` of QGroundControl, ArduPilot, Betaflight's commands.
 
-    Those of a later file count over those before, as of a file of few gains over the log that they change.
+    Those of a later source count over those before, as of a file of few gains over the log that they change.
 
     Raises
     ------
     StoopError
         There is no such file, it cannot be read, or it holds no parameters.
     """
-    return {name: x for path in paths for name, x in _parameters(path).items()}
+    each = (one if isinstance(one, Mapping) else _parameters(Path(one)) for one in sources)
+    return {name: x for values in each for name, x in values.items()}
 
 
 def _parameters(path: Path) -> Mapping[str, float]:

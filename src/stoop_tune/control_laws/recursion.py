@@ -16,8 +16,8 @@ from typing import Final
 import numpy as np
 
 from stoop.base.arrays import FloatArray
-from stoop.control_laws.filters import PASS, Filter
-from stoop.control_laws.rate_law import SETPOINT, RateLaw
+from stoop_tune.control_laws.filters import PASS, Filter
+from stoop_tune.control_laws.rate_law import SETPOINT, RateLaw
 
 ROUNDING: Final = 1e-9  #: of a command
 

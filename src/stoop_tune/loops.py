@@ -19,8 +19,8 @@ from typing import Final
 import numpy as np
 
 from stoop.base.arrays import BoolArray, ComplexArray, FloatArray
-from stoop.control_laws.filters import PASS
-from stoop.control_laws.rate_law import AXES, RATE, SETPOINT, Frequencies, RateLaw
+from stoop_tune.control_laws.filters import PASS
+from stoop_tune.control_laws.rate_law import AXES, RATE, SETPOINT, Frequencies, RateLaw
 
 #: axis -> rate, and the attitude that its outer loop holds
 MOTION: Final = {"roll": ("p", "phi"), "pitch": ("q", "theta"), "yaw": ("r", "")}
