@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.table import Row
-from stoop.exporters.log_bytes import Table, dataflash_bytes
+from stoop_plan.log_bytes import Table, dataflash_bytes
 
 PART = "dataflash"
 SIZE = 500 * 10**6  #: bytes

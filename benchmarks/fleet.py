@@ -19,11 +19,11 @@ import pandas as pd
 
 from benchmarks.command import timed
 from benchmarks.table import Row
-from stoop.exporters.flight_logs import save_flight_as
 from stoop.flight import from_columns
 from stoop.simulation.fly import simulate_flight
 from stoop.simulation.maneuver import Maneuver
 from stoop.vehicle.builtin import resolve_vehicle
+from stoop_plan.flight_logs import save_flight_as
 
 PART: Final = "fleet"
 VEHICLE: Final = "twin-boom"

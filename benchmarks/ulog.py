@@ -13,7 +13,7 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from benchmarks.table import Row
-from stoop.exporters.log_bytes import Topic, ulog_definitions, ulog_rows, ulog_text
+from stoop_plan.log_bytes import Topic, ulog_definitions, ulog_rows, ulog_text
 
 PART = "ulog"
 SIZE = 10**9  #: bytes

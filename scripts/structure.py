@@ -24,19 +24,20 @@ FLAG = re.compile(
 )  #: tests whether a vehicle has rotors
 #: package, or room of the core -> lines at most; "stoop" is the whole core
 BUDGETS = {
-    "stoop": 76870,
-    "stoop_analysis": 3389,
+    "stoop": 65385,
+    "stoop_analysis": 5820,
     "stoop_app": 3981,
+    "stoop_export": 7347,
     "stoop_fleet": 3669,
+    "stoop_plan": 1751,
     "stoop_studies": 14881,
     "stoop_tune": 4549,
     "api": 200,
     "assessment": 5151,
     "base": 2554,
     "checks": 3050,
-    "cli": 3061,
-    "estimate": 7818,
-    "exporters": 8896,
+    "cli": 2797,
+    "estimate": 7297,
     "flight": 6550,
     "input_design": 2380,
     "kernels": 2810,
@@ -46,13 +47,13 @@ BUDGETS = {
     "prediction": 785,
     "problem": 2029,
     "reconstruction": 850,
-    "report": 4034,
+    "report": 3610,
     "results": 1366,
-    "simulation": 3492,
+    "simulation": 3117,
     "strategy": 1452,
     "vehicle": 3705,
     "vehicle_draft": 3380,
-    "workflow": 4031,
+    "workflow": 3022,
 }
 #: modules that an allowed import cycle goes through, imports in functions counted: registries that name their entries
 REGISTRIES = {"stoop.optimize.registry", "stoop.vehicle.vehicle", "stoop.workflow.fitted_model"}

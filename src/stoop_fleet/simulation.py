@@ -41,7 +41,6 @@ from stoop.base.schema_errors import first_complaint
 from stoop.base.text import nearest
 from stoop.base.toml import parse_source, read_source
 from stoop.errors import SimulationError, StoopError
-from stoop.exporters.flight_logs import px4_log
 from stoop.logs.csv_tables import mapping_beside
 from stoop.simulation.fly import fly_together, recorded
 from stoop.simulation.maneuver import Maneuver
@@ -51,6 +50,7 @@ from stoop.vehicle.schema import Number, Table, Turbulence
 from stoop.vehicle.vehicle import leaves
 from stoop_fleet.changes import Kind
 from stoop_fleet.parts import COLUMNS, Fitting
+from stoop_plan.flight_logs import px4_log
 
 HOVER: Final = Maneuver(duration=40.0, rate=50.0)  #: a flight, unless a maneuver is named
 PARTS, TRUTH, ENDING = "parts.csv", "truth.csv", ".ulg"

@@ -12,8 +12,8 @@ from stoop.base.text import show
 from stoop.cli import options
 from stoop.cli.page import Page, fixed, numbers, page, to_json, words
 from stoop.cli.progress import LiveLine
-from stoop.cli.propagate import airspeeds_of
 from stoop.errors import StoopError
+from stoop_analysis.cli.propagate import airspeeds_of
 
 if TYPE_CHECKING:
     from stoop_tune.judgment import AxisMargins

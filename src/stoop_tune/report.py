@@ -13,12 +13,12 @@ from stoop.base.arrays import ComplexArray, FloatArray
 from stoop.base.numbers import NOTHING, number
 from stoop.report.bode import response_panels
 from stoop.report.charts import fan_panel
-from stoop.report.frequency import LEGEND as RESPONSES
-from stoop.report.frequency import shown_pairs
 from stoop.report.palette import light
 from stoop.report.plots import NARROW, canvas, svg
 from stoop.report.sheet import Bullets, Code, Legend, Page, Panel, Panels, Part, Prose, Section, Sheet, Table
 from stoop_analysis.frequency import MAX_ERROR, MIN_COHERENCE, FrequencyAnalysis
+from stoop_analysis.report.frequency import LEGEND as RESPONSES
+from stoop_analysis.report.frequency import shown_pairs
 from stoop_tune.gain_search import Design, Specification
 from stoop_tune.judgment import AxisMargins, LoopMargins, worst
 from stoop_tune.physical_parameters import PhysicalParameters

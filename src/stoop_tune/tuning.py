@@ -22,9 +22,9 @@ from stoop.simulation import trim
 from stoop.vehicle import Vehicle
 from stoop.workflow.fitted_model import FittedModel
 from stoop.workflow.load import takes_model
-from stoop.workflow.propagation import flown_domain
 from stoop_analysis.draws import POSTERIOR_FILE, Draws, Source, draws_of
 from stoop_analysis.frequency import FrequencyAnalysis
+from stoop_analysis.workflow.propagation import flown_domain
 from stoop_tune.control_laws.parameters import is_log, read_parameters
 from stoop_tune.control_laws.rate_law import AXES
 from stoop_tune.control_laws.table import Firmware, firmware_of

@@ -10,11 +10,11 @@ from unit.cli.test_tune import FLOWN, moved_by_commands
 from app.conftest import ended
 from stoop.cli.main import main
 from stoop.errors import StoopError
-from stoop.exporters.flight_logs import save_flight_as
 from stoop.results.verdict import Verdict
 from stoop_app import steps
 from stoop_app.folder import Project
 from stoop_app.gains_view import GainsView
+from stoop_plan.flight_logs import save_flight_as
 from stoop_tune.gain_search import DAMPING
 
 pytestmark = pytest.mark.filterwarnings("ignore::PendingDeprecationWarning")  # of Panel

@@ -17,11 +17,11 @@ import numpy as np
 import pytest
 
 from stoop.base.files import write_files
-from stoop.exporters import fmu
-from stoop.exporters.exporter import Exported, ModelData, load_script
-from stoop.exporters.targets import TARGETS
 from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.vehicle.builtin import builtin_text
+from stoop_export import fmu
+from stoop_export.exporter import Exported, ModelData, load_script
+from stoop_export.targets import TARGETS
 from stoop_studies.verify.export import load
 
 FOOT, SLUG = 0.3048, 0.45359237 * 9.80665 / 0.3048

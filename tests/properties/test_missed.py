@@ -21,9 +21,6 @@ from stoop.checks.motors import rotor_edits
 from stoop.cli.options import windows
 from stoop.estimate.filter_gains import Gains
 from stoop.estimate.filter_likelihood import Innovations
-from stoop.exporters import jsbsim_model
-from stoop.exporters.bullet_and_isaac import INTERVAL
-from stoop.exporters.pyflyt import PyFlyt
 from stoop.flight.faults import Fault, without_faulty
 from stoop.flight.flight import from_columns
 from stoop.input_design.inputs import SHAPES, Frame
@@ -49,6 +46,9 @@ from stoop_analysis.propagation.wing_figures import full_deflection
 from stoop_app.columns import edited, rows_of
 from stoop_app.folder import VEHICLE, Project
 from stoop_app.server import FILE_POLICY, Gate
+from stoop_export import jsbsim_model
+from stoop_export.bullet_and_isaac import INTERVAL
+from stoop_export.pyflyt import PyFlyt
 from stoop_fleet.changes import Change, Readings, sizes
 from stoop_tune import physical_formulas
 from stoop_tune.margins import margins

@@ -18,10 +18,6 @@ from stoop.base import files
 from stoop.base.autopilots import FRAMES
 from stoop.base.units import FOOT, POUND_FORCE
 from stoop.estimate.regression.least_squares import Priors, Rows, solve
-from stoop.exporters.ardupilot_parameters import frame
-from stoop.exporters.fmu import Quantity, Unit, description
-from stoop.exporters.jsbsim_loads import _LOADS
-from stoop.exporters.matlab import _FLY
 from stoop.flight.flight import from_columns
 from stoop.flight.instrument_errors import RATES_DELAY, InstrumentError
 from stoop.flight.maneuvers import find_maneuvers
@@ -40,6 +36,10 @@ from stoop.vehicle import parse_vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop.vehicle_draft.autopilot import read_setup
 from stoop.vehicle_draft.strips import strips, to_flap
+from stoop_export.ardupilot_parameters import frame
+from stoop_export.fmu import Quantity, Unit, description
+from stoop_export.jsbsim_loads import _LOADS
+from stoop_export.matlab import _FLY
 from stoop_fleet.changes import threshold
 from stoop_fleet.mixed_model import Design, fit_robust_model
 from stoop_tune.control_laws.ardupilot import plane

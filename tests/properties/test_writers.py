@@ -23,7 +23,7 @@ SOURCE = Path(stoop.__file__).parents[1]
 ALLOWED = {
     "base/files.py", "base/streams.py",  # the writer; the null device
     "base/cache.py", "kernels/generated.py", "kernels/kernel.py", "logs/compiled.py",  # into a folder that is moved when whole
-    "logs/guard.py", "stoop_analysis/posterior.py", "results/labelled.py", "exporters/fmu.py",  # into a temporary folder
+    "logs/guard.py", "stoop_analysis/posterior.py", "results/labelled.py", "stoop_export/fmu.py",  # into a temporary folder
     "stoop_app/steps.py", "stoop_app/uploads.py",  # output of a running process, what grows; parts, then one move
 }  # fmt: skip  #: modules that may write a file by themselves
 WRITES = re.compile(

@@ -8,12 +8,12 @@ import numpy as np
 from stoop.base.arrays import FloatArray
 from stoop.base.rotations import quaternions_of
 from stoop.base.variables import EULER, RATES, SPECIFIC_FORCE, VELOCITY
-from stoop.exporters.log_bytes import Topic, ulog, ulog_dropout
 from stoop.simulation import parameter_rows, trajectories, trim
 from stoop.simulation.initial import initial_states
 from stoop.simulation.maneuver import Maneuver
 from stoop.simulation.trim import inputs_about
 from stoop.vehicle import Vehicle, parse_vehicle
+from stoop_plan.log_bytes import Topic, ulog, ulog_dropout
 
 EXAMPLE: Final = Path(__file__).parents[2] / "examples" / "vtail.toml"
 GROUND, AIRBORNE, RATE = 12.0, 62.0, 50.0  #: s on the ground, s in the air, Hz

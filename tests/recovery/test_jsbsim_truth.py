@@ -11,10 +11,10 @@ from unit.flown import maneuver
 
 from stoop import load_maneuver, load_vehicle
 from stoop.cli.main import main
-from stoop.exporters.flight_logs import save_flight_as
-from stoop.exporters.jsbsim_autopilot import fly_in_jsbsim
 from stoop.simulation.maneuver import Maneuver
 from stoop.vehicle.builtin import builtin_text
+from stoop_export.jsbsim_autopilot import fly_in_jsbsim
+from stoop_plan.flight_logs import save_flight_as
 from stoop_studies.verify import jsbsim, multirotor
 
 

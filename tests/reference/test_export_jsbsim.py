@@ -10,14 +10,14 @@ import pytest
 from stoop.base.files import write_files
 from stoop.base.rotations import to_body
 from stoop.errors import SimulationError
-from stoop.exporters import jsbsim_aircraft
-from stoop.exporters import jsbsim_flight as js
-from stoop.exporters.jsbsim_comparison import compare
-from stoop.exporters.reference_flight import reference_record
 from stoop.simulation import initial_states, parameter_rows, trim
 from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.vehicle.builtin import builtin_vehicle, resolve_vehicle
 from stoop.vehicle.document import with_entries
+from stoop_export import jsbsim_aircraft
+from stoop_export import jsbsim_flight as js
+from stoop_export.jsbsim_comparison import compare
+from stoop_export.reference_flight import reference_record
 from stoop_studies.verify.export import INPUTS, load
 
 SCATTERED = ("alpha", "beta", "p", "q", "r", "phi", "theta", "psi")

@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 
 from stoop.base.files import write_files
-from stoop.exporters import crazyflow, exporter, mujoco_flight, mujoco_model, pyflyt
-from stoop.exporters.agreement import AXES, Compared, loads_along
-from stoop.exporters.exporter import ModelData
-from stoop.exporters.reference_flight import ReferenceFlight, reference_flight
-from stoop.exporters.rotorpy_flight import CHANNELS, motion
 from stoop.simulation import trim
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import builtin_vehicle, resolve_vehicle
 from stoop.vehicle.document import with_entries
+from stoop_export import crazyflow, exporter, mujoco_flight, mujoco_model, pyflyt
+from stoop_export.agreement import AXES, Compared, loads_along
+from stoop_export.exporter import ModelData
+from stoop_export.reference_flight import ReferenceFlight, reference_flight
+from stoop_export.rotorpy_flight import CHANNELS, motion
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 SECONDS = 10.0

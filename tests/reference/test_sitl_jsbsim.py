@@ -10,13 +10,13 @@ import pytest
 
 from stoop.base.files import write_files
 from stoop.errors import VehicleError
-from stoop.exporters.jsbsim_flight import simulator
-from stoop.exporters.sitl import AutopilotCommands, autopilot_commands
-from stoop.exporters.sitl_folders import ardupilot, px4
 from stoop.simulation.initial import rigid_states
 from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.vehicle.builtin import builtin_text, builtin_vehicle
 from stoop.vehicle.defaults import FULL_DEFLECTION
+from stoop_export.jsbsim_flight import simulator
+from stoop_export.sitl import AutopilotCommands, autopilot_commands
+from stoop_export.sitl_folders import ardupilot, px4
 
 FOOT = 0.3048
 Folder, Numbers = tuple[dict[str, str], str], dict[str, float]  #: a folder: its texts, the model's place

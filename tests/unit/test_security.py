@@ -70,7 +70,7 @@ def places(pattern: str) -> set[str]:
 def test_programs_connections_and_servers_have_one_place_each() -> None:
     """The child that reads formats of others, the steps of the app, its browser, the C compiler; a Dask client; the app."""
     starters = r"\b(subprocess\.(run|Popen|call|check_\w+)|os\.(system|popen|exec\w*|spawn\w*|posix_spawn\w*)|pty\.\w+)\("
-    assert places(starters) == {"logs/guard.py", "stoop_app/steps.py", "exporters/fmu.py"}
+    assert places(starters) == {"logs/guard.py", "stoop_app/steps.py", "stoop_export/fmu.py"}
     assert places(r"\bwebbrowser\.\w+\(") == {"stoop_app/server.py"}
     network = r"^\s*(import|from) (socket|socketserver|http|urllib|ssl|requests|httpx|aiohttp|ftplib|smtplib|asyncio)\b"
     assert places(network) == {"parallel/pools.py", "parallel/worker.py"}
@@ -80,7 +80,7 @@ def test_programs_connections_and_servers_have_one_place_each() -> None:
     )
     assert places(r'^ADDRESS\b.* = "127\.0\.0\.1"') == {"stoop_app/server.py"}
     assert places(r"\bget_server\(") == {"stoop_app/server.py"}
-    assert places(r"exec_module\(|source_to_code\(") == {"kernels/generated.py", "exporters/exporter.py"}
+    assert places(r"exec_module\(|source_to_code\(") == {"kernels/generated.py", "stoop_export/exporter.py"}
 
 
 def test_temporary_folders_are_closed_to_others(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

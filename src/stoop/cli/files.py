@@ -1,4 +1,4 @@
-"""Verbs that write a file to go on with: `stoop vehicle`, `stoop map`, `stoop simulate` and `stoop export`."""
+"""Verbs that write a file to go on with: `stoop vehicle`, `stoop map` and `stoop simulate`."""
 
 from __future__ import annotations
 
@@ -92,40 +92,17 @@ def _corrected(log: Path, mapping: Path) -> tuple[str, list[str]]:
     return made.text, [f"corrections applied: {len(made.applied)}{confirmed}", *said]
 
 
-def export(arguments: argparse.Namespace) -> int:
-    """Export, and print what was written and how it flies."""
-    from stoop.workflow.export import export as exported
-
-    with LiveLine(options.COMPILING):
-        found = exported(
-            arguments.subject,
-            arguments.target,
-            arguments.output,
-            arguments.airspeed,
-            arguments.altitude,
-            arguments.climb_angle,
-            arguments.overwrite,
-            arguments.draws,
-            arguments.seed,
-        )
-    out = page()
-    for place in found.files:
-        out.line(f"wrote {arguments.output / place}")
-    out.bullets(found.notes)
-    return 0
-
-
 def simulate(arguments: argparse.Namespace) -> int:
     """Fly from trim, write what the instruments would record, and print what to do next."""
     from stoop.base.text import nearest
     from stoop.base.variables import VARIABLES
-    from stoop.exporters.flight_logs import OWN, check_ending, save_flight_as
     from stoop.input_design.windows import find_windows
     from stoop.logs.csv_tables import mapping_beside
     from stoop.simulation.fly import flown_trim, numbers_set, simulate_flight
     from stoop.simulation.maneuver import load_maneuver
     from stoop.vehicle.builtin import resolve_vehicle
     from stoop.workflow.flying import simulate_under_law
+    from stoop_plan.flight_logs import OWN, check_ending, save_flight_as
 
     if arguments.maneuver is None:
         arguments.complain("name a maneuver by --maneuver")

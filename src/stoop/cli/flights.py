@@ -144,8 +144,8 @@ def rotors(arguments: argparse.Namespace) -> int:
     for title, items in notes.items():
         out.bullets(items, title)
     if arguments.output is not None:
-        from stoop.report.rotors import rotors_sheet
         from stoop.report.sheet import write_sheet
+        from stoop_analysis.report.rotors import rotors_sheet
 
         sheet = rotors_sheet(alike, found, flights, notes, chance, options.command_line())
         write_sheet(sheet, arguments.output)

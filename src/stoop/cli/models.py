@@ -45,18 +45,18 @@ def structure(arguments: argparse.Namespace) -> int:
     """Choose, write, and print what was chosen."""
     from stoop.base.toml import read_source
     from stoop.estimate.regression.least_squares import FrequencyDomain
-    from stoop.estimate.regression.structure import (
+    from stoop.flight.load import load_several
+    from stoop.vehicle.builtin import resolve_vehicle
+    from stoop.workflow.outputs import by_name
+    from stoop_analysis.structure import (
         Press,
         orthogonal,
         parse_candidates,
         standard_candidates,
         stepwise,
     )
-    from stoop.flight.load import load_several
-    from stoop.vehicle.builtin import resolve_vehicle
-    from stoop.workflow.outputs import by_name
-    from stoop.workflow.structure import FILES, write_structure
-    from stoop.workflow.structure import structure as determined
+    from stoop_analysis.workflow.structure import FILES, write_structure
+    from stoop_analysis.workflow.structure import structure as determined
 
     check_targets(arguments.output, FILES, arguments.overwrite)
     try:

@@ -120,7 +120,6 @@ def design(arguments: argparse.Namespace) -> int:
     """Design a maneuver, write it, and print the expected standard errors."""
     import numpy as np
 
-    from stoop.exporters.targets import flown_by
     from stoop.input_design.information import Limits, Setup, usual_amplitudes
     from stoop.input_design.optimization import propose
     from stoop.report.design import NO_IMPROVEMENT
@@ -135,6 +134,7 @@ def design(arguments: argparse.Namespace) -> int:
         write_proposal,
     )  # fmt: skip
     from stoop.workflow.load import model_or_vehicle
+    from stoop_plan.targets import flown_by
 
     folder, target = arguments.output, arguments.target
     check_targets(folder, (*DESIGN_FILES, *(flown_by(target).names if target else ())), arguments.overwrite)

@@ -17,8 +17,6 @@ from stoop.base.arrays import FloatArray
 from stoop.base.csv_text import csv_text
 from stoop.base.files import check_targets, make_folder, write_files
 from stoop.base.numbers import finite_or_none
-from stoop.exporters.injection import Injection
-from stoop.exporters.targets import FLOWN_BY, flown_by
 from stoop.flight import Flight
 from stoop.input_design.information import Knowledge, Limits, Setup, flights_from_trim
 from stoop.input_design.optimization import Plan, Proposal, propose
@@ -32,6 +30,8 @@ from stoop.workflow.fitted_model import FittedModel
 from stoop.workflow.load import takes_model_or_vehicle
 from stoop.workflow.outputs import versions
 from stoop.workflow.summary import refusal
+from stoop_plan.injection import Injection
+from stoop_plan.targets import FLOWN_BY, flown_by
 
 DESIGN_FILES: Final = ("maneuver.toml", "reference.toml", "maneuver.csv", "design.html", "design.json")
 """In the order of writing: where the last one is, the others are. Of a pilot's lines there are maneuver_1.toml and so on."""
@@ -108,7 +108,7 @@ def design(
     evaluations : int, optional
         Maneuvers tried for each family; 2000 when absent, on rotors 200.
     target : str, optional
-        Who flies it, of `stoop.exporters.targets.FLOWN_BY`: chooses families that it can fly.
+        Who flies it, of `stoop_plan.targets.FLOWN_BY`: chooses families that it can fly.
 
     Raises
     ------
@@ -164,7 +164,7 @@ def flight_files(
 
     Parameters
     ----------
-    target : of `stoop.exporters.targets.FLOWN_BY`
+    target : of `stoop_plan.targets.FLOWN_BY`
     throws : control to its deflection at full output, rad
 
     Raises

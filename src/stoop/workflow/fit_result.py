@@ -18,6 +18,7 @@ from stoop.assessment.modes import modes
 from stoop.assessment.uncertainty import with_uncertainty
 from stoop.assessment.verdict import uses, verdict
 from stoop.base.notices import Notice, as_notice, attempt, notice, of_severity
+from stoop.base.packages import hooks
 from stoop.base.variables import POSITION, RATES, VARIABLES
 from stoop.checks.excitation import ratios, too_few
 from stoop.errors import VehicleError
@@ -30,7 +31,6 @@ from stoop.vehicle import parse_vehicle
 from stoop.workflow.curves import Simulated, maneuver_curves
 from stoop.workflow.fitted_model import FittedModel
 from stoop.workflow.outputs import versions, with_values
-from stoop.workflow.response_misfit import model_misfits
 from stoop.workflow.summary import basis_notices, data_notices, fit_warnings
 
 #: of initial states; others rad
@@ -80,7 +80,8 @@ def fitted_model(decided: Fitted) -> FittedModel:
     )
     failed = [*decided.tested.notices]  # of error bars, then of detectors
     found = attempt(failed, (), modes, fit, result.covariance.names, result.covariance.matrix)
-    left = attempt(failed, (), model_misfits, model.vehicle.coupled_to(()), flights, maneuvers, traces)
+    flown = (model.vehicle.coupled_to(()), flights, maneuvers, traces)
+    left = tuple(one for find in hooks("response_misfits") for one in attempt(failed, (), find, *flown))
     result = replace(result, modes=found, extensions=decided.tested.tests, response_misfits=left)
     result = with_uncertainty(result, fit, bars)
 

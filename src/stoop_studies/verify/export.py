@@ -10,11 +10,11 @@ from typing import Final
 import numpy as np
 import pandas as pd
 
-from stoop.exporters import jsbsim_aircraft, jsbsim_flight
 from stoop.simulation import Trim, trim
 from stoop.simulation.maneuver import Maneuver
 from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.vehicle.builtin import builtin_vehicle
+from stoop_export import jsbsim_aircraft, jsbsim_flight
 from stoop_studies.findings import Findings, Setting, holds, number
 from stoop_studies.verify.scenes import ALTITUDE, multisine_maneuver
 from stoop_studies.verify.study import Samples, Verification, records_of, vehicle_text

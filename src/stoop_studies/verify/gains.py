@@ -22,8 +22,8 @@ from stoop.simulation.maneuver import parse_maneuver
 from stoop.vehicle import Vehicle
 from stoop.vehicle.document import with_entries
 from stoop.workflow.fitted_model import FittedModel
-from stoop.workflow.propagation import flown_domain
 from stoop_analysis.draws import Draws
+from stoop_analysis.workflow.propagation import flown_domain
 from stoop_studies.findings import Findings, Setting, holds
 from stoop_studies.verify import defaults, pilots, study
 from stoop_studies.verify.autotune import backed_off, minimum_variance

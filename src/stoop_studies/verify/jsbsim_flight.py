@@ -20,7 +20,7 @@ from scipy.optimize import root
 from stoop.base.arrays import FloatArray
 from stoop.base.units import FOOT, INCH, POUND_FORCE
 from stoop.errors import StoopError
-from stoop.exporters.jsbsim_flight import simulator
+from stoop_export.jsbsim_flight import simulator
 from stoop_studies.verify.scenes import multisine_maneuver
 from stoop_studies.verify.study import data_text
 

@@ -30,9 +30,9 @@ from stoop.base.atmosphere import SEA_LEVEL_DENSITY
 from stoop.base.units import FACTORS, FOOT, POUND_FORCE, SLUG
 from stoop.base.variables import EULER, RATES, VELOCITY
 from stoop.errors import StoopError
-from stoop.exporters.jsbsim_flight import simulator
 from stoop.vehicle import Vehicle
 from stoop.vehicle.load import parse_vehicle
+from stoop_export.jsbsim_flight import simulator
 from stoop_studies.findings import Findings, Setting
 from stoop_studies.verify.jsbsim import Case, findings
 from stoop_studies.verify.jsbsim_flight import EARTH_RATE, RATE, UNCONTROLLED, Executive, Recording, Subject

@@ -20,10 +20,10 @@ from stoop.base.rotations import FLIP, euler_angles, to_body
 from stoop.base.units import FOOT, SLUG
 from stoop.base.variables import EULER, RATES, SPECIFIC_FORCE, VELOCITY
 from stoop.errors import StoopError
-from stoop.exporters.rotorpy_flight import TURN
 from stoop.results.result import Covariance
 from stoop.vehicle import Vehicle
 from stoop.vehicle.defaults import SHORTEST_LAG
+from stoop_export.rotorpy_flight import TURN
 from stoop_studies.verify import jsbsim_flight, multirotor, truths
 from stoop_studies.verify.outside_aircraft import TABLES, OutsideFlight
 from stoop_studies.verify.pilots import Columns

@@ -19,12 +19,12 @@ from scipy.signal import bilinear, lfilter
 from stoop.base.arrays import FloatArray
 from stoop.base.units import FOOT
 from stoop.base.variables import EULER, RATES, VELOCITY
-from stoop.exporters import jsbsim_aircraft, jsbsim_flight
 from stoop.simulation import Trim, parameter_rows, trajectories, trim
 from stoop.simulation.fly import fly as fly_maneuver
 from stoop.simulation.initial import initial_states
 from stoop.simulation.maneuver import Maneuver
 from stoop.vehicle import Vehicle, parse_vehicle
+from stoop_export import jsbsim_aircraft, jsbsim_flight
 from stoop_studies.verify.defects import edited
 from stoop_studies.verify.scenes import step_maneuvers
 

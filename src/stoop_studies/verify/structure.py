@@ -8,7 +8,6 @@ from typing import Any, Final
 
 import numpy as np
 
-from stoop.estimate.regression import structure
 from stoop.estimate.regression.least_squares import FrequencyDomain
 from stoop.problem.windows import Window
 from stoop.simulation import trim
@@ -18,6 +17,7 @@ from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop.vehicle.load import parse_vehicle
 from stoop.vehicle.terms import parameter_name
+from stoop_analysis import structure
 from stoop_studies.findings import Findings, Setting, counted, holds
 from stoop_studies.verify.scenes import AIRCRAFT, ALTITUDE, multisine_maneuver, with_trim_thrust
 from stoop_studies.verify.study import Samples, Verification, work

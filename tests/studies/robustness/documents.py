@@ -33,10 +33,10 @@ from stoop.vehicle_draft.draft import draft
 from stoop.vehicle_draft.geometry import Geometry
 from stoop.vehicle_draft.request import Request
 from stoop.workflow import summary
-from stoop.workflow.export import model_data
 from stoop.workflow.fitted_model import FittedModel
 from stoop.workflow.load import load as load_model
 from stoop.workflow.outputs import with_values
+from stoop_export.export import model_data
 
 
 def ask_vehicle(path: Path, number: int) -> None:

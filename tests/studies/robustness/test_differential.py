@@ -16,11 +16,11 @@ from studies.robustness.trials import BAD, LISTED, BrokenPromiseError, try_case
 
 from stoop import logs
 from stoop.errors import LogError, OutputError
-from stoop.exporters.flight_logs import save_flight_as
-from stoop.exporters.log_bytes import ulog, ulog_text
 from stoop.flight import Flight, from_columns, load
 from stoop.logs.csv_tables import read_table
 from stoop.logs.recording import Defect
+from stoop_plan.flight_logs import save_flight_as
+from stoop_plan.log_bytes import ulog, ulog_text
 
 pytestmark = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 FMT = "FMT, 128, 89, FMT, BBnNZ, Type,Length,Name,Format,Columns\nFMT, 130, 25, IMU, Qff, TimeUS,GyrX,GyrY\n"

@@ -18,8 +18,8 @@ from studies.robustness.small_runs import command
 from studies.robustness.trials import BAD, READ, Bounds, Child, lay_out, promise
 
 from stoop.base.variables import RATES
-from stoop.exporters.flight_logs import save_flight_as
 from stoop.flight import load
+from stoop_plan.flight_logs import save_flight_as
 
 HERE = Path(__file__).parent
 

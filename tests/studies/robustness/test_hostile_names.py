@@ -25,12 +25,12 @@ from studies.robustness.small_runs import COMMANDS, OUT, inputs, run, written
 from studies.robustness.trials import BrokenPromiseError, lay_out, promise
 
 from stoop.base.toml import quoted
-from stoop.exporters.exporter import ModelData
-from stoop.exporters.jsbsim_flight import file_name
-from stoop.exporters.matlab import identifier
-from stoop.exporters.targets import TARGETS
 from stoop.vehicle import parse_vehicle
 from stoop.vehicle.builtin import builtin_text
+from stoop_export.exporter import ModelData
+from stoop_export.jsbsim_flight import file_name
+from stoop_export.matlab import identifier
+from stoop_export.targets import TARGETS
 
 PLAIN = "a name of plain letters, longer than the forty of an identifier"
 NAMES = (

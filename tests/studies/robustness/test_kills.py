@@ -13,9 +13,9 @@ from studies.robustness.trials import FACTOR, READ, REFUSED, Bounds, Child, chec
 
 import stoop
 from stoop.cli.main import INTERRUPTED
-from stoop.exporters.flight_logs import save_flight_as
 from stoop.flight import from_columns
 from stoop_fleet.store import STATE
+from stoop_plan.flight_logs import save_flight_as
 
 LONG = ("identify", "search", "bootstrap", "compare", "verify")  #: verbs that save what they have
 LOGS, FIRST, CHANGED, DONE = 24, 10, 3, (0, 3)

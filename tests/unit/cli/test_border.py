@@ -103,7 +103,7 @@ def test_every_part_of_a_page(text: str) -> None:
 def folder(tmp_path_factory: pytest.TempPathFactory, examples: Path) -> Path:
     from unit.logs.dataflash_case import tables
 
-    from stoop.exporters.log_bytes import dataflash_bytes
+    from stoop_plan.log_bytes import dataflash_bytes
 
     place = tmp_path_factory.mktemp("border") / NASTY
     place.mkdir()

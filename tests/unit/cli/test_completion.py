@@ -13,8 +13,8 @@ from unit.cli.conftest import Cli
 from stoop.base.verbs import verbs
 from stoop.cli.completion import all_parsers
 from stoop.cli.main import parser_for
-from stoop.exporters.targets import TARGETS
 from stoop.vehicle.builtin import BUILT_IN
+from stoop_export.targets import TARGETS
 
 #: each line of the input is the words of a command; prints the completions of the last, a line of tabs for each
 BASH = """

@@ -12,11 +12,11 @@ from unit.cli.conftest import Cli, Done, Refused
 
 from stoop.cli.main import main, parser_for
 from stoop.cli.options import with_free
-from stoop.exporters.targets import flown_by
 from stoop.flight import Flight, load
 from stoop.simulation.maneuver import load_maneuver, parse_maneuver
 from stoop.vehicle import load_vehicle
 from stoop.workflow.design import DESIGN_FILES, known_before, maneuver_toml
+from stoop_plan.targets import flown_by
 
 QUICK = shlex.split("design twin-boom --duration 6 --evaluations 8 --shape square 3-2-1-1")
 QUICK += ["--fix", "CLV", "CDV", "CmV", "CQV", "-o"]

@@ -9,11 +9,11 @@ from unit.cli.conftest import Done, Refused
 
 import stoop
 from stoop.cli.main import main
-from stoop.exporters.log_bytes import Event, crazyflie_bytes
 from stoop.flight import Flight, flight_bytes
 from stoop.simulation.fly import simulate_flight
 from stoop.simulation.maneuver import Maneuver
 from stoop.vehicle.builtin import resolve_vehicle
+from stoop_plan.log_bytes import Event, crazyflie_bytes
 
 
 def swept(control: str, rate: float, duration: float, amplitude: float, band: float, noisy: str) -> Maneuver:

@@ -17,7 +17,6 @@ import stoop
 from stoop.cli.main import main
 from stoop.cli.options import with_free
 from stoop.errors import IdentificationError, StoopError
-from stoop.exporters.log_bytes import ulog_dropout
 from stoop.flight import Flight, save
 from stoop.optimize import State
 from stoop.results.result import read_result
@@ -26,6 +25,7 @@ from stoop.vehicle.builtin import builtin_text, resolve_vehicle
 from stoop.workflow.checkpoint import Checkpoint
 from stoop.workflow.fit_result import fitted_model
 from stoop.workflow.fitted_model import FittedModel
+from stoop_plan.log_bytes import ulog_dropout
 
 TWIN_BOOM = builtin_text("twin-boom")
 

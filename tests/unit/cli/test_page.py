@@ -20,7 +20,7 @@ from stoop.cli import page as pages
 from stoop.cli.options import page_path
 from stoop.cli.page import Page, alike, blocks, fit, fixed, number, numbers, plain, points, to_json, words
 from stoop.cli.progress import LiveLine, Timed, Watch
-from stoop.report.propagation import shown
+from stoop_analysis.report.propagation import shown
 
 NUMBERS = st.floats(-1e300, 1e300)
 TEXTS = st.text(st.characters(codec="utf-8"), max_size=30)

@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from stoop.exporters.agreement import AXES, Compared, agreement_table, loads_along, loads_of_path, percent
-from stoop.exporters.exporter import cost_without_actuators
-from stoop.exporters.reference_flight import reference_flight, reference_record, states_of
 from stoop.simulation import trim
 from stoop.simulation.loads import body_loads
 from stoop.vehicle import parse_vehicle
 from stoop.vehicle.builtin import builtin_text, builtin_vehicle
+from stoop_export.agreement import AXES, Compared, agreement_table, loads_along, loads_of_path, percent
+from stoop_export.exporter import cost_without_actuators
+from stoop_export.reference_flight import reference_flight, reference_record, states_of
 
 
 def test_statistics_are_those_of_a_regression() -> None:

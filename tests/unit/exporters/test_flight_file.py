@@ -12,12 +12,12 @@ from unit.flown import maneuver
 
 from stoop.base.variables import QUATERNION
 from stoop.errors import OutputError
-from stoop.exporters import blackbox_bytes
-from stoop.exporters.flight_logs import WRITERS, save_flight_as
 from stoop.flight import Flight, from_columns, load
 from stoop.logs.csv_tables import mapping_beside
 from stoop.simulation.fly import simulate_flight
 from stoop.vehicle.builtin import resolve_vehicle
+from stoop_plan import blackbox_bytes
+from stoop_plan.flight_logs import WRITERS, save_flight_as
 
 SINGLE = 2.0**-22  #: of the largest value: numbers of 32 bits, twice rounded
 AUTOPILOTS, CHILDREN = {".ulg", ".bin", ".usd", ".csv"}, {".mat", ".parquet"}

@@ -7,10 +7,10 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 
-from stoop.exporters import fmu
 from stoop.simulation import Trim, trim
-from stoop.simulation.derivatives import ParameterCovariance
 from stoop.vehicle import Vehicle
+from stoop_analysis.derivatives import ParameterCovariance
+from stoop_export import fmu
 from stoop_studies.verify.export import load
 
 

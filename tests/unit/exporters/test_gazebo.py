@@ -11,18 +11,18 @@ from naive import gazebo as naive
 
 from stoop.base.autopilots import FRAMES
 from stoop.errors import SimulationError, VehicleError
-from stoop.exporters import gazebo_autopilots, gazebo_files, rotorpy_flight
-from stoop.exporters.gazebo import flown_alphas, fly_gazebo
-from stoop.exporters.gazebo_model import GazeboModel, gazebo_model, unsupported_rotor_numbers
-from stoop.exporters.gazebo_plugins import damping_loads, motor_loads, wing_loads
-from stoop.exporters.gazebo_wing import unsupported_wing_terms
-from stoop.exporters.jsbsim_flight import excitation_record, relative_differences
-from stoop.exporters.px4_airframe import airframe_number
-from stoop.exporters.reference_flight import reference_flight
 from stoop.simulation import trim
-from stoop.simulation.derivatives import derivatives
 from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.vehicle.builtin import builtin_text, builtin_vehicle
+from stoop_analysis.derivatives import derivatives
+from stoop_export import gazebo_autopilots, gazebo_files, rotorpy_flight
+from stoop_export.gazebo import flown_alphas, fly_gazebo
+from stoop_export.gazebo_model import GazeboModel, gazebo_model, unsupported_rotor_numbers
+from stoop_export.gazebo_plugins import damping_loads, motor_loads, wing_loads
+from stoop_export.gazebo_wing import unsupported_wing_terms
+from stoop_export.jsbsim_flight import excitation_record, relative_differences
+from stoop_export.px4_airframe import airframe_number
+from stoop_export.reference_flight import reference_flight
 
 VEHICLES = ("quad-x", "twin-boom", "quadplane")
 FLIP = np.array([1.0, -1.0, -1.0])

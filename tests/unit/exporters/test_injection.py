@@ -14,13 +14,13 @@ import pytest
 from unit.flown import maneuver
 
 from stoop.errors import SimulationError
-from stoop.exporters.exporter import load_script
-from stoop.exporters.injection import Injection, corners
-from stoop.exporters.injection_targets import ARDUPILOT, CRAZYFLIE, PILOT, PX4
 from stoop.simulation import trim
 from stoop.simulation.fly import simulate_flight
 from stoop.simulation.maneuver import parse_maneuver
 from stoop.vehicle.builtin import builtin_vehicle
+from stoop_export.exporter import load_script
+from stoop_plan.injection import Injection, corners
+from stoop_plan.injection_targets import ARDUPILOT, CRAZYFLIE, PILOT, PX4
 
 THROWS = {"elevator": math.radians(25.0), "aileron": math.radians(20.0), "rudder": math.radians(30.0)}
 GAINS = {"FW_RR_P": 0.05, "FW_RR_FF": 0.5, "FW_PR_P": 0.08, "FW_PR_FF": 0.4, "FW_YR_P": 0.05, "FW_YR_FF": 0.3}

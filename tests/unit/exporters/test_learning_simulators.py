@@ -11,16 +11,16 @@ import yaml
 
 import stoop
 from stoop.errors import SimulationError, StoopError
-from stoop.exporters.bullet_and_isaac import GymPyBulletDrones, Isaac
-from stoop.exporters.crazyflow import Crazyflow
-from stoop.exporters.exporter import Exported, Exporter, ModelData
-from stoop.exporters.mujoco_flight import MuJoCo
-from stoop.exporters.pyflyt import PyFlyt
-from stoop.exporters.targets import TARGETS, export
 from stoop.simulation import trim
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import builtin_vehicle
 from stoop.vehicle.document import with_entries
+from stoop_export.bullet_and_isaac import GymPyBulletDrones, Isaac
+from stoop_export.crazyflow import Crazyflow
+from stoop_export.exporter import Exported, Exporter, ModelData
+from stoop_export.mujoco_flight import MuJoCo
+from stoop_export.pyflyt import PyFlyt
+from stoop_export.targets import TARGETS, export
 
 FULL_THRUST = 8.5  #: N, of a rotor of the quadrotor
 #: fields of Isaac Lab's ThrusterCfg and MultirotorCfg (isaaclab_contrib, 2026), those without a default first

@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 from scipy.io import loadmat
 
-from stoop.exporters.matlab import StateSpace, equations, json_text, mat_bytes, matlab, state_space, variables
 from stoop.simulation import Trim, initial_states, parameter_rows, trim
-from stoop.simulation.derivatives import ParameterCovariance
 from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.vehicle.builtin import builtin_vehicle
+from stoop_analysis.derivatives import ParameterCovariance
+from stoop_export.matlab import StateSpace, equations, json_text, mat_bytes, matlab, state_space, variables
 from stoop_studies.verify.export import load
 
 FREE = """

@@ -9,19 +9,19 @@ import numpy as np
 import pytest
 
 from stoop.errors import SimulationError, StoopError
-from stoop.exporters import exporter, fmu, fmu_target, rotorpy_flight, rotorpy_model
-from stoop.exporters.agreement import AXES, Compared, agreement_table, loads_along, omission, omitted_shares
-from stoop.exporters.exporter import ModelData
-from stoop.exporters.gazebo import fly_gazebo, gazebo_loads
-from stoop.exporters.gazebo_model import gazebo_model
-from stoop.exporters.jsbsim_flight import relative_differences
-from stoop.exporters.mujoco_flight import MuJoCo
-from stoop.exporters.reference_flight import ReferenceFlight, reference_flight
-from stoop.exporters.targets import export
 from stoop.simulation import Trim, initial_states, parameter_rows, trim
 from stoop.vehicle import Vehicle, load_vehicle, parse_vehicle
 from stoop.vehicle.builtin import builtin_text, builtin_vehicle
 from stoop.vehicle.document import with_entries
+from stoop_export import exporter, fmu, fmu_target, rotorpy_flight, rotorpy_model
+from stoop_export.agreement import AXES, Compared, agreement_table, loads_along, omission, omitted_shares
+from stoop_export.exporter import ModelData
+from stoop_export.gazebo import fly_gazebo, gazebo_loads
+from stoop_export.gazebo_model import gazebo_model
+from stoop_export.jsbsim_flight import relative_differences
+from stoop_export.mujoco_flight import MuJoCo
+from stoop_export.reference_flight import ReferenceFlight, reference_flight
+from stoop_export.targets import export
 
 SECONDS = 3  #: of the flight that the tests repeat; the page shows 30
 

@@ -12,8 +12,8 @@ import pytest
 import stoop
 from stoop.cli.main import main
 from stoop.errors import StoopError
-from stoop.exporters.flight_logs import save_flight_as
 from stoop.flight import from_columns
+from stoop_plan.flight_logs import save_flight_as
 
 
 @pytest.fixture(scope="module")

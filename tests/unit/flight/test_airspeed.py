@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from stoop.base.atmosphere import standard_density
-from stoop.exporters.log_bytes import Table, dataflash_bytes
 from stoop.flight import Flight, load
 from stoop.flight.load import without_faults
+from stoop_plan.log_bytes import Table, dataflash_bytes
 
 HEIGHT = 2000.0  #: m
 #: Pa, K, kg/m3: U.S. Standard Atmosphere 1976, table I, 2000 m above the sea

@@ -8,11 +8,11 @@ from unit.flight.made_logs import CLOCK, body_rates, csv_log
 
 from stoop.base.arrays import FloatArray
 from stoop.errors import FlightError, LogError
-from stoop.exporters.log_bytes import Topic, ulog
 from stoop.flight import load
 from stoop.flight.alignment import Lag, attitude_delay, find_lag, quantities, with_drift
 from stoop.flight.gridding import Channels
 from stoop.flight.mapping import flight_mapping
+from stoop_plan.log_bytes import Topic, ulog
 
 RNG = np.random.default_rng(7)
 TONES = [*zip(RNG.normal(size=12), RNG.uniform(0.1, 2.0, 12), RNG.uniform(0, 6.28, 12), strict=True)]

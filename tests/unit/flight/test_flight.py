@@ -15,9 +15,9 @@ import pytest
 from stoop.base.arrays import FloatArray
 from stoop.base.notices import notice
 from stoop.errors import LogError, OutputError
-from stoop.exporters.log_bytes import Topic, ulog
 from stoop.flight import Fault, Flight, from_columns, load, save
 from stoop.flight.flight import AirData
+from stoop_plan.log_bytes import Topic, ulog
 
 TIME = 100.0 + np.arange(50) / 10.0
 NOTICES = (notice("untyped-flight-note", text="a note: ±1 °C"), notice("gaps", counts=("imu 2", "gps 1")))

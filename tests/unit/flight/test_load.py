@@ -9,12 +9,12 @@ from unit.flight.made_logs import CLOCK, csv_log, lines_of, mapped_log
 from stoop.base.arrays import FloatArray
 from stoop.base.notices import notice
 from stoop.errors import FlightError, LogError, StoopError
-from stoop.exporters.log_bytes import Topic, ulog
 from stoop.flight import Flight, from_columns, load
 from stoop.flight.air_data import with_air, without
 from stoop.flight.flight import flight_name
 from stoop.flight.load import load_several
 from stoop.workflow.flights import as_flights
+from stoop_plan.log_bytes import Topic, ulog
 
 NAMES = ("phi", "theta", "psi", "p", "q", "elevator")
 

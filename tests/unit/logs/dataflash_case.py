@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from stoop.exporters.log_bytes import Table, dataflash_bytes
+from stoop_plan.log_bytes import Table, dataflash_bytes
 
 SAMPLES = 50
 

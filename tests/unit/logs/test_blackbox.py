@@ -8,11 +8,11 @@ import numpy.typing as npt
 import pytest
 
 from stoop.errors import LogError
-from stoop.exporters import blackbox_bytes as writer
-from stoop.exporters.blackbox_bytes import Field, Rows, blackbox_bytes
 from stoop.logs import blackbox, read
 from stoop.logs import blackbox_walk as walk
 from stoop.logs.blackbox import parse_blackbox
+from stoop_plan import blackbox_bytes as writer
+from stoop_plan.blackbox_bytes import Field, Rows, blackbox_bytes
 
 PATH = Path("flight.bbl")
 N = 100

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from stoop.errors import LogError
-from stoop.exporters.log_bytes import Event, crazyflie_bytes
 from stoop.logs import read
 from stoop.logs.crazyflie import parse_crazyflie
+from stoop_plan.log_bytes import Event, crazyflie_bytes
 
 PATH = Path("flight.usd")
 N = 200

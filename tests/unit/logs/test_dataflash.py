@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from naive.dataflash import same_as_pymavlink
 
-from stoop.exporters.log_bytes import Table, dataflash_bytes
 from stoop.logs import Recording, read
 from stoop.logs import dataflash_survey as scan
 from stoop.logs.dataflash import parse_dataflash
 from stoop.logs.dataflash_text import parse_dataflash_text
+from stoop_plan.log_bytes import Table, dataflash_bytes
 
 from .dataflash_case import SAMPLES, as_text, small_log, tables
 

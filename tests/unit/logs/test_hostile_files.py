@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 
 from stoop.errors import LogError
-from stoop.exporters.log_bytes import crazyflie_bytes
 from stoop.logs import read
 from stoop.logs.ulog import MAGIC
+from stoop_plan.log_bytes import crazyflie_bytes
 
 from . import test_crazyflie as crazyflie
 from . import test_ulog as ulog

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from stoop.errors import LogError
-from stoop.exporters import log_bytes
-from stoop.exporters.log_bytes import Topic, ulog, ulog_dropout, ulog_message, ulog_text
 from stoop.logs import Recording, read
 from stoop.logs import ulog as reader
 from stoop.logs.ulog import MAGIC
 from stoop.logs.ulog_messages import BodyError, Formats
+from stoop_plan import log_bytes
+from stoop_plan.log_bytes import Topic, ulog, ulog_dropout, ulog_message, ulog_text
 
 SYNC = bytes([0x2F, 0x73, 0x13, 0x20, 0x25, 0x0C, 0xBB, 0x12])
 HEAD = MAGIC + b"\x01" + struct.pack("<Q", 1_000_000)

@@ -7,10 +7,10 @@ import pytest
 
 from stoop.errors import SimulationError
 from stoop.simulation import initial_states, linearize, parameter_rows, trim
-from stoop.simulation.derivatives import FORMS, LOADS, MOTIONS, Derivatives, ParameterCovariance, derivatives
 from stoop.simulation.loads import air_density
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import builtin_vehicle
+from stoop_analysis.derivatives import FORMS, LOADS, MOTIONS, Derivatives, ParameterCovariance, derivatives
 from stoop_studies.verify.export import load
 
 SIGMAS = {"CLalpha": 0.1, "Cmq": 1.0, "Clp": 0.02}

@@ -17,9 +17,9 @@ from stoop.strategy import Strategy, fit
 from stoop.strategy.decision import Fitted
 from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.vehicle.checks import is_body
-from stoop.workflow.derivatives import derivatives
 from stoop.workflow.flying import linearize
 from stoop.workflow.outputs import with_values
+from stoop_analysis.workflow.derivatives import derivatives
 from stoop_studies.verify import scenes
 from stoop_studies.verify.closed_loop import quadrotor_scene
 

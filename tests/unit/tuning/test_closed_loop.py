@@ -13,12 +13,12 @@ from stoop.base.files import write_files
 from stoop.base.rotations import quaternions_of
 from stoop.base.units import STANDARD_GRAVITY
 from stoop.errors import ManeuverError, SimulationError, StoopError
-from stoop.exporters import jsbsim_aircraft
-from stoop.exporters.jsbsim_flight import Host, Record, begin, file_name
 from stoop.simulation.maneuver import Maneuver
 from stoop.vehicle import Vehicle
 from stoop.vehicle.document import with_entries
 from stoop_analysis.draws import Draws
+from stoop_export import jsbsim_aircraft
+from stoop_export.jsbsim_flight import Host, Record, begin, file_name
 from stoop_tune.closed_loop import AttitudeLoop, Course, FlownUnderLaw, centered_means, fly_under_law
 from stoop_tune.control_laws.recursion import LawRecursion
 from stoop_tune.control_laws.table import firmware_of

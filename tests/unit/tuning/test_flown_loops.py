@@ -11,9 +11,9 @@ from naive.closed_loops import asked_at_random, flown
 from unit.tuning.made_up import rolling
 
 from stoop.base.notices import Notice
-from stoop.exporters.log_bytes import Table, Topic, dataflash_bytes, ulog
 from stoop.flight.frequency import FrequencyResponse, Stretch, estimate_responses
 from stoop_analysis.frequency import ModelResponse, known
+from stoop_plan.log_bytes import Table, Topic, dataflash_bytes, ulog
 from stoop_tune.control_laws import px4
 from stoop_tune.flown_loops import closed_loops, disagreement, modeled_loop, under_feedback
 from stoop_tune.judgment import Condition, judge, with_handling

@@ -11,7 +11,6 @@ from unit.flown import maneuver
 
 from stoop.base.arrays import FloatArray
 from stoop.errors import VehicleError
-from stoop.exporters.flight_logs import save_flight_as
 from stoop.flight import Flight, load
 from stoop.flight.flight import from_columns
 from stoop.simulation import trim
@@ -22,6 +21,7 @@ from stoop.vehicle_draft.draft import Drafted, draft
 from stoop.vehicle_draft.inertia import PUBLISHED, SPREAD, of_airplane, of_multirotor
 from stoop.vehicle_draft.power import Lift, Rotor, thrust_law
 from stoop.vehicle_draft.request import TEMPLATES, Request
+from stoop_plan.flight_logs import save_flight_as
 
 MASS, SPAN, CHORD = 189.4, 5.19, 0.55  #: of the twin boom
 FULL = 0.5  #: rad, throw of the servos of the simulated log

@@ -12,13 +12,13 @@ from hypothesis import strategies as st
 
 from stoop.base.units import STANDARD_GRAVITY
 from stoop.errors import VehicleError
-from stoop.exporters.flight_logs import save_flight_as
 from stoop.flight import Flight, load
 from stoop.flight.flight import from_columns
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import builtin_vehicle
 from stoop.vehicle_draft.draft import draft
 from stoop.vehicle_draft.request import Request
+from stoop_plan.flight_logs import save_flight_as
 
 LEVEL = 0.55  #: command at hover
 

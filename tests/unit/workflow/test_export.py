@@ -11,15 +11,15 @@ from unit.flown import with_few_free
 
 from stoop.errors import OutputError
 from stoop.estimate.fit import Options
-from stoop.exporters.exporter import Condition, ModelData
-from stoop.exporters.jsbsim import EXPORT_PAGE as PAGE
-from stoop.exporters.targets import export
 from stoop.flight import Flight
 from stoop.vehicle import parse_vehicle
 from stoop.vehicle.builtin import builtin_text
 from stoop.workflow import FittedModel, identify
-from stoop.workflow.export import model_data, write
 from stoop.workflow.load import load, model_or_vehicle
+from stoop_export.export import model_data, write
+from stoop_export.exporter import Condition, ModelData
+from stoop_export.jsbsim import EXPORT_PAGE as PAGE
+from stoop_export.targets import export
 
 
 @pytest.fixture(scope="module")
@@ -40,7 +40,7 @@ def test_estimates_and_starts_are_those_of_the_fit_to_the_last_digit(
 
 
 def test_our_simulation_of_a_maneuver_is_the_one_of_the_report(job: FittedModel, model: ModelData) -> None:
-    from stoop.exporters.jsbsim_flight import differences, own_readings
+    from stoop_export.jsbsim_flight import differences, own_readings
 
     fitted = model.maneuvers[0]
     vehicle = fitted.vehicle

@@ -9,7 +9,6 @@ import pytest
 from stoop.cli.main import main
 from stoop.errors import IdentificationError, TermError
 from stoop.estimate.regression.least_squares import FrequencyDomain
-from stoop.estimate.regression.structure import determine, parse_candidates, standard_candidates, stepwise
 from stoop.flight import Flight, save
 from stoop.problem.windows import Window
 from stoop.simulation import trim
@@ -19,7 +18,8 @@ from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop.vehicle.load import load_vehicle, parse_vehicle
 from stoop.vehicle.terms import parameter_name
-from stoop.workflow.structure import FILES, structure
+from stoop_analysis.structure import determine, parse_candidates, standard_candidates, stepwise
+from stoop_analysis.workflow.structure import FILES, structure
 
 BAND = FrequencyDomain(0.04, 1.5)
 NOISE = {"V": 0.1, "alpha": 0.002, "q": 0.005, "theta": 0.005, "ax": 0.03, "az": 0.03}

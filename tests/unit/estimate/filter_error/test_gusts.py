@@ -14,7 +14,6 @@ from stoop.base.variables import RATES, SPECIFIC_FORCE
 from stoop.errors import IdentificationError
 from stoop.estimate import filter_error, scoring
 from stoop.estimate.gusts import LIMITS, exceed_sensors, gust_levels, unexplained, with_turbulence
-from stoop.exporters.flight_logs import save_flight_as
 from stoop.flight import load
 from stoop.flight.flight import dataset, from_columns
 from stoop.flight.gridding import Channels, grid_channels
@@ -24,6 +23,7 @@ from stoop.strategy.decision import Fitted
 from stoop.strategy.method import MIN_MOTOR_RATE
 from stoop.strategy.run import FIT_ALONE, choose_method, fit, setup_of
 from stoop.vehicle import parse_vehicle
+from stoop_plan.flight_logs import save_flight_as
 from stoop_studies.verify import scenes
 from stoop_studies.verify.defects import fixed_wing, wing_maneuvers
 

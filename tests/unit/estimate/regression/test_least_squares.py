@@ -10,13 +10,13 @@ from naive.regression import best_subset, double_sum, press, rss, transform
 from scipy.spatial.transform import Rotation
 
 from stoop.base.arrays import FloatArray
-from stoop.estimate.regression import structure
 from stoop.estimate.regression.least_squares import FrequencyDomain, TimeDomain, fourier_transform
-from stoop.estimate.regression.structure import Model, Regression, orthogonal, stepwise
 from stoop.estimate.regression.velocity_delay import velocity_delay
 from stoop.flight import Flight
 from stoop.flight.flight import from_columns
 from stoop.vehicle import terms
+from stoop_analysis import structure
+from stoop_analysis.structure import Model, Regression, orthogonal, stepwise
 
 
 def test_the_transform_is_the_sum() -> None:

@@ -1,0 +1,1 @@
+"""Verbs of the analyses of models and flights."""

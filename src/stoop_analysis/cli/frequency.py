@@ -1,0 +1,102 @@
+"""`stoop frequency`: frequency responses of flights beside those of a model."""
+
+from __future__ import annotations
+
+import argparse
+from typing import TYPE_CHECKING
+
+from stoop.base.text import show
+from stoop.cli import options
+from stoop.cli.page import fixed, numbers, page, points, to_json, words
+from stoop.cli.progress import LiveLine
+from stoop.errors import FlightError
+
+if TYPE_CHECKING:
+    from stoop_analysis.frequency import FrequencyAnalysis
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Estimate, write the page where asked to, and print."""
+    from stoop.flight.load import load_several
+    from stoop_analysis.workflow.frequency import frequency_responses
+
+    target = arguments.output
+    band = _band(arguments.band)
+    with LiveLine("reading the log"):
+        flights = load_several(arguments.flight, arguments.mapping)
+    with LiveLine("estimating frequency responses"):
+        found = frequency_responses(
+            flights, arguments.maneuver, arguments.vehicle, arguments.input, arguments.channel, band
+        )
+    if target is not None:
+        from stoop.report.sheet import write_sheet
+        from stoop_analysis.report.frequency import frequency_sheet
+
+        with LiveLine("drawing"):
+            write_sheet(frequency_sheet(found, options.command_line()), target)
+    if arguments.json:
+        show(to_json(found.to_dict()))
+        return 0
+    _print(found)
+    if target is not None:
+        page().line(f"page: {target}")
+    return 0
+
+
+def _band(text: str | None) -> tuple[float, float] | None:
+    if text is None:
+        return None
+    low, high = options.ends(text)
+    if not 0.0 < low < high < 1e4:
+        raise FlightError(f"--band {text}: write LOW:HIGH in rad/s, for example 1:20")
+    return low, high
+
+
+def _print(found: FrequencyAnalysis) -> None:
+    from stoop_analysis.frequency import known
+    from stoop_analysis.report.frequency import UNITS, condition_text, estimates, interval
+
+    out = page()
+    out.line(f"windows: {', '.join(map(str, found.windows))}")
+    if found.condition:
+        out.line(f"model at {condition_text(found)}")
+    rows = [(r, known(r)) for r in found.responses if known(r).any()]
+    out.heading("Responses of the flight (coherence 0.6 and more)")
+    out.table(
+        words("output", [r.output for r, _ in rows]),
+        words("input", [r.input for r, _ in rows]),
+        points("frequencies", [str(int(good.sum())) for _, good in rows]),
+        numbers("from rad/s", [float(r.frequency[good][0]) for r, good in rows]),
+        numbers("to rad/s", [float(r.frequency[good][-1]) for r, good in rows]),
+        fixed("mean coherence", [float(r.coherence[good].mean()) for r, good in rows], 2),
+        fixed("median error %", [100.0 * sorted(r.bound[good])[int(good.sum()) // 2] for r, good in rows], 0),
+    )
+    bands = [
+        (one, one.bandwidth) for one in found.figures if one.bandwidth is not None and one.bandwidth.reached
+    ]
+    if bands:
+        out.heading("Bandwidth (rad/s) and phase delay (s) of the attitude, 95 % intervals")
+        out.table(
+            words("rate", [f"{one.output}/{one.input}" for one, _ in bands]),
+            words("of", [one.source for one, _ in bands]),
+            words("phase bandwidth", [interval(b.phase_bandwidth) for _, b in bands]),
+            words("gain bandwidth", [interval(b.gain_bandwidth) for _, b in bands]),
+            words("180 deg lag", [interval(b.crossover) for _, b in bands]),
+            words("phase delay", [interval(b.phase_delay) for _, b in bands]),
+        )
+    systems = [
+        (one, one.system, name, value)
+        for one in found.figures
+        if one.system is not None
+        for name, value in estimates(one.system).items()
+    ]
+    if systems:
+        out.heading("Low-order equivalent systems, 95 % intervals")
+        out.table(
+            words("system", [f"{system.name}, {one.output}/{one.input}" for one, system, _, _ in systems]),
+            words("of", [one.source for one, _, _, _ in systems]),
+            words("parameter", [f"{name} {UNITS.get(name, '')}".strip() for _, _, name, _ in systems]),
+            words("estimate", [value for _, _, _, value in systems]),
+            fixed("cost", [system.cost for _, system, _, _ in systems], 1),
+        )
+    out.bullets(found.notices, "notes")

@@ -1,0 +1,91 @@
+"""`stoop propagate`: what the uncertainty of an identified model means for trims, modes, limits and expressions."""
+
+from __future__ import annotations
+
+import argparse
+from itertools import groupby
+from pathlib import Path
+from typing import Final
+
+from stoop.base.text import show
+from stoop.cli import options
+from stoop.cli.page import numbers, page, shown_unit, to_json, words
+from stoop.cli.progress import LiveLine
+from stoop.errors import SimulationError, StoopError
+
+LIMITS: Final = (0.0, 10_000.0)  #: m/s, of airspeeds
+MIN_DRAWS: Final = 100  #: below which a 95 % interval says little
+
+
+def expressions_of(texts: list[str]) -> dict[str, str]:
+    """Return expressions by name; raises StoopError for a text of another form, or a name given twice."""
+    out: dict[str, str] = {}
+    for text in texts:
+        name, sign, expression = text.partition("=")
+        name, expression = name.strip(), expression.strip()
+        if not (sign and name and expression):
+            raise StoopError(f"--expression {text}: write NAME=EXPRESSION, for example 'ratio=CLalpha/CD0'")
+        if name in out:
+            raise StoopError(f"--expression {name}: given twice; give each its own name")
+        out[name] = expression
+    return out
+
+
+def airspeeds_of(text: str | None) -> tuple[float, float] | None:
+    """Return the airspeeds A:B, m/s; raises SimulationError for a text of another form."""
+    if text is None:
+        return None
+    low, high = options.ends(text)
+    if not LIMITS[0] <= low < high <= LIMITS[1]:
+        raise SimulationError(f"--airspeed {text}: write A:B in m/s with A below B, for example 18:30")
+    return low, high
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Propagate, write where asked to, and print."""
+    from stoop_analysis.workflow.propagation import propagate
+
+    target: Path | None = arguments.output
+    count = arguments.draws
+    if count < MIN_DRAWS:
+        raise StoopError(f"--draws {count}: an interval of 95 % needs {MIN_DRAWS} or more")
+    expressions, airspeed = expressions_of(arguments.expression), airspeeds_of(arguments.airspeed)
+    with LiveLine("carrying the draws"):
+        found = propagate(
+            arguments.result,
+            expressions,
+            airspeed,
+            arguments.altitude,
+            count,
+            arguments.seed,
+            arguments.source,
+        )
+    if target is not None:
+        found.page(options.command_line()).save(target)
+    if arguments.json:
+        show(to_json(found.document()))
+        return 0
+    from stoop_analysis.report.propagation import shown
+
+    out, domain = page(), found.domain
+    out.line(found.vehicle)
+    at = f"at {domain.reference:g} m/s" if domain.reference else "in hover"
+    out.line(f"{found.count} draws from the {found.source}, {at}, {domain.altitude:.0f} m")
+    for group, some in groupby(found.figures, lambda one: one.group):
+        rows = list(some)
+        scales = [shown(one) for one in rows]
+        columns = [
+            numbers(head, [factor * getattr(one, key) for one, (factor, _) in zip(rows, scales, strict=True)])
+            for head, key in (
+                ("estimate", "estimate"), ("std error", "std_error"), ("95 % from", "ci95_lower"), ("to", "ci95_upper"),
+            )
+        ]  # fmt: skip
+        units = words("", [shown_unit(unit) for _, unit in scales])
+        prior = words("", ["mostly priors" if one.rests_on_prior else "" for one in rows])
+        out.heading(group)
+        out.table(words("", [one.name for one in rows]), *columns, units, prior)
+    out.bullets(found.notices, "What they rest on")
+    if target is not None:
+        out.line()
+        out.line(f"page: {target}")
+    return 0

@@ -1,0 +1,1 @@
+"""Analyses of fitted models and flights, in one call each."""
