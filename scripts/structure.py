@@ -24,7 +24,7 @@ FLAG = re.compile(
 )  #: tests whether a vehicle has rotors
 #: package, or room of the core -> lines at most; "stoop" is the whole core
 BUDGETS = {
-    "stoop": 65385,
+    "stoop": 65399,
     "stoop_analysis": 5820,
     "stoop_app": 3981,
     "stoop_export": 7347,
@@ -37,7 +37,7 @@ BUDGETS = {
     "base": 2554,
     "checks": 3050,
     "cli": 2797,
-    "estimate": 7297,
+    "estimate": 7302,
     "flight": 6550,
     "input_design": 2380,
     "kernels": 2810,
@@ -50,7 +50,7 @@ BUDGETS = {
     "report": 3610,
     "results": 1366,
     "simulation": 3117,
-    "strategy": 1452,
+    "strategy": 1461,
     "vehicle": 3705,
     "vehicle_draft": 3380,
     "workflow": 3022,

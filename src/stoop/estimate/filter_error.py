@@ -232,9 +232,11 @@ class FilterError(Fitter[FilterEstimate]):
     ) -> tuple[ScoringModel, list[float]]:
         """Return the best of the first searches, and the costs of all, ascending; Ctrl-C ends them.
 
-        From known estimates there is one. A filter that may give up does so where innovations are not white after it.
+        From known estimates there is one. A filter that may give up leaves a start from which innovations are not white after a
+        few steps, and gives up where it leaves all.
         """
         searches: list[ScoringModel] = []
+        left = UnexplainedError(np.nan)
         for x in starts(problem, options.start)[1 if options.start else 0 :]:
             z = np.concatenate([x, np.zeros(problem.extra), noise.start])
             likelihood = Likelihood.of(problem, noise, self.gain, z)
@@ -243,13 +245,16 @@ class FilterError(Fitter[FilterEstimate]):
             if best.usable and options.treatment.gives_up:
                 correlation = innovation_correlation(problem, best.likelihood.score(best.z))
                 if abs(correlation) >= LIMITS.correlation:
-                    raise UnexplainedError(correlation)
+                    left = UnexplainedError(correlation)
+                    continue
             if best.usable:  # once more with gains that suit where that led
                 likelihood = best.likelihood.along(best.z)
                 best = maximize(stages, likelihood, best.z, TOLERANCES.first, FIRST_STEPS)
             searches.append(best)
             if best.status == "interrupted":
                 break
+        if not searches:
+            raise left
         best = min(searches, key=lambda a: a.cost)
         if searches[-1].status == "interrupted":
             best.status = "interrupted"

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import replace
 from typing import Final
 
-from stoop.base.notices import notice
+from stoop.base.notices import Notice, notice
 from stoop.errors import IdentificationError
 from stoop.estimate import methods
 from stoop.estimate.filter_likelihood import SCORING
@@ -53,27 +54,17 @@ def fit_in_gusts(setup: Setup, fit: Fitter) -> Fitted:
         from stoop.estimate.gust_bias import gust_bias
 
         return found.noting(*gust_bias(found.estimate, found.setup.flights))
-    known, calm = setup.options.start, None
-    if not known:
+    began, calm = time.perf_counter(), None
+    filtered, doubts = _filtered(setup, fit, setup.options.start, gives_up=True)
+    if doubts and not setup.options.start:  # the estimates in calm air are another start
         with suppress(IdentificationError):  # a filter may follow what no simulation does
             calm = fit(_in_calm_air(setup))
-            known = calm.estimate.start
-    if calm is not None and calm.estimate.outcome.status == "interrupted":
-        return calm
-    # one search, from known estimates, tells early; from other starts the best of all decides
-    began, quitting = time.perf_counter(), replace(setup.options.treatment, gives_up=bool(known))
-    options = replace(setup.options, treatment=quitting, start=known)
-    filtered = replace(setup, vehicle=with_turbulence(setup.vehicle), options=options)
-    # a state of the search in calm air, which goes on
-    if setup.state is not None and setup.state.optimizer != SCORING:
-        filtered = replace(filtered, callback=None, state=None)
-    try:
-        found = fit(filtered)
-        doubts = unexplained(found.estimate, setup.options.method, setup.in_calm)
-    except IdentificationError as error:
-        doubts = (doubt(error, setup.options.method, setup.in_calm),)
-    if not doubts:
-        return found
+        if calm is not None and calm.estimate.outcome.status == "interrupted":
+            return calm
+        known = {} if calm is None else calm.estimate.start
+        filtered, doubts = _filtered(setup, fit, known, gives_up=bool(known))
+    if filtered is not None and not doubts:
+        return filtered
     record = replace(
         setup.records.get(NAME, DecisionRecord(NAME, "applied")),
         found="; ".join(map(str, doubts)),
@@ -82,6 +73,24 @@ def fit_in_gusts(setup: Setup, fit: Fitter) -> Fitted:
     )
     calm = calm or fit(_in_calm_air(setup))
     return replace(calm, setup=calm.setup.noting(*doubts)).recorded(record)
+
+
+def _filtered(
+    setup: Setup, fit: Fitter, start: Mapping[str, float], gives_up: bool
+) -> tuple[Fitted | None, tuple[Notice, ...]]:
+    """Return the fit by the filter from a start, by default the file's values and the regression, and what speaks against it."""
+    options = replace(
+        setup.options, treatment=replace(setup.options.treatment, gives_up=gives_up), start=start
+    )
+    filtered = replace(setup, vehicle=with_turbulence(setup.vehicle), options=options)
+    # a state of the search in calm air, which goes on
+    if setup.state is not None and setup.state.optimizer != SCORING:
+        filtered = replace(filtered, callback=None, state=None)
+    try:
+        found = fit(filtered)
+        return found, unexplained(found.estimate, setup.options.method, setup.in_calm)
+    except IdentificationError as error:
+        return None, (doubt(error, setup.options.method, setup.in_calm),)
 
 
 def _in_calm_air(setup: Setup) -> Setup:
