@@ -38,6 +38,7 @@ from stoop_export.export import export as export
 from stoop_export.jsbsim_autopilot import fly_in_jsbsim as fly_in_jsbsim
 from stoop_fleet.store import open_fleet as open_fleet
 from stoop_fleet.update import update_fleet as update_fleet
+from stoop_plan.flight_logs import save_flight_as as save_flight_as
 from stoop_tune.tuning import tune as tune
 
 PLACES: dict[str, str]
@@ -76,6 +77,7 @@ __all__ = [
     "reconstruct",
     "save_design",
     "save_flight",
+    "save_flight_as",
     "simulate",
     "simulate_flight",
     "trim",

@@ -43,9 +43,6 @@ GRADUAL: Final = 0.2
 DEPENDS: Final = 0.5
 ANYTHING: Final = 0.1
 OTHERWISE: Final = 0.002  #: times `MATTERS` it is below `BY_ITSELF`: alone it explains no more
-LESSER: Final = (
-    1.0 / 3.0
-)  #: size of a change by another part on which the figure depends than the first, over one by that
 SHORTEST: Final = 1e-6  #: days
 SOFTWARE: Final = "software"  #: its place
 EVERY: Final = "all vehicles"  #: the vehicle of what an update changed in all that had it

@@ -14,8 +14,6 @@ from stoop.errors import IdentificationError
 if TYPE_CHECKING:
     from stoop_studies.compare.field import Field
 
-_WINDOW = "[FLIGHT@]START:STOP[#LOADING]"
-
 
 def run(arguments: argparse.Namespace) -> int:
     """Run what is left of the comparison, write it, and say who is ahead."""

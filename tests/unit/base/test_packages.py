@@ -4,6 +4,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
+
 import stoop_studies
 
 GOOD = """
@@ -93,3 +95,32 @@ def test_an_unknown_name_is_answered_with_the_nearest(tmp_path: Path) -> None:
     code = "import stoop\ntry: stoop.lineariz\nexcept AttributeError as e: print(e)"
     out, _ = output(tmp_path, code)
     assert out == "module 'stoop' has no attribute 'lineariz'; did you mean linearize?\n"
+
+
+def test_the_core_works_without_packages_that_are_removed(tmp_path: Path) -> None:
+    """Of analyses and plans parts are still used by the core; all others are absent."""
+    for name in ("stoop", "stoop_analysis", "stoop_plan"):
+        (tmp_path / name).symlink_to(SOURCE / name)
+    code = """
+import sys
+sys.path[:] = [FOLDER, *(p for p in sys.path if p != SOURCE), LIBRARIES]
+from stoop.base.verbs import verbs
+from stoop.cli.main import main
+print(sorted({verb.run.partition(".")[0] for verb in verbs().values()}), [main([*n.split(), "--help"]) for n in verbs()])
+simulate = ["simulate", "quad-x", "--maneuver", "m.toml", "-o"]
+print(main(["demo", "-o", "made"]), main(["linearize", "made"]), main([*simulate, "f.nc"]))
+print(main([*simulate, "g.nc", "--autopilot", "m.toml"]), main(["tune", "made", "x"]))
+"""
+    (tmp_path / "m.toml").write_text("duration = 2.0\n")
+    places = [str(tmp_path), str(SOURCE), str(Path(np.__file__).parents[1])]
+    given = f"FOLDER, SOURCE, LIBRARIES = {places}\n{code}"
+    done = subprocess.run(
+        [sys.executable, "-S", "-c", given], capture_output=True, text=True, check=False, cwd=tmp_path
+    )
+    answers = [line for line in done.stdout.splitlines() if line.startswith(("['stoop", "0 ", "2 "))]
+    assert answers[0].startswith("['stoop', 'stoop_analysis'] [0, 0")
+    assert not set(answers[0].partition("] [")[2]) - set("0, ]")
+    assert answers[1:] == ["0 0 0", "2 2"], done.stderr
+    first, second = done.stderr.splitlines()[-2:]
+    assert "the law of an autopilot needs a package that this installation lacks" in first
+    assert "there is no verb 'tune'" in second
