@@ -25,7 +25,7 @@ def right(model: stoop.FittedModel, flight: stoop.Flight) -> None:
 
 def wrong(model: stoop.FittedModel, flight: stoop.Flight) -> None:
     """Make mistakes that an editor shows."""
-    stoop.fitt  # type: ignore[attr-defined]
+    print(stoop.fitt)  # type: ignore[attr-defined]
     stoop.fit(flight=flight)  # type: ignore[call-arg]
     model.tune()  # type: ignore[call-arg]
     model.propagate(draws="many")  # type: ignore[arg-type]
