@@ -24,9 +24,9 @@ FLAG = re.compile(
 )  #: tests whether a vehicle has rotors
 #: package, or room of the core -> lines at most; "stoop" is the whole core
 BUDGETS = {
-    "stoop": 65381,
+    "stoop": 65363,
     "stoop_analysis": 5820,
-    "stoop_app": 3981,
+    "stoop_app": 4014,
     "stoop_export": 7347,
     "stoop_fleet": 3666,
     "stoop_plan": 1751,
@@ -36,7 +36,7 @@ BUDGETS = {
     "assessment": 5151,
     "base": 2554,
     "checks": 3050,
-    "cli": 2797,
+    "cli": 2902,
     "estimate": 7302,
     "flight": 6550,
     "input_design": 2380,
@@ -53,7 +53,7 @@ BUDGETS = {
     "strategy": 1461,
     "vehicle": 3705,
     "vehicle_draft": 3380,
-    "workflow": 3022,
+    "workflow": 2899,
 }
 #: modules that an allowed import cycle goes through, imports in functions counted: registries that name their entries
 REGISTRIES = {"stoop.optimize.registry", "stoop.vehicle.vehicle", "stoop.workflow.fitted_model"}

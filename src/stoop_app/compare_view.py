@@ -9,12 +9,12 @@ import panel as pn
 from stoop.base.files import make_folder
 from stoop.report.sheet import write_sheet
 from stoop.vehicle.load import load_vehicle
-from stoop.workflow.progress import read_curves
 from stoop_app import parts
 from stoop_app.comparison import Compared, comparison_sheet
 from stoop_app.fit_view import finished, result
 from stoop_app.folder import PROGRESS, VEHICLE, modified
 from stoop_app.places import inside, reading
+from stoop_app.progress_curves import read_curves
 from stoop_app.steps import Step
 from stoop_app.view import View
 

@@ -16,6 +16,7 @@ from app.conftest import ended
 from stoop.base import files
 from stoop.base.verbs import plain, verbs
 from stoop.cli.main import main
+from stoop.cli.progress_file import ProgressFile
 from stoop.errors import StoopError
 from stoop.estimate.iterates import watched
 from stoop.flight.log_columns import columns_of, read_unmapped
@@ -26,7 +27,6 @@ from stoop.simulation.maneuver import parse_maneuver
 from stoop.vehicle.builtin import builtin_text, resolve_vehicle
 from stoop.workflow.demo import MANEUVER, NAME, misled
 from stoop.workflow.identification import finish, search
-from stoop.workflow.progress import ProgressFile, read_curves
 from stoop_app import parts, steps
 from stoop_app.columns import edited, rows_of
 from stoop_app.comparison import Compared, comparison_sheet
@@ -34,6 +34,7 @@ from stoop_app.fit_view import FitView
 from stoop_app.fleet_view import FleetView
 from stoop_app.folder import BEFORE, MAPPING, ChangedError, Project, fleet_logs, store_of, version
 from stoop_app.plots import drawn_costs, drawn_curves, thinned
+from stoop_app.progress_curves import read_curves
 from stoop_app.use_view import LIMITS, TARGET
 from stoop_app.windows_view import WindowsView
 from stoop_fleet.store import PAGE

@@ -42,6 +42,7 @@ def run(arguments: argparse.Namespace) -> int:
 def _run(arguments: argparse.Namespace) -> int:
     from stoop.assessment.profile import DOUBTFUL
     from stoop.checks.vehicle import check_vehicle
+    from stoop.cli.progress_file import ProgressFile
     from stoop.estimate.iterates import watched
     from stoop.flight.flight import flight_name
     from stoop.input_design.windows_file import expanded
@@ -50,7 +51,6 @@ def _run(arguments: argparse.Namespace) -> int:
     from stoop.workflow import Bootstrap, Posterior, Profile
     from stoop.workflow.checkpoint import Checkpoint, identity
     from stoop.workflow.outputs import check_folder, file_hashes, flight_files
-    from stoop.workflow.progress import ProgressFile
 
     attached = ("posterior.nc",) if arguments.posterior else ()
     names = [flight_name(path) for path in arguments.flight]

@@ -18,10 +18,10 @@ if TYPE_CHECKING:
 
     from rich.text import Text
 
+    from stoop.cli.progress_file import ProgressFile
     from stoop.optimize import Progress
     from stoop.parallel import Json, Plan, Pool, Tally
     from stoop.results.result import ManeuverTrace
-    from stoop.workflow.progress import ProgressFile
 
 QUIET = 5.0  #: s between lines of a plain log
 INTERRUPTED = 130  #: exit code

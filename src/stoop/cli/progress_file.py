@@ -13,16 +13,15 @@ from typing import Any, Final
 import numpy as np
 
 from stoop.base.arrays import FloatArray
-from stoop.base.files import read_bounded, write_text_atomic
+from stoop.base.files import write_text_atomic
 from stoop.errors import OutputError
 from stoop.estimate.iterates import Candidate
-from stoop.results.result import ChannelTrace, ManeuverTrace
+from stoop.results.result import ManeuverTrace
 
 FORMAT: Final = "stoop-progress/1"
 INTERVAL: Final = 0.5  #: s between two writes
 MAX_SAMPLES: Final = 200  #: of a curve
 MAX_KEPT: Final = 2000  #: likewise, of a result
-MAX_BYTES: Final = 2**26  #: of a progress file
 CURVES: Final = ("measured", "simulated")
 MAX_COSTS: Final = 2000  #: in the history
 
@@ -33,7 +32,7 @@ class ProgressFile:
     It holds ``work`` (what is done now), ``seconds``, ``cost``, ``costs`` (seconds and cost of each improvement), ``parameters``
     (name to value, unit and bounds, SI) and ``curves``: of each piece its maneuver, time, s, and measured and simulated
     readings of each channel, SI, at most `MAX_SAMPLES` of them. At the end ``maneuvers`` holds the curves of the result's
-    maneuvers, in their order, fitted or predicted, see `read_curves`.
+    maneuvers, in their order, fitted or predicted.
     """
 
     def __init__(self, path: Path) -> None:
@@ -75,23 +74,6 @@ class ProgressFile:
         self._content["seconds"] = round(self._written - self._began, 2)
         with suppress(OutputError):
             write_text_atomic(self._path, json.dumps(self._content, allow_nan=False))
-
-
-def read_curves(path: Path) -> tuple[ManeuverTrace, ...]:
-    """Return the curves of a result that a progress file holds; none where the fit has not ended."""
-    with suppress(OSError, ValueError):
-        found = json.loads(read_bounded(path, MAX_BYTES)).get("maneuvers", ())
-        return tuple(
-            ManeuverTrace(
-                np.array(one["time"], dtype=np.float64),
-                {
-                    name: ChannelTrace(*(np.array(c[kind], dtype=np.float64) for kind in CURVES))
-                    for name, c in one["channels"].items()
-                },
-            )
-            for one in found
-        )
-    return ()
 
 
 def _trace(trace: ManeuverTrace) -> dict[str, Any]:
