@@ -24,7 +24,7 @@ FLAG = re.compile(
 )  #: tests whether a vehicle has rotors
 #: package, or room of the core -> lines at most; "stoop" is the whole core
 BUDGETS = {
-    "stoop": 65363,
+    "stoop": 65369,
     "stoop_analysis": 5820,
     "stoop_app": 4014,
     "stoop_export": 7347,
@@ -34,7 +34,7 @@ BUDGETS = {
     "stoop_tune": 4549,
     "api": 200,
     "assessment": 5151,
-    "base": 2554,
+    "base": 2542,
     "checks": 3050,
     "cli": 2902,
     "estimate": 7302,
@@ -47,7 +47,7 @@ BUDGETS = {
     "prediction": 785,
     "problem": 2029,
     "reconstruction": 850,
-    "report": 3592,
+    "report": 3610,
     "results": 1366,
     "simulation": 3117,
     "strategy": 1461,

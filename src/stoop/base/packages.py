@@ -75,13 +75,7 @@ def hooks(name: str) -> list[Callable[..., Any]]:
 
 
 def hook(name: str, needed_by: str) -> Callable[..., Any]:
-    """Return the first function that stoop calls under a name; without one the error names what it is needed by.
-
-    Raises
-    ------
-    StoopError
-        No package has one.
-    """
+    """Return the first function that stoop calls under a name; raises `StoopError` where no package has one."""
     found = hooks(name)
     if not found:
         raise StoopError(f"{needed_by} needs a package that this installation lacks; install stoop anew")
@@ -89,13 +83,7 @@ def hook(name: str, needed_by: str) -> Callable[..., Any]:
 
 
 def resolved(place: str) -> Any:
-    """Return what a place ``module:name`` holds.
-
-    Raises
-    ------
-    StoopError
-        It cannot be imported.
-    """
+    """Return what a place ``module:name`` holds; raises `StoopError` where it cannot be imported."""
     module, _, name = place.partition(":")
     try:
         return getattr(importlib.import_module(module), name)

@@ -14,7 +14,8 @@ from stoop.base.arrays import FloatArray
 from stoop.base.rotations import to_ground
 from stoop.flight import Flight
 from stoop.report.palette import light
-from stoop.report.plots import HEIGHT, WIDTH, canvas, svg
+from stoop.report.plots import HEIGHT, LEFT, RIGHT, WIDTH, canvas, plot, svg
+from stoop.report.series import Range, Series
 
 MAX_POINTS: Final = 3000
 GLYPHS: Final = 40  #: attitudes drawn along the path
@@ -61,6 +62,23 @@ class Track:
         known = set(names) <= flight.names
         attitude = np.column_stack([flight.column(n)[there] for n in names]) if known else None
         return cls(flight.time[there], path[there], attitude)
+
+    def from_above(self) -> Markup:
+        """Return the path over north and east, one scale for both."""
+        series = [
+            Series("path", self.path[:, 1], self.path[:, 0], role="fit"),
+            Series("start", self.path[:1, 1], self.path[:1, 0], "points", role="validation"),
+            Series("end", self.path[-1:, 1], self.path[-1:, 0], "points", role="lag"),
+        ]
+        ratio = (WIDTH - LEFT - RIGHT) / HEIGHT
+        extent = max(np.ptp(self.path[:, 1]) / ratio, np.ptp(self.path[:, 0]), 1.0) * 0.55
+
+        def about(values: FloatArray, half: float) -> Range:
+            middle = 0.5 * (float(values.min()) + float(values.max()))
+            return middle - half, middle + half
+
+        ranges = about(self.path[:, 1], extent * ratio), about(self.path[:, 0], extent)
+        return plot(series, "east, m", "north, m", "Path from above", x_range=ranges[0], y_range=ranges[1])
 
     def still(self) -> Markup:
         """Return the path in space with its shadow on the ground and the attitude along it."""
