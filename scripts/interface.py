@@ -47,7 +47,10 @@ def methods() -> str:
         bodies.append(
             f"    def {name}({ast.unparse(function.args)}) -> {ast.unparse(function.returns or ast.Constant(None))}: ..."
         )
-    text = "\n".join(sorted(imported)) + "\n\nMETHODS: dict[str, str]\n\nclass ModelMethods:\n"
+    text = (
+        "\n".join(sorted(imported))
+        + "\n\nMETHODS: dict[str, str]\n\ndef add_methods(model: type) -> None: ...\n\nclass ModelMethods:\n"
+    )
     return HEAD + text + "\n".join(bodies) + "\n"
 
 

@@ -24,19 +24,20 @@ FLAG = re.compile(
 )  #: tests whether a vehicle has rotors
 #: package, or room of the core -> lines at most; "stoop" is the whole core
 BUDGETS = {
-    "stoop": 65369,
+    "stoop": 65331,
     "stoop_analysis": 5820,
     "stoop_app": 4014,
+    "stoop_draft": 114,
     "stoop_export": 7347,
     "stoop_fleet": 3666,
     "stoop_plan": 1751,
-    "stoop_studies": 14847,
+    "stoop_studies": 14879,
     "stoop_tune": 4549,
-    "api": 200,
+    "api": 134,
     "assessment": 5151,
-    "base": 2542,
+    "base": 2588,
     "checks": 3050,
-    "cli": 2902,
+    "cli": 2859,
     "estimate": 7302,
     "flight": 6550,
     "input_design": 2380,
@@ -50,10 +51,10 @@ BUDGETS = {
     "report": 3610,
     "results": 1366,
     "simulation": 3117,
-    "strategy": 1461,
+    "strategy": 1466,
     "vehicle": 3705,
     "vehicle_draft": 3380,
-    "workflow": 2899,
+    "workflow": 2905,
 }
 #: modules that an allowed import cycle goes through, imports in functions counted: registries that name their entries
 REGISTRIES = {"stoop.optimize.registry", "stoop.vehicle.vehicle", "stoop.workflow.fitted_model"}

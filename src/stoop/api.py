@@ -11,7 +11,7 @@ from stoop.problem.windows import Windows, as_windows
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import resolve_vehicle as load_vehicle
 from stoop.workflow.fitted_model import FittedModel
-from stoop.workflow.flights import Flights, OneFlight, as_flight, as_flights
+from stoop.workflow.flights import OneFlight, as_flight
 from stoop.workflow.load import fitted_model
 
 if TYPE_CHECKING:
@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from stoop.input_design.optimization import Proposal
     from stoop.reconstruction.compatibility import Compatibility
     from stoop.report.sheet import Page
-    from stoop.vehicle_draft.draft import Drafted
 
 
 def look(flight: OneFlight) -> Page:
@@ -75,57 +74,6 @@ def check(flight: OneFlight, vehicle: Vehicle | str | Path | None = None) -> tup
 
     model = vehicle if vehicle is None or isinstance(vehicle, Vehicle) else load_vehicle(vehicle)
     return checked(as_flight(flight), model)
-
-
-def new_vehicle(
-    flights: Flights = (),
-    *,
-    template: str | None = None,
-    mass: float | None = None,
-    span: float | None = None,
-    chord: float | None = None,
-    area: float | None = None,
-    engine: str | None = None,
-    geometry: str | Path | None = None,
-    name: str | None = None,
-    aerodynamics: str = "handbook",
-) -> Drafted:
-    """Draft a vehicle file; its ``text`` is to be saved, its ``vehicle`` to be used, its ``notices`` to be read.
-
-    Parameters
-    ----------
-    flights : Flight, path of a log, xarray.Dataset, or a sequence of them, optional
-        Of this vehicle; from dimensions alone when absent.
-    template : str, optional
-        "conventional", "v-tail", "flying-wing", "glider", "quadplane", "quad", "hexa" or "octo"; by the log when absent.
-    mass : float, kg
-    span : float, m
-        Of the wing; of a multirotor the largest distance between motors.
-    chord : float, m
-        Of the wing, mean.
-    area : float, m2, optional
-        Of the wing; span times chord when absent.
-    engine : str, optional
-        "electric", "piston", "jet" or "none".
-    geometry : path, optional
-        Of a geometry file.
-    name : str, optional
-        Of the vehicle.
-    aerodynamics : str
-        Derivatives of the geometry file by "handbook" or "aerosandbox" (extra ``geometry``).
-
-    Raises
-    ------
-    VehicleError
-        Something is missing, contradicts itself, or AeroSandbox is not installed.
-    """
-    from stoop.vehicle_draft.draft import draft
-    from stoop.vehicle_draft.geometry import Geometry
-    from stoop.vehicle_draft.request import Request
-
-    table = None if geometry is None else Geometry.load(geometry)
-    request = Request(template, mass, span, chord, area, engine, table, name, aerodynamics)
-    return draft(request, as_flights(flights))
 
 
 def reconstruct(flight: OneFlight, windows: Windows = ()) -> tuple[Compatibility, Flight]:

@@ -13,6 +13,7 @@ import sys
 import tomllib
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from typing import Any, Final
@@ -27,21 +28,30 @@ LARGEST: Final = 1_000_000  #: bytes of a file
 
 @cache
 def packages() -> Mapping[str, Mapping[str, Any]]:
-    """Return the content of each package's file, by name of the package; one that cannot be read is left out with a warning."""
-    places = [path for folder in sys.path for path in Path(folder).glob(f"{PREFIX}*/{FILE}")]
-    found = {}
-    for name, path in sorted({path.parent.name: path for path in reversed(places)}.items()):
-        try:
-            with path.open("rb") as file:
-                content = tomllib.loads(file.read(LARGEST).decode("utf-8"))
-        except (OSError, ValueError) as error:
-            warn(name, f"{path} cannot be read ({error})")
-            continue
-        if content.get("interface") != INTERFACE:
-            warn(name, f"it is made for interface {content.get('interface')} of stoop, which has {INTERFACE}")
-            continue
-        found[name] = content
-    return found
+    """Return the content of each package's file by name, those of stoop's wheel first; what cannot be read costs a warning."""
+    own, found = Path(__file__).parents[2], dict[str, Mapping[str, Any]]()
+    for folder in [str(own), *sys.path]:
+        with suppress(OSError, TypeError, ValueError):  # of a path that is none
+            for path in sorted(Path(folder).glob(f"{PREFIX}*/{FILE}")):
+                if path.parent.name not in found and path.is_file():
+                    found[path.parent.name] = _content(path)
+    return {name: content for name, content in found.items() if content}
+
+
+def _content(path: Path) -> Mapping[str, Any]:
+    """Return the content of a package's file; nothing, with a warning, where it cannot be used."""
+    try:
+        if path.stat().st_size > LARGEST:
+            raise ValueError(f"larger than {LARGEST} bytes")
+        content = tomllib.loads(path.read_text("utf-8"))
+    except (OSError, ValueError, RecursionError) as error:
+        warn(path.parent.name, f"{path} cannot be read ({error})")
+        return {}
+    made_for = content.get("interface")
+    if repr(made_for) != repr(INTERFACE):
+        warn(path.parent.name, f"it is made for interface {made_for} of stoop, which has {INTERFACE}")
+        return {}
+    return content
 
 
 def rows(kind: str, taken: Iterable[str] = ()) -> Iterator[tuple[str, str, Any]]:
@@ -65,13 +75,21 @@ def rows(kind: str, taken: Iterable[str] = ()) -> Iterator[tuple[str, str, Any]]
 
 def places(kind: str, taken: Iterable[str] = ()) -> dict[str, str]:
     """Return the places of all functions, or methods, that packages offer, by name; see `rows`."""
-    return {name: str(place) for _, name, place in rows(kind, taken)}
+    offered = rows(kind, taken)
+    return {name: str(place) for _, name, place in offered if name.isidentifier() and name[0] != "_"}
 
 
 def hooks(name: str) -> list[Callable[..., Any]]:
-    """Return the functions of all packages that stoop calls under a name."""
-    tables = (content.get("hooks", {}) for content in packages().values())
-    return [resolved(table[name]) for table in tables if name in table]
+    """Return the functions of all packages that stoop calls under a name; one that cannot be imported costs a warning."""
+    found = []
+    for package, content in packages().items():
+        table = content.get("hooks")
+        if isinstance(table, Mapping) and name in table:
+            try:
+                found.append(resolved(table[name]))
+            except StoopError as error:
+                warn(package, f"its hook '{name}' is left out: {error}")
+    return found
 
 
 def hook(name: str, needed_by: str) -> Callable[..., Any]:
@@ -83,16 +101,18 @@ def hook(name: str, needed_by: str) -> Callable[..., Any]:
 
 
 def resolved(place: str) -> Any:
-    """Return what a place ``module:name`` holds; raises `StoopError` where it cannot be imported."""
-    module, _, name = place.partition(":")
+    """Return what a place ``module:name`` holds; raises `StoopError` where a package's cannot be imported."""
+    module, _, name = str(place).partition(":")
+    package = module.partition(".")[0]
     try:
         return getattr(importlib.import_module(module), name)
-    except (ImportError, AttributeError, ValueError) as error:
-        if isinstance(error, ModuleNotFoundError) and error.name and not module.startswith(error.name):
-            raise  # a library of an extra
-        package = module.partition(".")[0]
+    except Exception as error:
+        missing = str(getattr(error, "name", None) or package).partition(".")[0]
+        library = isinstance(error, ModuleNotFoundError) and missing != package and missing[:5] != "stoop"
+        if library or package == "stoop":
+            raise  # of an extra, or an error of stoop's own
         raise StoopError(
-            f"{package}: '{place}' cannot be imported ({error}); update or remove the package"
+            f"{package}: '{place}' cannot be imported ({error}); update, install or remove the package"
         ) from error
 
 

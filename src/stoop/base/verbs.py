@@ -8,12 +8,14 @@ from __future__ import annotations
 import functools
 import re
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from importlib.resources import files
 from typing import Any, Final
 
 from stoop.base import packages
+from stoop.errors import StoopError
 
 GROUPS: Final = (
     "flights",
@@ -23,6 +25,10 @@ GROUPS: Final = (
     "studies",
     "help",
 )  #: of verbs, in the order of their list
+KINDS: Final = (
+    "text", "switch", "file", "data", "vehicle", "source", "output", "output-or-print", "page", "folder", "names", "count",
+    "at-least-one", "positive", "finite",
+)  #: of options  # fmt: skip
 MOST_EXPLAINED = 16  #: choices with titles that the help of an option lists
 _LINK = re.compile(r"\[([^\]]*)\]\((?:([\w-]+\.md)[^)]*|[^)]*)\)")
 _PLACE = re.compile(r"[\w.]+:\w+")  #: a text that stands for an object of a module
@@ -106,7 +112,11 @@ class Option:
     @property
     def choices(self) -> dict[str, str]:
         """Choices, each with its title, which is empty for most."""
-        found = _resolved(self.allowed)
+        try:
+            found = _resolved(self.allowed)
+        except StoopError as error:  # of a package that is absent or broken
+            packages.warn(str(error).partition(":")[0], f"choices of {self.name} are unknown: {error}")
+            return {}
         titles = found if isinstance(found, Mapping) else {}
         return {name: str(getattr(titles.get(name), "title", "")) for name in found}
 
@@ -184,19 +194,15 @@ def verbs() -> dict[str, Verb]:
     """Return all verbs by name, in the order of `GROUPS`, those of stoop before those of packages."""
     found = read_verbs({"verbs": _table()["verbs"]})
     for package, name, row in packages.rows("verbs", found):
-        try:
+        with _guarded(package, f"its verb '{name}'"):
             found |= read_verbs(
                 {"options": packages.packages()[package].get("options", {}), "verbs": {name: row}}
             )
-        except (AttributeError, KeyError, TypeError) as error:
-            packages.warn(package, f"its verb '{name}' cannot be read ({error!r})")
     for package, content in packages.packages().items():
-        for name, row in content.get("more", {}).items():
-            try:
+        with _guarded(package, "its options of verbs"):
+            for name, row in content.get("more", {}).items():
                 added = tuple(_option(one, shared_options()) for one in row["options"])
-                found[name] = replace(found[name], options=found[name].options + added)
-            except (KeyError, TypeError) as error:
-                packages.warn(package, f"its options of '{name}' cannot be read ({error!r})")
+                found[name] = _checked(replace(found[name], options=found[name].options + added))
     return {one.name: one for one in sorted(found.values(), key=lambda verb: GROUPS.index(verb.group))}
 
 
@@ -209,10 +215,30 @@ def read_verbs(table: Mapping[str, Any]) -> dict[str, Verb]:
         group = row.get("group", GROUPS[2])
         if group not in GROUPS:
             raise KeyError(group)
-        found[name] = Verb(
-            name, row["summary"], row["run"], options, row.get("python", ""), row.get("epilog", ""), group
-        )
+        more = row.get("python", ""), row.get("epilog", ""), group
+        found[name] = _checked(Verb(name, row["summary"], row["run"], options, *more))
     return found
+
+
+def _checked(verb: Verb) -> Verb:
+    """Return a verb; raise an error where its row says what no parser takes."""
+    if not isinstance(verb.summary, str) or not re.fullmatch(r"[^%\n]+", verb.summary):
+        raise TypeError(f"summary {verb.summary!r}")
+    for option in verb.options:
+        if not (isinstance(option.name, str) and isinstance(option.help, str) and option.kind in KINDS):
+            raise TypeError(f"option {option.name!r}")
+    if len({one.key for one in verb.options}) < len(verb.options):
+        raise ValueError("two options of one name")
+    return verb
+
+
+@contextmanager
+def _guarded(package: str, what: str) -> Iterator[None]:
+    """Leave a part of a package out, with a warning, where it cannot be read."""
+    try:
+        yield
+    except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
+        packages.warn(package, f"{what} cannot be read ({error!r})")
 
 
 @functools.cache

@@ -1,4 +1,4 @@
-"""Verbs that write a file to go on with: `stoop vehicle`, `stoop map` and `stoop simulate`."""
+"""Verbs that write a file to go on with: `stoop vehicle` and `stoop simulate`."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 from stoop.base.files import check_target, write_text_atomic
 from stoop.base.text import show
 from stoop.cli import options
-from stoop.cli.page import page, to_json, words
+from stoop.cli.page import page, words
 from stoop.cli.progress import LiveLine
-from stoop.errors import FlightError, ManeuverError, VehicleError, listed
+from stoop.errors import FlightError, ManeuverError, VehicleError
 
 if TYPE_CHECKING:
     from stoop.vehicle import Vehicle
@@ -46,50 +46,6 @@ def vehicle(arguments: argparse.Namespace) -> int:
         out.line(f"{output}: the built-in vehicle {name}, with its comments; edit its numbers")
         out.command("next: ", ["stoop", "trim", str(output)])
     return 0
-
-
-def map_log(arguments: argparse.Namespace) -> int:
-    """Draft a mapping of a log, or correct one; print or write it, and with ``--json`` print the columns of the log too."""
-    output, applied = arguments.output, arguments.apply
-    with LiveLine("reading the log"):
-        text, lines = _drafted(arguments.flight) if applied is None else _corrected(arguments.flight, applied)
-        document = _columns(arguments.flight, text, lines) if arguments.json else ""
-    if output is not None:
-        write_text_atomic(output, text)
-    if document or output is None:
-        show(document or text.removesuffix("\n"))
-        return 0
-    out, (first, *others) = page(), lines
-    out.line(f"{output}: {first}")
-    out.bullets(others)
-    out.command("next: ", ["stoop", "info", str(arguments.flight), "--mapping", str(output)])
-    return 0
-
-
-def _columns(log: Path, text: str, lines: list[str]) -> str:
-    """Return a mapping, what is said of it, and the columns of its log, as JSON."""
-    from stoop.flight.log_columns import columns_of, read_unmapped
-
-    return to_json({"mapping": text, "said": lines, "columns": [*columns_of(read_unmapped(log))]})
-
-
-def _drafted(log: Path) -> tuple[str, list[str]]:
-    """Return a draft, and what is said of it."""
-    from stoop.flight.mapping_draft import draft
-
-    made = draft(log)
-    unknown = [f"not recognized: {listed(made.unknown)}"] if made.unknown else []
-    return made.text, [f"{made.mapped} variables, {made.unsure} of them unsure", *unknown]
-
-
-def _corrected(log: Path, mapping: Path) -> tuple[str, list[str]]:
-    """Return a mapping with the advice of the checks applied, and what is said of it."""
-    from stoop.flight.mapping_corrections import corrected_mapping
-
-    made = corrected_mapping(log, mapping)
-    said = [f"applied: {one}" for one in made.applied] + [f"left to you: {one}" for one in made.left]
-    confirmed = ", each confirmed by the log" if made.applied else ""
-    return made.text, [f"corrections applied: {len(made.applied)}{confirmed}", *said]
 
 
 def simulate(arguments: argparse.Namespace) -> int:

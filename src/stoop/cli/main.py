@@ -195,7 +195,8 @@ def parser_for(given: Sequence[str]) -> Parser:
 
 def _run(verb: Verb, arguments: argparse.Namespace) -> int:
     """Import the function of a verb, or of an option that runs it instead; with ``--overwrite`` it replaces nothing it reads."""
-    others = [one.run for one in verb.options if one.run and getattr(arguments, one.key) is not None]
+    given = {one.run: getattr(arguments, one.key) for one in verb.options if one.run}
+    others = [run for run, value in given.items() if value not in (None, False, [])]
     with recorded_inputs() if hasattr(arguments, "overwrite") else contextlib.nullcontext():
         check_outputs(verb.options, arguments)
         return int(resolved(*others[:1] or [verb.run])(arguments))

@@ -253,7 +253,7 @@ class FilterError(Fitter[FilterEstimate]):
             searches.append(best)
             if best.status == "interrupted":
                 break
-        if not searches:
+        if np.isfinite(left.correlation) and not any(np.isfinite(a.cost) for a in searches):
             raise left
         best = min(searches, key=lambda a: a.cost)
         if searches[-1].status == "interrupted":

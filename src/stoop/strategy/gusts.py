@@ -55,8 +55,13 @@ def fit_in_gusts(setup: Setup, fit: Fitter) -> Fitted:
 
         return found.noting(*gust_bias(found.estimate, found.setup.flights))
     began, calm = time.perf_counter(), None
-    filtered, doubts = _filtered(setup, fit, setup.options.start, gives_up=True)
-    if doubts and not setup.options.start:  # the estimates in calm air are another start
+    filtered, doubts = None, tuple[Notice, ...]()
+    resumed = (
+        setup.state is not None and setup.state.optimizer != SCORING
+    )  # a search in calm air that was interrupted
+    if not resumed or setup.options.start:
+        filtered, doubts = _filtered(setup, fit, setup.options.start, gives_up=True)
+    if (resumed or doubts) and not setup.options.start:  # the estimates in calm air are another start
         with suppress(IdentificationError):  # a filter may follow what no simulation does
             calm = fit(_in_calm_air(setup))
         if calm is not None and calm.estimate.outcome.status == "interrupted":

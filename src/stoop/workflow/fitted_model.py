@@ -38,7 +38,7 @@ from stoop.vehicle import Vehicle
 from stoop.vehicle.notation import symbols
 from stoop.workflow.archive import unpacked
 from stoop.workflow.curves import channel_units
-from stoop.workflow.model_methods import ModelMethods
+from stoop.workflow.model_methods import ModelMethods, add_methods
 from stoop.workflow.outputs import ESTIMATE, RESULT, check_folder, place_outputs
 
 if TYPE_CHECKING:
@@ -286,3 +286,6 @@ class FittedModel(ModelMethods):
         given = {p.name: Quantity(p.value, np.nan, p.unit) for p in own}
         estimates = self.result.parameters.items()
         return given | {n: Quantity(p.estimate, p.std_error, p.unit) for n, p in estimates if n in given}
+
+
+add_methods(FittedModel)

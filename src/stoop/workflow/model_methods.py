@@ -33,5 +33,8 @@ class ModelMethods:
     """The methods of a fitted model that are functions of a package."""
 
 
-for _name, _place in (METHODS | places("methods", METHODS)).items():
-    setattr(ModelMethods, _name, _Method(_place))
+def add_methods(model: type) -> None:
+    """Give a class the methods of stoop and of packages; names that it has stay its own."""
+    own = [*dir(model), *getattr(model, "__dataclass_fields__", ())]
+    for name, place in (METHODS | places("methods", [*METHODS, *own])).items():
+        setattr(model, name, _Method(place))

@@ -1,1 +1,1 @@
-"""Optimizers that only comparisons and the paper use, registered with `stoop.optimize` by an entry point."""
+"""Optimizers that only comparisons and the paper use, registered with `stoop.optimize` by ``stoop.toml``."""

@@ -27,6 +27,7 @@ import numpy as np
 from numpy.random import Generator
 
 from stoop.base.arrays import Factor, FloatArray, IntArray
+from stoop.optimize.population import ParameterMemory
 
 #: From a population X, (n, D), of costs F, (n,), and a scale, one or (n, 1), to mutants, (n, D).
 Mutation = Callable[[FloatArray, FloatArray, Factor, Generator], FloatArray]
@@ -240,3 +241,34 @@ class ByCost(Memoryless):
         place = np.where(finite, (F - best) / max(worst - best, 1e-300), 1.0)
         rates = np.where(mean < F, self.low + (self.high - self.low) * place, self.low)
         return self.scale, rates[:, None]
+
+
+@dataclass(frozen=True)
+class SuccessHistory:
+    """Scales and rates near those of recent successful trials, one of each for every parent (SHADE)."""
+
+    entries: int = 6
+
+    def begin(self) -> ParameterMemory:
+        """Return a memory without any success."""
+        return ParameterMemory.fresh(self.entries)
+
+    def sample(
+        self, memory: ParameterMemory, F: FloatArray, generator: Generator
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return scales and rates, (n, 1) each."""
+        scales, rates = memory.sample(len(F), generator)
+        return scales[:, None], rates[:, None]
+
+    def learn(
+        self,
+        memory: ParameterMemory,
+        scale: FloatArray,
+        rate: FloatArray,
+        before: FloatArray,
+        costs: FloatArray,
+    ) -> ParameterMemory:
+        """Return the memory after a generation: means of the successful, weighted by the gain in cost."""
+        with np.errstate(invalid="ignore"):
+            gains = before - costs
+        return memory.learn(scale[:, 0], rate[:, 0], gains, costs < before)

@@ -35,6 +35,25 @@ BAD = {
     "stoop_new": "interface = 2\n",
 }
 UNKNOWN = "'m:f' cannot be imported (No module named 'm')"
+HOSTILE = """
+interface = 1
+hooks = 3
+[verbs.a]
+summary = "a %(prog)d"
+run = "m:f"
+options = []
+[verbs.b]
+summary = "two options"
+run = "m:f"
+options = ["seed", "seed"]
+[more]
+trim = { options = [{ name = "--zz", kind = "nosuch", help = "h" }] }
+[methods]
+result = "m:f"
+__setattr__ = "m:f"
+[functions]
+fit = "m:f"
+"""
 SOURCE = Path(stoop_studies.__file__).parents[1]
 
 
@@ -88,7 +107,31 @@ def test_what_is_wrong_with_a_package_is_one_line_and_the_rest_works(tmp_path: P
         assert told in err
     out, err = output(tmp_path, "from stoop.cli.main import main; print(main(['lose']))")
     assert out == "2\n"
-    assert err.splitlines()[-1] == f"stoop: error: m: {UNKNOWN}; update or remove the package"
+    assert err.splitlines()[-1] == f"stoop: error: m: {UNKNOWN}; update, install or remove the package"
+
+
+def test_no_row_breaks_what_is_of_stoop(tmp_path: Path) -> None:
+    (tmp_path / "later").mkdir()
+    switch = '{ name = "--zz", kind = "switch", help = "h", run = "m:f" }'
+    rows = f"interface = 1\n[hooks]\ncontrol_laws = 'm:f'\n[more]\ntrim = {{ options = [{switch}] }}\n[verbs]\ntune = {ROW}\n"
+    written(tmp_path, {"stoop_aaa": rows, "stoop_hostile": HOSTILE})
+    code = """
+import stoop
+from stoop.base.packages import hooks
+from stoop.cli.main import main
+print(main(["tune", "--help"]), main(["trim", "quad-x"]), main(["trim", "quad-x", "--zz"]))
+print(stoop.fit.__module__, len(hooks("control_laws")), "result" in stoop.FittedModel.__dataclass_fields__)
+"""
+    out, err = output(tmp_path, code)
+    assert out.splitlines()[-2:] == ["0 0 2", "stoop.workflow.identification 1 True"]
+    assert "usage: stoop tune" in out
+    for told in (
+        "'tune' of its verbs is one of stoop_tune",
+        "its hook 'control_laws' is left out",
+        "its verb 'a'",
+        "its verb 'b'",
+    ):
+        assert told in err
 
 
 def test_an_unknown_name_is_answered_with_the_nearest(tmp_path: Path) -> None:

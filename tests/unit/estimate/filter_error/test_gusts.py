@@ -180,12 +180,13 @@ def test_a_filter_whose_innovations_gusts_do_not_explain_ends_early(gusty_start,
     assert abs(found.innovation_correlation) > LIMITS.correlation
 
 
+@pytest.mark.parametrize("resumed", [True, False])
 @pytest.mark.parametrize("failing", ["output-error", "filter-error"])
-def test_the_method_that_fails_gives_way_to_the_other(monkeypatch, failing):
+def test_the_method_that_fails_gives_way_to_the_other(monkeypatch, failing, resumed):
     """A search in calm air that was interrupted goes on where it was, and the filter begins anew."""
     vehicle, options = load_vehicle("twin-boom"), Options(method="output-error")
     setup = setup_of(Strategy.default(), vehicle, {}, WINDOWS, options=options)
-    state, start = SimpleNamespace(optimizer="ps-gde-lm"), {"CLalpha": 5.0}
+    state, start = SimpleNamespace(optimizer="ps-gde-lm") if resumed else None, {"CLalpha": 5.0}
     setup, asked = replace(setup, in_calm="output-error", state=state).by("filter-error"), []
     estimate = SimpleNamespace(outcome=SimpleNamespace(status="converged"), start=start, notices=())
 
@@ -198,10 +199,11 @@ def test_the_method_that_fails_gives_way_to_the_other(monkeypatch, failing):
 
     monkeypatch.setattr(decision, "unexplained", lambda *args: ())
     done = decision.fit_in_gusts(setup, fitted)
-    assert {done.setup.options.method, failing} == {"output-error", "filter-error"}
-    calm = failing == "filter-error"  # then the filter begins once more at its estimates
-    again = [("output-error", state, {}, False), ("filter-error", None, start, True)] if calm else []
-    assert asked == [("filter-error", None, {}, True), *again]
+    calm = failing == "filter-error"  # then the filter begins once more at its estimates, and may give up early
+    assert done.setup.options.method == ("output-error" if calm else "filter-error")
+    first = [] if resumed else [("filter-error", None, {}, True)]
+    later = [("output-error", state, {}, False), ("filter-error", None, start if calm else {}, calm)]
+    assert asked == [*first, *(later if calm or resumed else [])]
     assert [n.code for n in done.setup.notices] == (["filter-diverges"] if calm else [])
 
 

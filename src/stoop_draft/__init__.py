@@ -1,0 +1,1 @@
+"""Drafts of mappings and of vehicle files."""
