@@ -87,7 +87,7 @@ def hooks(name: str) -> list[Callable[..., Any]]:
         if isinstance(table, Mapping) and name in table:
             try:
                 found.append(resolved(table[name]))
-            except StoopError as error:
+            except (StoopError, ImportError) as error:
                 warn(package, f"its hook '{name}' is left out: {error}")
     return found
 
