@@ -199,7 +199,7 @@ def test_the_method_that_fails_gives_way_to_the_other(monkeypatch, failing, resu
 
     monkeypatch.setattr(decision, "unexplained", lambda *args: ())
     done = decision.fit_in_gusts(setup, fitted)
-    calm = failing == "filter-error"  # then the filter begins once more at its estimates, and may give up early
+    calm = failing == "filter-error"  # then the filter begins once more at its estimates
     assert done.setup.options.method == ("output-error" if calm else "filter-error")
     first = [] if resumed else [("filter-error", None, {}, True)]
     later = [("output-error", state, {}, False), ("filter-error", None, start if calm else {}, calm)]
