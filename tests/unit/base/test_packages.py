@@ -155,7 +155,11 @@ print(main(["demo", "-o", "made"]), main(["linearize", "made"]), main([*simulate
 print(main([*simulate, "g.nc", "--autopilot", "m.toml"]), main(["tune", "made", "x"]))
 """
     (tmp_path / "m.toml").write_text("duration = 2.0\n")
-    places = [str(tmp_path), str(SOURCE), str(Path(np.__file__).parents[1])]
+    (tmp_path / "libraries").mkdir()
+    for one in Path(np.__file__).parents[1].iterdir():
+        if not one.name.startswith("stoop") or one.suffix == ".dist-info":
+            (tmp_path / "libraries" / one.name).symlink_to(one)
+    places = [str(tmp_path), str(SOURCE), str(tmp_path / "libraries")]
     given = f"FOLDER, SOURCE, LIBRARIES = {places}\n{code}"
     done = subprocess.run(
         [sys.executable, "-S", "-c", given], capture_output=True, text=True, check=False, cwd=tmp_path
