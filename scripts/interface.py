@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import ast
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 
 import stoop
@@ -18,9 +19,15 @@ SOURCE = Path(__file__).parents[1] / "src"
 HEAD = '"""Written by scripts/interface.py."""\n\n'
 
 
+def offered(kind: str, core: Mapping[str, str]) -> dict[str, str]:
+    """Return the places of functions or methods of the core and of the packages of this repository."""
+    known = dict(core) | places(kind, core)
+    return {name: place for name, place in known.items() if (SOURCE / place.partition(".")[0]).is_dir()}
+
+
 def names() -> str:
     """Return the names of `import stoop`."""
-    known = stoop.PLACES | places("functions", stoop.PLACES)
+    known = offered("functions", stoop.PLACES)
     lines = ["from stoop import errors"]
     for name, place in known.items():
         module, _, own = place.partition(":")
@@ -36,7 +43,7 @@ def names() -> str:
 def methods() -> str:
     """Return the methods of a fitted model."""
     imported, bodies = set[str](), list[str]()
-    for name, place in sorted((METHODS | places("methods", METHODS)).items()):
+    for name, place in sorted(offered("methods", METHODS).items()):
         module, _, own = place.partition(":")
         tree = ast.parse((SOURCE / f"{module.replace('.', '/')}.py").read_text("utf-8"))
         function = next(n for n in ast.walk(tree) if isinstance(n, ast.FunctionDef) and n.name == own)

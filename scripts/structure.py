@@ -24,7 +24,7 @@ FLAG = re.compile(
 )  #: tests whether a vehicle has rotors
 #: package, or room of the core -> lines at most; "stoop" is the whole core
 BUDGETS = {
-    "stoop": 65331,
+    "stoop": 65328,
     "stoop_analysis": 5820,
     "stoop_app": 4014,
     "stoop_draft": 114,
@@ -35,7 +35,7 @@ BUDGETS = {
     "stoop_tune": 4549,
     "api": 134,
     "assessment": 5151,
-    "base": 2588,
+    "base": 2586,
     "checks": 3050,
     "cli": 2859,
     "estimate": 7302,
@@ -43,7 +43,7 @@ BUDGETS = {
     "input_design": 2380,
     "kernels": 2810,
     "logs": 5150,
-    "optimize": 2768,
+    "optimize": 2766,
     "parallel": 1241,
     "prediction": 785,
     "problem": 2029,
@@ -51,7 +51,7 @@ BUDGETS = {
     "report": 3610,
     "results": 1366,
     "simulation": 3117,
-    "strategy": 1466,
+    "strategy": 1467,
     "vehicle": 3705,
     "vehicle_draft": 3380,
     "workflow": 2905,

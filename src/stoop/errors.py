@@ -85,7 +85,7 @@ class OutputError(StoopError):
 
 
 class StoopWarning(UserWarning):
-    """What the user should know, though all goes on."""
+    """Base of the warnings of stoop."""
 
 
 class CacheWarning(StoopWarning):

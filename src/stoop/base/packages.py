@@ -13,7 +13,7 @@ import sys
 import tomllib
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
 from typing import Any, Final
@@ -31,7 +31,7 @@ def packages() -> Mapping[str, Mapping[str, Any]]:
     """Return the content of each package's file by name, those of stoop's wheel first; what cannot be read costs a warning."""
     own, found = Path(__file__).parents[2], dict[str, Mapping[str, Any]]()
     for folder in [str(own), *sys.path]:
-        with suppress(OSError, TypeError, ValueError):  # of a path that is none
+        with suppress(OSError, TypeError, ValueError):  # an entry of the path may be no folder
             for path in sorted(Path(folder).glob(f"{PREFIX}*/{FILE}")):
                 if path.parent.name not in found and path.is_file():
                     found[path.parent.name] = _content(path)
@@ -101,7 +101,7 @@ def hook(name: str, needed_by: str) -> Callable[..., Any]:
 
 
 def resolved(place: str) -> Any:
-    """Return what a place ``module:name`` holds; raises `StoopError` where a package's cannot be imported."""
+    """Import the object of a place ``module:name``; raises `StoopError` where that of a package cannot be imported."""
     module, _, name = str(place).partition(":")
     package = module.partition(".")[0]
     try:
@@ -114,6 +114,15 @@ def resolved(place: str) -> Any:
         raise StoopError(
             f"{package}: '{place}' cannot be imported ({error}); update, install or remove the package"
         ) from error
+
+
+@contextmanager
+def guarded(package: str, what: str) -> Iterator[None]:
+    """Leave a part of a package out, with a warning, where it cannot be read."""
+    try:
+        yield
+    except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
+        warn(package, f"{what} cannot be read ({error!r})")
 
 
 def warn(package: str, what: str) -> None:

@@ -8,8 +8,7 @@ from __future__ import annotations
 import functools
 import re
 import tomllib
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from importlib.resources import files
 from typing import Any, Final
@@ -194,12 +193,12 @@ def verbs() -> dict[str, Verb]:
     """Return all verbs by name, in the order of `GROUPS`, those of stoop before those of packages."""
     found = read_verbs({"verbs": _table()["verbs"]})
     for package, name, row in packages.rows("verbs", found):
-        with _guarded(package, f"its verb '{name}'"):
+        with packages.guarded(package, f"its verb '{name}'"):
             found |= read_verbs(
                 {"options": packages.packages()[package].get("options", {}), "verbs": {name: row}}
             )
     for package, content in packages.packages().items():
-        with _guarded(package, "its options of verbs"):
+        with packages.guarded(package, "its options of verbs"):
             for name, row in content.get("more", {}).items():
                 added = tuple(_option(one, shared_options()) for one in row["options"])
                 found[name] = _checked(replace(found[name], options=found[name].options + added))
@@ -212,16 +211,15 @@ def read_verbs(table: Mapping[str, Any]) -> dict[str, Verb]:
     found = {}
     for name, row in table["verbs"].items():
         options = tuple(_option(one, shared) for one in row["options"])
-        group = row.get("group", GROUPS[2])
-        if group not in GROUPS:
-            raise KeyError(group)
-        more = row.get("python", ""), row.get("epilog", ""), group
+        more = row.get("python", ""), row.get("epilog", ""), row.get("group", GROUPS[2])
         found[name] = _checked(Verb(name, row["summary"], row["run"], options, *more))
     return found
 
 
 def _checked(verb: Verb) -> Verb:
-    """Return a verb; raise an error where its row says what no parser takes."""
+    """Return a verb; raise an error where no parser can be made of it."""
+    if verb.group not in GROUPS:
+        raise ValueError(f"group {verb.group!r}")
     if not isinstance(verb.summary, str) or not re.fullmatch(r"[^%\n]+", verb.summary):
         raise TypeError(f"summary {verb.summary!r}")
     for option in verb.options:
@@ -230,15 +228,6 @@ def _checked(verb: Verb) -> Verb:
     if len({one.key for one in verb.options}) < len(verb.options):
         raise ValueError("two options of one name")
     return verb
-
-
-@contextmanager
-def _guarded(package: str, what: str) -> Iterator[None]:
-    """Leave a part of a package out, with a warning, where it cannot be read."""
-    try:
-        yield
-    except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
-        packages.warn(package, f"{what} cannot be read ({error!r})")
 
 
 @functools.cache

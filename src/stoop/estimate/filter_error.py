@@ -236,7 +236,7 @@ class FilterError(Fitter[FilterEstimate]):
         few steps, and gives up where it leaves all.
         """
         searches: list[ScoringModel] = []
-        left = UnexplainedError(np.nan)
+        unexplained: UnexplainedError | None = None
         for x in starts(problem, options.start)[1 if options.start else 0 :]:
             z = np.concatenate([x, np.zeros(problem.extra), noise.start])
             likelihood = Likelihood.of(problem, noise, self.gain, z)
@@ -245,7 +245,7 @@ class FilterError(Fitter[FilterEstimate]):
             if best.usable and options.treatment.gives_up:
                 correlation = innovation_correlation(problem, best.likelihood.score(best.z))
                 if abs(correlation) >= LIMITS.correlation:
-                    left = UnexplainedError(correlation)
+                    unexplained = UnexplainedError(correlation)
                     continue
             if best.usable:  # once more with gains that suit where that led
                 likelihood = best.likelihood.along(best.z)
@@ -253,8 +253,8 @@ class FilterError(Fitter[FilterEstimate]):
             searches.append(best)
             if best.status == "interrupted":
                 break
-        if np.isfinite(left.correlation) and not any(np.isfinite(a.cost) for a in searches):
-            raise left
+        if unexplained is not None and not any(np.isfinite(a.cost) for a in searches):
+            raise unexplained
         best = min(searches, key=lambda a: a.cost)
         if searches[-1].status == "interrupted":
             best.status = "interrupted"

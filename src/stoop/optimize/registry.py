@@ -9,7 +9,7 @@ from math import isfinite
 from types import MappingProxyType
 from typing import Any, Final
 
-from stoop.base.packages import resolved, rows, warn
+from stoop.base.packages import guarded, resolved, rows
 from stoop.errors import IdentificationError
 from stoop.optimize.state import Optimizer
 
@@ -40,10 +40,8 @@ def _entries() -> Mapping[str, Entry]:
     """Return the built-in optimizers and those of packages."""
     found = dict(_BUILT_IN)
     for package, name, row in rows("optimizers", found):
-        try:
+        with guarded(package, f"its optimizer '{name}'"):
             found[name] = Entry(**row)
-        except TypeError as error:
-            warn(package, f"its optimizer '{name}' cannot be read ({error})")
     return MappingProxyType(found)
 
 

@@ -6,7 +6,7 @@ import time
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import replace
-from typing import Final
+from typing import Any, Final
 
 from stoop.base.notices import Notice, notice
 from stoop.errors import IdentificationError
@@ -56,9 +56,7 @@ def fit_in_gusts(setup: Setup, fit: Fitter) -> Fitted:
         return found.noting(*gust_bias(found.estimate, found.setup.flights))
     began, calm = time.perf_counter(), None
     filtered, doubts = None, tuple[Notice, ...]()
-    resumed = (
-        setup.state is not None and setup.state.optimizer != SCORING
-    )  # a search in calm air that was interrupted
+    resumed = _calm_search(setup) is not None
     if not resumed or setup.options.start:
         filtered, doubts = _filtered(setup, fit, setup.options.start, gives_up=True)
     if (resumed or doubts) and not setup.options.start:  # the estimates in calm air are another start
@@ -88,8 +86,7 @@ def _filtered(
         setup.options, treatment=replace(setup.options.treatment, gives_up=gives_up), start=start
     )
     filtered = replace(setup, vehicle=with_turbulence(setup.vehicle), options=options)
-    # a state of the search in calm air, which goes on
-    if setup.state is not None and setup.state.optimizer != SCORING:
+    if _calm_search(setup) is not None:  # that goes on, and not by the filter
         filtered = replace(filtered, callback=None, state=None)
     try:
         found = fit(filtered)
@@ -98,11 +95,15 @@ def _filtered(
         return None, (doubt(error, setup.options.method, setup.in_calm),)
 
 
+def _calm_search(setup: Setup) -> Any:
+    """Return the state of an interrupted search in calm air."""
+    return None if setup.state is None or setup.state.optimizer == SCORING else setup.state
+
+
 def _in_calm_air(setup: Setup) -> Setup:
     """Return the fit by the method of calm air; the state of a filter's search is none of its."""
-    state = None if setup.state is None or setup.state.optimizer == SCORING else setup.state
     kept = tuple(one for one in setup.notices if one.code != "gusts-filtered")
-    return replace(setup, in_calm="", state=state, notices=kept).by(setup.in_calm)
+    return replace(setup, in_calm="", state=_calm_search(setup), notices=kept).by(setup.in_calm)
 
 
 GUSTS = Decision(
