@@ -25,14 +25,14 @@ FLAG = re.compile(
 #: package, or room of the core -> lines at most; "stoop" is the whole core
 BUDGETS = {
     "stoop": 65328,
-    "stoop_analysis": 5820,
+    "stoop_analysis": 5819,
     "stoop_app": 4014,
     "stoop_draft": 114,
     "stoop_export": 7347,
     "stoop_fleet": 3666,
     "stoop_plan": 1751,
     "stoop_studies": 14879,
-    "stoop_tune": 4549,
+    "stoop_tune": 4550,
     "api": 134,
     "assessment": 5151,
     "base": 2586,

@@ -99,7 +99,7 @@ def tune(
         A log that holds the autopilot's parameters, a file of parameters (``.params``, ``.parm``, ``.param``, ``.config``), or
         parameters by name.
     airspeed : (low, high), m/s, optional
-        What was flown in the fitted maneuvers when absent.
+        True airspeeds as the pitot of the autopilot reads them; what was flown in the fitted maneuvers when absent.
     draws : int
     seed : int
     source : {"posterior", "covariance"}, optional
@@ -125,9 +125,10 @@ def tune(
     laws = {a: firmware.law(values, a) for a in firmware.axes}
     axes = commands_of(vehicle, firmware, values).axes
     drawn = draws_of(model.result, model.attachments.get(POSTERIOR_FILE), draws, seed, source, model.source)
-    domain = flown_domain(model, airspeed)
-    speeds = [0.0] if firmware.rotors else np.linspace(*domain.airspeed, SPEEDS).tolist()
     pitot = pitot_readings(model.flights, vehicle, drawn)
+    domain = flown_domain(model, airspeed and (airspeed[0] / pitot[0], airspeed[1] / pitot[0]))
+    low, high = airspeed or np.round(np.multiply(pitot[0], domain.airspeed), 1).tolist()
+    speeds = [0.0] if firmware.rotors else np.linspace(low, high, SPEEDS).tolist()
     conditions = conditions_of(vehicle, firmware, values, speeds, domain.altitude, drawn, pitot)
     design = Design(firmware, values, axes, conditions, Specification(), gyro_noise(model.flights))
     judged = design.judged(values)
@@ -142,13 +143,12 @@ def tune(
     if log:
         closed, doubts = closed_loops(log, firmware.rotors, conditions, design.loops(values))
     taken = [*assumptions(design, vehicle, drawn, complete=log is not None), *beyond_band(band, found)]
-    contradicted = [one for one in doubts if one.code == "tune-loop-contradicted"]
     unfit = _not_for_control(model)
-    against = (*unfit, *lacking, *contradicted)
+    against = (*unfit, *lacking, *(one for one in doubts if one.code == "tune-loop-contradicted"))
     notices = (*unfit, *drawn.notices, *lacking, *taken, *doubts)
-    known = (firmware.title, found, len(drawn.values), drawn.source, notices)
     streams = frozenset(s.source for f in model.flights for n, s in f.sources.items() if n in ("V", TRUE))
     physics = physical_parameters(vehicle, firmware.title, values, domain, drawn, streams)
+    known = (firmware.title, found, len(drawn.values), drawn.source, notices)
     return JudgedGains(*known, design, against, band, physics, closed)
 
 
@@ -184,16 +184,17 @@ def conditions_of(
 ) -> list[Condition]:
     """Return linear models of a vehicle about airspeeds, zero in a hover, moved by the commands of a firmware.
 
-    `pitot` is what the pitot of the autopilot reads over the airspeed, alike for all models or (1 + d,).
+    Laws are scaled by what the pitot reads, so that the airspeeds are its readings (true, m/s): `pitot` times those of the
+    model, alike for all models or (1 + d,).
     """
     readings = np.atleast_1d(pitot)
+    spread = equivalent_over_true(float(standard_density(np.array(altitude)))) * readings / readings[0]
     commands = commands_of(vehicle, firmware, parameters, altitude)
-    calibrated = equivalent_over_true(float(standard_density(np.array(altitude))))
     return [
         Condition(
             speed,
-            np.array([[firmware.airspeed_ratio(parameters, x)] for x in calibrated * speed * readings]),
-            plants_of(vehicle, trim(vehicle, speed or None, altitude), drawn, commands),
+            np.array([[firmware.airspeed_ratio(parameters, x)] for x in speed * spread]),
+            plants_of(vehicle, trim(vehicle, speed / readings[0] or None, altitude), drawn, commands),
         )
         for speed in speeds
     ]

@@ -33,7 +33,7 @@ from stoop.base.notices import notice
 from stoop.base.variables import EULER, RATES
 from stoop.errors import SimulationError
 from stoop.estimate.estimate import Estimate
-from stoop.problem.observation import observation_model
+from stoop.problem.observation import at_center_of_gravity, observation_model, true_values
 from stoop.results.modes import ConditionModes, DerivedValue, MeasuredMode, ModeEstimate, StateEquations
 from stoop.simulation import Trim, trim
 from stoop.simulation.linearize import (
@@ -239,28 +239,28 @@ class Condition:
 def conditions(fit: Estimate) -> list[Condition]:
     """Return the flight conditions of the fitted maneuvers, those alike taken together.
 
-    They are means of what the model flew, biases taken off; a state that it does not read stays as it began.
+    They are means of what the model flew, without errors of instruments and wind; what it does not read stays as it began.
     """
-    layout, out = fit.problem.layout, list[Condition]()
+    layout, identified, out = fit.problem.layout, fit.identified_vehicle, list[Condition]()
     vehicle = layout.vehicle
     for maneuver in range(len(fit.prepared.windows)):
         indices = fit.prepared.of_maneuver(maneuver)
         pieces = [fit.prepared.pieces[i] for i in indices]
         flown = np.concatenate([fit.readings[i] for i in indices])
-        entries = zip(layout.nuisances, fit.z[layout.dimension :].tolist(), strict=True)
-        own = pieces[0].maneuver
-        biases = {n.name: n.center + n.scale * e for n, e in entries if n.is_bias and n.maneuver == own}
-        start = {}
+        numbers = identified.values.copy()
+        for n, e in zip(layout.nuisances, fit.z[layout.dimension :].tolist(), strict=True):
+            if n.is_bias and n.maneuver == pieces[0].maneuver:
+                numbers[identified.rows[n.name]] = n.center + n.scale * e
+        start, read = dict[str, float](), dict[str, float]()
         for name in ("V", "alpha", "beta", *RATES, *EULER, "h"):
             if name not in vehicle.outputs:
                 start[name] = float(np.mean([piece.start.get(name, 0.0) for piece in pieces]))
                 continue
             column = flown[:, vehicle.outputs.index(name)]
-            mean = np.angle(np.mean(np.exp(1j * column))) if name in EULER else np.mean(column)
-            start[name] = float(mean) - biases.get(f"sensors.{name}.bias", 0.0)
+            read[name] = float(np.angle(np.mean(np.exp(1j * column))) if name in EULER else np.mean(column))
+        start = at_center_of_gravity(identified, start | true_values(identified, read, numbers))
         inputs = np.concatenate([piece.inputs for piece in pieces]).mean(axis=0)
-        count = sum(len(p.time) for p in pieces)
-        found = Condition((maneuver,), pieces[0].changes, start, inputs, count)
+        found = Condition((maneuver,), pieces[0].changes, start, inputs, sum(len(p.time) for p in pieces))
         same = next((i for i, c in enumerate(out) if c.is_like(found, vehicle)), None)
         if same is None:
             out.append(found)

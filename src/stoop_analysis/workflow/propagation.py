@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import fields
 from typing import Final
 
@@ -10,8 +10,9 @@ import numpy as np
 
 from stoop.base.arrays import FloatArray
 from stoop.base.atmosphere import standard_density
+from stoop.base.variables import EULER, RATES, VELOCITY
 from stoop.errors import StoopError
-from stoop.problem import Piece
+from stoop.problem.observation import at_center_of_gravity, true_values
 from stoop.report.sheet import Page
 from stoop.workflow.fitted_model import FittedModel
 from stoop.workflow.load import takes_model
@@ -25,6 +26,9 @@ DRAWS: Final = 2000
 RANGE: Final = (1.0, 99.0)  #: percentiles of the samples between which a model was flown
 ALTITUDE: Final = 200.0  #: m, where the flight has none
 MIN_SPEEDS: Final = 0.1  #: of the airspeed flown; a narrower range is widened to this share about it
+READ: Final = frozenset(
+    {"V", "alpha", "beta", *EULER, *RATES}
+)  #: by what a model's airspeed follows from the one measured
 HOVER_SPEEDS: Final = 2.0  #: m/s, least range over ground of a vehicle with rotors
 
 
@@ -89,9 +93,13 @@ def flown_domain(
         pieces = [piece for maneuver in model.pieces() for piece in maneuver]
     except StoopError:  # the copy of the flight has gone: modes and vehicle remain
         pieces = []
-    speed, alpha = (_samples(model, pieces, channel) for channel in ("V", "alpha"))
+    measured = [np.empty((0, len(vehicle.outputs))), *(piece.measured for piece in pieces)]
+    read = dict(zip(vehicle.outputs, np.concatenate(measured).T, strict=True))
+    if read.keys() >= READ:
+        read = at_center_of_gravity(vehicle, true_values(vehicle, read))
+    speed, alpha = (x[np.isfinite(x)] for x in (read.get(n, np.empty(0)) for n in ("V", "alpha")))
     if vehicle.rotors:
-        over_ground = [_samples(model, pieces, channel) for channel in ("vn", "ve", "vd")]
+        over_ground = [v[np.isfinite(v)] for v in (read.get(n, np.empty(0)) for n in VELOCITY)]
         speed = np.sqrt(sum((v**2 for v in over_ground if v.size == over_ground[0].size), np.zeros(1)))
     height = [piece.start["h"] for piece in pieces if "h" in piece.start]
     at = altitude if altitude is not None else float(np.mean(height)) if height else ALTITUDE
@@ -113,15 +121,6 @@ def flown_domain(
     span = airspeed or (round(min(low, middle - half), 1), round(max(high, middle + half), 1))
     reference = min(max(middle, span[0]), span[1])
     return Domain(span, round(reference, 2), at, density, _range(alpha), flown)
-
-
-def _samples(model: FittedModel, pieces: Sequence[Piece], channel: str) -> FloatArray:
-    """Return the finite samples of a channel that was fitted."""
-    outputs = model.vehicle.outputs
-    if channel not in outputs or not pieces:
-        return np.empty(0)
-    values = np.concatenate([piece.measured[:, outputs.index(channel)] for piece in pieces])
-    return np.asarray(values[np.isfinite(values)])
 
 
 def _range(values: FloatArray) -> tuple[float, float] | None:

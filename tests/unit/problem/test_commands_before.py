@@ -133,6 +133,8 @@ def test_coefficients_hold_although_the_wind_was_wrong(flown: Flight) -> None:
         if name == "wind":
             one = found["sensors.wind_error.x"]
             assert abs(one.estimate - ERROR[0]) < 2.0 * one.std_error < 1.5
+            true = float(flown.column("V")[flown.time <= 12.0].mean())
+            assert fitted.result.modes[0].airspeed == pytest.approx(true, abs=2.0 * one.std_error)
     rms = {name: float(np.sqrt(np.mean(x**2))) for name, x in z.items()}
     assert rms["wind"] < 1.3
     assert rms["scale"] > 2.0

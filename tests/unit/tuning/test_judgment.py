@@ -105,6 +105,22 @@ def test_each_model_is_scaled_by_what_its_own_pitot_reads() -> None:
             assert values[k] == pytest.approx(alone[name][0], rel=1e-9), name
 
 
+def test_an_airspeed_is_what_the_pitot_reads() -> None:
+    """A pitot that reads 8 % high: the law is scaled by 37.8 m/s, the airplane flies at 35 m/s."""
+    gains = {"FW_RR_P": 0.4, "FW_PR_P": 0.8, "FW_YR_P": 0.3, "FW_AIRSPD_TRIM": 35.0, "FW_AIRSPD_MAX": 50.0}
+    throws = {"elevator": ("pitch", -0.35), "aileron": ("roll", 0.35), "rudder": ("yaw", -0.35)}
+    entries = {("controls", s, "mix"): {f"control_{axis}": x} for s, (axis, x) in throws.items()}
+    vehicle, none = with_entries(scenes.aircraft(), entries), Draws(("mass.mass",), np.empty((0, 1)), "covariance")
+    (firmware,) = firmwares(gains)
+    (right,), (high,), (other,) = (
+        conditions_of(vehicle, firmware, gains, [speed], 200.0, none, reading)
+        for speed, reading in ((35.0, 1.0), (1.08 * 35.0, 1.08), (1.08 * 35.0, 1.0))
+    )
+    np.testing.assert_allclose(high.plants.A, right.plants.A, rtol=1e-12)
+    np.testing.assert_allclose(high.ratio, other.ratio, rtol=1e-12)
+    assert abs(other.plants.A - right.plants.A).max() > 0.01
+
+
 HEADINGS = np.linspace(0.0, 1.5 * np.pi, 4001)  #: three quarters of a circle
 
 
