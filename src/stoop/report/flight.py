@@ -11,9 +11,9 @@ import numpy as np
 from stoop.base.numbers import NOTHING, factor_and_unit, number
 from stoop.base.variables import RATES, VARIABLES, WRAPPED
 from stoop.flight import Flight, FlightSummary
-from stoop.flight.frequency import FrequencyResponse
+from stoop.flight.frequency_responses import FrequencyResponse
 from stoop.flight.spectra import frequency_responses, power_spectra, spectrogram
-from stoop.report.bode import response_panels
+from stoop.report.bode_plots import response_panels
 from stoop.report.plots import heat_maps, plot
 from stoop.report.series import HUES, KINDS, Series, Shade, Strip
 from stoop.report.sheet import Bullets, Code, Details, Panel, Panels, Part, Prose, Section, Sheet, Table

@@ -141,8 +141,8 @@ def test_an_unknown_name_is_answered_with_the_nearest(tmp_path: Path) -> None:
 
 
 def test_the_core_works_without_packages_that_are_removed(tmp_path: Path) -> None:
-    """Of analyses and plans parts are still used by the core; all others are absent."""
-    for name in ("stoop", "stoop_analysis", "stoop_plan"):
+    """Of plans parts are still used by the core; all others are absent."""
+    for name in ("stoop", "stoop_plan"):
         (tmp_path / name).symlink_to(SOURCE / name)
     code = """
 import sys
@@ -165,7 +165,7 @@ print(main([*simulate, "g.nc", "--autopilot", "m.toml"]), main(["tune", "made", 
         [sys.executable, "-S", "-c", given], capture_output=True, text=True, check=False, cwd=tmp_path
     )
     answers = [line for line in done.stdout.splitlines() if line.startswith(("['stoop", "0 ", "2 "))]
-    assert answers[0].startswith("['stoop', 'stoop_analysis'] [0, 0")
+    assert answers[0].startswith("['stoop'] [0, 0")
     assert not set(answers[0].partition("] [")[2]) - set("0, ]")
     assert answers[1:] == ["0 0 0", "2 2"], done.stderr
     first, second = done.stderr.splitlines()[-2:]
