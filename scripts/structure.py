@@ -31,7 +31,7 @@ BUDGETS = {
     "stoop_export": 7347,
     "stoop_fleet": 3666,
     "stoop_plan": 1751,
-    "stoop_studies": 14879,
+    "stoop_studies": 15041,
     "stoop_tune": 4549,
     "api": 134,
     "assessment": 4957,

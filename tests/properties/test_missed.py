@@ -26,7 +26,6 @@ from stoop.flight.flight import from_columns
 from stoop.input_design.inputs import SHAPES, Frame
 from stoop.logs.blackbox_units import Settings, physical
 from stoop.logs.netcdf import _unpacked
-from stoop.prediction.open_loop import _near
 from stoop.problem.evidence import unknowns_of
 from stoop.problem.layout import Layout
 from stoop.reconstruction.compatibility import corrected_flight
@@ -41,6 +40,7 @@ from stoop.vehicle.builtin import resolve_vehicle
 from stoop.vehicle.symbolic import forces, frames
 from stoop.vehicle_draft.handbook import _drag
 from stoop.workflow import outputs
+from stoop_studies.open_loop import _near
 from stoop_analysis.performance.polar import Polar
 from stoop_analysis.propagation.wing_figures import full_deflection
 from stoop_app.columns import edited, rows_of
