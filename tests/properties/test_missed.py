@@ -23,7 +23,6 @@ from stoop.estimate.filter_gains import Gains
 from stoop.estimate.filter_likelihood import Innovations
 from stoop.flight.faults import Fault, without_faulty
 from stoop.flight.flight import from_columns
-from stoop.input_design.inputs import SHAPES, Frame
 from stoop.logs.blackbox_units import Settings, physical
 from stoop.logs.netcdf import _unpacked
 from stoop.problem.evidence import unknowns_of
@@ -40,7 +39,6 @@ from stoop.vehicle.builtin import resolve_vehicle
 from stoop.vehicle.symbolic import forces, frames
 from stoop.vehicle_draft.handbook import _drag
 from stoop.workflow import outputs
-from stoop_studies.open_loop import _near
 from stoop_analysis.performance.polar import Polar
 from stoop_analysis.propagation.wing_figures import full_deflection
 from stoop_app.columns import edited, rows_of
@@ -50,6 +48,8 @@ from stoop_export import jsbsim_model
 from stoop_export.bullet_and_isaac import INTERVAL
 from stoop_export.pyflyt import PyFlyt
 from stoop_fleet.changes import Change, Readings, sizes
+from stoop_plan.input_design.inputs import SHAPES, Frame
+from stoop_studies.open_loop import _near
 from stoop_tune import physical_formulas
 from stoop_tune.margins import margins
 

@@ -46,7 +46,6 @@ def _run(arguments: argparse.Namespace) -> int:
     from stoop.cli.progress_file import ProgressFile
     from stoop.estimate.iterates import watched
     from stoop.flight.flight import flight_name
-    from stoop.input_design.windows_file import expanded
     from stoop.problem.windows import parse_window
     from stoop.strategy.run import choose_method
     from stoop.workflow import Bootstrap, Profile
@@ -57,7 +56,10 @@ def _run(arguments: argparse.Namespace) -> int:
     names = [flight_name(path) for path in arguments.flight]
     overwrite = arguments.overwrite or arguments.resume
     check_folder(arguments.output, names, overwrite, arguments.flight, attached)
-    arguments.maneuver, arguments.validate = expanded(arguments.maneuver, arguments.validate)
+    windows = arguments.maneuver, arguments.validate
+    if any(text.endswith(".toml") for texts in windows for text in texts):
+        windows = hook("windows_of_files", "a file of windows")(*windows)
+    arguments.maneuver, arguments.validate = windows
     strategy, (vehicle, flights, settings) = strategy_of(arguments), _read(arguments)
     known = {flight.name: flight for flight in flights}
     fitted = [parse_window(text, known) for text in arguments.maneuver]

@@ -21,8 +21,7 @@ from stoop.cli.progress import LiveLine
 if TYPE_CHECKING:
     from stoop.flight import FlightSummary
     from stoop.flight.maneuvers import ChannelRow
-    from stoop.input_design.overview import Overview
-    from stoop.input_design.windows import Found
+    from stoop.flight.windows import Found, Overview
 
 _INDEX = re.compile(r"\d{1,9}")  #: of an element of an array
 MAX_STREAMS, MAX_NAMES = 12, 24  #: lines and names shown of what is not mapped; JSON holds all
@@ -152,7 +151,7 @@ def look(arguments: argparse.Namespace) -> int:
 
 def _overview(arguments: argparse.Namespace) -> Overview:
     from stoop.flight import load
-    from stoop.input_design.overview import overview
+    from stoop.flight.windows import overview
 
     with LiveLine("reading the log"):
         return overview(load(arguments.flight, arguments.mapping))

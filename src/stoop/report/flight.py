@@ -21,8 +21,7 @@ from stoop.report.time_history import HistoryPanel, TimeHistory
 from stoop.report.track import Track
 
 if TYPE_CHECKING:
-    from stoop.input_design.overview import Overview
-    from stoop.input_design.windows import Found
+    from stoop.flight.windows import Found, Overview
 
 ACCELERATIONS: Final = ("ax", "ay", "az")
 GROUPS: Final = (
