@@ -16,6 +16,8 @@ run = "stoop_hum.tune:run"
 options = ["seed", { name = "--loud", kind = "switch", help = "louder" }]
 [more.hum]
 options = [{ name = "--whistle", metavar = "SONG", help = "whistle", run = "stoop_hum.tune:whistle" }]
+[more."of an absent package"]
+options = ["seed"]
 [functions]
 tune_of = "stoop_hum.tune:tune_of"
 [optimizers]
