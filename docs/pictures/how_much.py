@@ -28,11 +28,11 @@ from pictures.sketch import (
     plots,
 )  # fmt: skip
 from stoop.base.arrays import FloatArray
-from stoop.input_design.information import Forecast, Knowledge, Limits, Setup
-from stoop.input_design.sensitivity import sensor_noise
 from stoop.simulation import trim
 from stoop.simulation.maneuver import Maneuver
 from stoop.vehicle.builtin import resolve_vehicle
+from stoop_plan.input_design.information import Forecast, Knowledge, Limits, Setup
+from stoop_plan.input_design.sensitivity import sensor_noise
 
 #: what is flown: control, shape, step (of a pulse its duration), s, and amplitude, rad
 MANEUVERS: Final = {

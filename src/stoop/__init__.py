@@ -13,7 +13,7 @@ from __future__ import annotations
 from typing import Any
 
 _MODULES = {
-    "stoop.api": "assess check look reconstruct save_design",
+    "stoop.api": "assess check look reconstruct",
     "stoop.assessment.bootstrap": "Bootstrap",
     "stoop.assessment.profile": "Profile",
     "stoop.base.notices": "Notice",
@@ -25,7 +25,6 @@ _MODULES = {
     "stoop.simulation.maneuver": "load_maneuver",
     "stoop.strategy": "Strategy",
     "stoop.vehicle": "Vehicle",
-    "stoop.workflow.design": "design",
     "stoop.workflow.fitted_model": "FittedModel",
     "stoop.workflow.flying": "linearize simulate",
     "stoop.workflow.load": "load",

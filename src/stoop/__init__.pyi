@@ -5,7 +5,6 @@ from stoop.api import assess as assess
 from stoop.api import check as check
 from stoop.api import look as look
 from stoop.api import reconstruct as reconstruct
-from stoop.api import save_design as save_design
 from stoop.assessment.bootstrap import Bootstrap as Bootstrap
 from stoop.assessment.profile import Profile as Profile
 from stoop.base.notices import Notice as Notice
@@ -20,7 +19,6 @@ from stoop.simulation.maneuver import load_maneuver as load_maneuver
 from stoop.strategy import Strategy as Strategy
 from stoop.vehicle import Vehicle as Vehicle
 from stoop.vehicle.builtin import resolve_vehicle as load_vehicle
-from stoop.workflow.design import design as design
 from stoop.workflow.fitted_model import FittedModel as FittedModel
 from stoop.workflow.flying import linearize as linearize
 from stoop.workflow.flying import simulate as simulate
@@ -38,7 +36,10 @@ from stoop_export.export import export as export
 from stoop_export.jsbsim_autopilot import fly_in_jsbsim as fly_in_jsbsim
 from stoop_fleet.store import open_fleet as open_fleet
 from stoop_fleet.update import update_fleet as update_fleet
+from stoop_plan.design import design as design
+from stoop_plan.design import save_design as save_design
 from stoop_plan.flight_logs import save_flight_as as save_flight_as
+from stoop_plan.input_design.windows import find_windows as find_windows
 from stoop_tune.tuning import tune as tune
 
 PLACES: dict[str, str]
@@ -59,6 +60,7 @@ __all__ = [
     "design",
     "errors",
     "export",
+    "find_windows",
     "fit",
     "fly_in_jsbsim",
     "frequency",

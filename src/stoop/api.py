@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,7 +17,6 @@ from stoop.workflow.load import fitted_model
 if TYPE_CHECKING:
     from stoop.assessment.assessment import Assessment
     from stoop.base.notices import Notice
-    from stoop.input_design.optimization import Proposal
     from stoop.reconstruction.compatibility import Compatibility
     from stoop.report.sheet import Page
 
@@ -34,7 +33,7 @@ def look(flight: OneFlight) -> Page:
     Page
         With a method ``save(path)``; a notebook shows it.
     """
-    from stoop.input_design.overview import overview
+    from stoop.flight.windows import overview
     from stoop.report.flight import flight_sheet
     from stoop.report.sheet import Page
 
@@ -95,40 +94,3 @@ def reconstruct(flight: OneFlight, windows: Windows = ()) -> tuple[Compatibility
     one = as_flight(flight)
     spans = [(w.start, w.stop) for w in as_windows(windows, {one.name: one})]
     return check_compatibility(one, spans)
-
-
-def save_design(
-    proposal: Proposal,
-    folder: str | Path,
-    target: str | None = None,
-    throws: Mapping[str, float] | None = None,
-    overwrite: bool = False,
-) -> Path:
-    """Save a designed maneuver: maneuver files, page, and the files with which a pilot or an autopilot flies it.
-
-    Parameters
-    ----------
-    proposal : Proposal
-        Of :func:`design`.
-    folder : path
-    target : str, optional
-        Who flies it: "pilot", "ardupilot", "px4" or "crazyflie".
-    throws : mapping, optional
-        Deflection of each surface at full output, rad.
-    overwrite : bool
-
-    Returns
-    -------
-    Path
-        The folder, with ``maneuver.toml`` (of a pilot ``maneuver_1.toml`` and so on) for :func:`load_maneuver`.
-
-    Raises
-    ------
-    StoopError
-        The target cannot fly the maneuver, or the folder cannot be written.
-    """
-    from stoop.workflow.design import flight_files, write_proposal
-
-    flight = flight_files(proposal, target, throws) if target is not None else {}
-    write_proposal(proposal, Path(folder), "stoop.design(...)", overwrite, flight)
-    return Path(folder)

@@ -20,7 +20,7 @@ from stoop.base.arrays import BoolArray, ComplexArray, FloatArray
 from stoop.base.notices import Notice, notice
 from stoop.base.text import Summarized
 from stoop.errors import FlightError
-from stoop.flight.frequency import FrequencyResponse, decibels
+from stoop.flight.frequency_responses import FrequencyResponse, decibels
 from stoop.problem.windows import Window
 from stoop.results.result import Result
 from stoop.simulation import LinearModel, Trim

@@ -222,6 +222,12 @@ class Posterior:
         return Finding(intervals, {FILE: _file(fit, seed, chains)})
 
 
+def posterior() -> Posterior:
+    """Return the assessment of ``stoop identify --posterior``; an IdentificationError says which library is missing."""
+    check_libraries()
+    return Posterior()
+
+
 def posterior_target(fit: Estimate, bars: ErrorBars) -> Target:
     """Return the posterior; its likelihood is stretched to the covariance corrected for color.
 

@@ -18,7 +18,6 @@ from stoop.base.toml import parse_source, read_source
 from stoop.errors import LogError, OutputError, StoopError
 from stoop.flight.flight import flight_name
 from stoop.flight.mapping import READY
-from stoop.input_design.windows_file import Entry, read_windows, written
 from stoop.logs.csv_tables import mapping_beside
 from stoop.logs.read import is_bag_folder
 from stoop.logs.read import kind as log_kind
@@ -26,6 +25,7 @@ from stoop.vehicle.load import parse_vehicle
 from stoop_app import steps
 from stoop_app.places import bytes_of, document_of, inside, recalled, remember, resolved, text_of
 from stoop_app.steps import Step
+from stoop_plan.input_design.windows_file import Entry, read_windows, written
 from stoop_tune.control_laws.parameters import ENDINGS
 
 FILE: Final = "app.toml"  #: names the log

@@ -9,12 +9,12 @@ import panel as pn
 from pydantic import ValidationError
 
 from stoop.errors import StoopError
-from stoop.input_design.windows_file import Entry
 from stoop_app import parts, steps
 from stoop_app.folder import WINDOWS
 from stoop_app.places import text_of
 from stoop_app.plots import Strips, read_flight
 from stoop_app.view import View
+from stoop_plan.input_design.windows_file import Entry
 
 #: as shown -> as in the file; empty: not accepted
 USES: Final = {"fit": "fit", "predict": "validate", "not used": ""}

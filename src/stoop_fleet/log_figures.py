@@ -27,7 +27,6 @@ from stoop.flight import Flight, without_faults
 from stoop.flight.air_data import LIMITS as AIR_DATA
 from stoop.flight.airborne import airborne, carried_by_rotors, flying, in_flight, lift_command
 from stoop.flight.airspeed import density_of
-from stoop.input_design.windows import find_windows
 from stoop.problem.prepare import decoupled, prepare
 from stoop.problem.windows import as_windows
 from stoop.reconstruction.compatibility import Compatibility, Finding, check
@@ -38,6 +37,7 @@ from stoop_analysis.performance.effectiveness import LIMITS, Balance, block_mean
 from stoop_analysis.performance.polar import DISC, Propulsion, blocks, fit_polar
 from stoop_fleet.table import REST
 from stoop_fleet.vibration import NO_VIBRATION, Vibration, Windows
+from stoop_plan.input_design.windows import find_windows
 
 INSTRUMENTS: Final = {
     **dict.fromkeys((*SPECIFIC_FORCE, *RATES, *EULER, "accelerometer", "rates", "attitude"), "imu"),

@@ -30,7 +30,7 @@ from stoop.base.notices import Notice, notice
 from stoop.errors import StoopError
 from stoop.flight import Flight, load
 from stoop.flight.airborne import in_flight
-from stoop.flight.frequency import MAX_FREQUENCY, FrequencyResponse, Stretch, estimate_responses
+from stoop.flight.frequency_responses import MAX_FREQUENCY, FrequencyResponse, Stretch, estimate_responses
 from stoop.flight.gridding import Grid, resample
 from stoop.flight.maneuvers import moves
 from stoop.logs.read import read

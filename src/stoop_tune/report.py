@@ -11,7 +11,7 @@ from markupsafe import Markup
 
 from stoop.base.arrays import ComplexArray, FloatArray
 from stoop.base.numbers import NOTHING, number
-from stoop.report.bode import response_panels
+from stoop.report.bode_plots import response_panels
 from stoop.report.charts import fan_panel
 from stoop.report.palette import light
 from stoop.report.plots import NARROW, canvas, svg

@@ -190,8 +190,8 @@ def hover(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="session")
 def ready(tmp_path_factory: pytest.TempPathFactory, hover: Path) -> Path:
     """Return the folder of an app with the log of a quadrotor that was read, its vehicle, and two windows."""
-    from stoop.input_design.windows_file import Entry
     from stoop.vehicle.builtin import builtin_text
+    from stoop_plan.input_design.windows_file import Entry
 
     project = Project(tmp_path_factory.mktemp("ready") / "project")
     project.open_log(hover)

@@ -9,10 +9,10 @@ from pathlib import Path
 
 from playwright.sync_api import expect
 
-from stoop.input_design.windows_file import read_windows
 from stoop.vehicle.load import load_vehicle
 from stoop_app.folder import Project
 from stoop_app.steps import PROCESS
+from stoop_plan.input_design.windows_file import read_windows
 
 
 def held(folder: Path, count: int) -> int:

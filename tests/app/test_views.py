@@ -20,7 +20,6 @@ from stoop.cli.progress_file import ProgressFile
 from stoop.errors import StoopError
 from stoop.estimate.iterates import watched
 from stoop.flight.log_columns import columns_of, read_unmapped
-from stoop.input_design.windows_file import Entry
 from stoop.report.series import Series
 from stoop.simulation.fly import simulate_flight
 from stoop.simulation.maneuver import parse_maneuver
@@ -38,6 +37,7 @@ from stoop_app.progress_curves import read_curves
 from stoop_app.use_view import LIMITS, TARGET
 from stoop_app.windows_view import WindowsView
 from stoop_fleet.store import PAGE
+from stoop_plan.input_design.windows_file import Entry
 
 pytestmark = pytest.mark.filterwarnings("ignore::PendingDeprecationWarning")  # of Panel
 

@@ -1,4 +1,4 @@
-"""Responses from windows of several lengths by the formulas of `stoop.flight.frequency`: dense, one frequency at a time."""
+"""Responses from windows of several lengths by the formulas of `stoop.flight.frequency_responses`: dense, at each frequency."""
 
 import numpy as np
 

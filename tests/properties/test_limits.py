@@ -11,8 +11,7 @@ from scipy.stats import binom, norm
 from stoop.assessment.prior_conflicts import prior_tests
 from stoop.assessment.verdict import verdict
 from stoop.results import result as results
-from stoop.results.extensions import ExtensionTest, ExtensionTests
-from stoop.results.response_misfit import ResponseMisfit
+from stoop.results.extensions import ExtensionTest, ExtensionTests, ResponseMisfit
 from stoop.results.result import GoodnessOfFit, ManeuverResult, ParameterEstimate, Result
 from stoop.results.uncertainty import ParameterRepeatability, Repeatability
 from stoop.results.verdict import Need, Use

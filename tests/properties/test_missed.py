@@ -23,10 +23,8 @@ from stoop.estimate.filter_gains import Gains
 from stoop.estimate.filter_likelihood import Innovations
 from stoop.flight.faults import Fault, without_faulty
 from stoop.flight.flight import from_columns
-from stoop.input_design.inputs import SHAPES, Frame
 from stoop.logs.blackbox_units import Settings, physical
 from stoop.logs.netcdf import _unpacked
-from stoop.prediction.open_loop import _near
 from stoop.problem.evidence import unknowns_of
 from stoop.problem.layout import Layout
 from stoop.reconstruction.compatibility import corrected_flight
@@ -50,6 +48,8 @@ from stoop_export import jsbsim_model
 from stoop_export.bullet_and_isaac import INTERVAL
 from stoop_export.pyflyt import PyFlyt
 from stoop_fleet.changes import Change, Readings, sizes
+from stoop_plan.input_design.inputs import SHAPES, Frame
+from stoop_studies.open_loop import _near
 from stoop_tune import physical_formulas
 from stoop_tune.margins import margins
 

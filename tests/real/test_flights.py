@@ -14,13 +14,13 @@ from stoop.estimate.fit import Options
 from stoop.flight import OUTPUTS, Flight, find_maneuvers, load, segments, without_faults
 from stoop.flight.faults import Fault
 from stoop.flight.flight import AirData
-from stoop.input_design.windows import find_windows
 from stoop.logs import read
 from stoop.reconstruction.compatibility import Compatibility
 from stoop.vehicle import load_vehicle
 from stoop.vehicle.load import parse_vehicle
 from stoop.workflow import identify
 from stoop.workflow.reconstruction import check_compatibility, write_compatibility
+from stoop_plan.input_design.windows import find_windows
 
 BUDGET = Options(budget=400.0)
 CONTROLS = ("control_roll", "control_pitch", "control_yaw", "control_throttle")

@@ -9,8 +9,8 @@ import pytest
 from stoop.errors import FlightError, StoopError
 from stoop.flight import Flight, load
 from stoop.logs.read import read
-from stoop.workflow.reconstruction import drag_polar
 from stoop_analysis.performance.polar import Propulsion
+from stoop_analysis.workflow.polar import drag_polar
 from stoop_studies.findings import Setting
 from stoop_studies.verify import handbook
 from stoop_studies.verify.propellers import EXPERIMENT, read_flights

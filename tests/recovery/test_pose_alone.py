@@ -11,9 +11,9 @@ import stoop
 from stoop import Vehicle, load_vehicle
 from stoop.base.variables import EULER, POSITION, VARIABLES
 from stoop.errors import VehicleError
-from stoop.prediction.open_loop import ARX, LINE
 from stoop.vehicle import parse_vehicle
 from stoop.vehicle.document import with_entries
+from stoop_studies.open_loop import ARX, LINE
 from stoop_studies.verify import capture, defaults
 
 PLACES = {("sensors", c): {"sigma": 0.001} for c in POSITION}

@@ -18,12 +18,12 @@ from stoop.errors import IdentificationError, VehicleError
 from stoop.estimate.estimate import Estimate
 from stoop.estimate.fit import fit
 from stoop.flight import from_columns
-from stoop.input_design.windows import find_windows
 from stoop.problem.windows import Window
 from stoop.simulation.maneuver import Maneuver
 from stoop.vehicle import parse_vehicle
 from stoop.vehicle.builtin import builtin_text
 from stoop.workflow import identify
+from stoop_plan.input_design.windows import find_windows
 
 TEXT = builtin_text("twin-boom")
 #: truths that the paper's Table 1 leaves out

@@ -27,14 +27,14 @@ from typing import Any, Final
 import numpy as np
 
 from stoop.assessment.covariance import NORMAL_95
-from stoop.assessment.free_response import free_response, measured_mode
 from stoop.base.arrays import BoolArray, ComplexArray, FloatArray
 from stoop.base.notices import notice
+from stoop.base.packages import hooks
 from stoop.base.variables import EULER, RATES
 from stoop.errors import SimulationError
 from stoop.estimate.estimate import Estimate
 from stoop.problem.observation import at_center_of_gravity, observation_model, true_values
-from stoop.results.modes import ConditionModes, DerivedValue, MeasuredMode, ModeEstimate, StateEquations
+from stoop.results.modes import ConditionModes, DerivedValue, ModeEstimate, StateEquations
 from stoop.simulation import Trim, trim
 from stoop.simulation.linearize import (
     INTEGRATORS,
@@ -308,21 +308,8 @@ def _at(
         linear = state_equation_estimates(linearized, model_inputs(vehicle), covariance)
     except (SimulationError, np.linalg.LinAlgError):
         return nothing
-    recorded = tuple(replace(mode, measured=_measured(fit, condition, mode)) for mode in found)
+    measure = hooks("measured_modes")
+    recorded = (replace(m, measured=tuple(y for f in measure for y in f(fit, condition, m))) for m in found)
     return replace(
-        nothing, about=about, alpha=point.start["alpha"], modes=recorded, remark=remark, linear=linear
+        nothing, about=about, alpha=point.start["alpha"], modes=tuple(recorded), remark=remark, linear=linear
     )
-
-
-def _measured(fit: Estimate, condition: Condition, mode: ModeEstimate) -> tuple[MeasuredMode, ...]:
-    """Return what followed the last motion of the controls in the last piece of each maneuver shows of a mode."""
-    vehicle, out = fit.problem.layout.vehicle, []
-    names = dict.fromkeys(c for control in vehicle.controls for c in vehicle.channels_of(control))
-    for maneuver in condition.maneuvers:
-        piece = fit.prepared.pieces[fit.prepared.of_maneuver(maneuver)[-1]]
-        controls = piece.inputs[:, [vehicle.inputs.index(c) for c in names]]
-        channels = dict(zip(vehicle.outputs, piece.measured.T, strict=True))
-        free = free_response(piece.time, controls, channels)
-        expected = mode.frequency.estimate
-        out.append(measured_mode(mode.name, maneuver, free, expected, condition.start["V"]))
-    return tuple(out)

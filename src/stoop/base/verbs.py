@@ -201,7 +201,8 @@ def verbs() -> dict[str, Verb]:
         with packages.guarded(package, "its options of verbs"):
             for name, row in content.get("more", {}).items():
                 added = tuple(_option(one, shared_options()) for one in row["options"])
-                found[name] = _checked(replace(found[name], options=found[name].options + added))
+                if name in found:  # else the package of the verb is absent
+                    found[name] = _checked(replace(found[name], options=found[name].options + added))
     return {one.name: one for one in sorted(found.values(), key=lambda verb: GROUPS.index(verb.group))}
 
 

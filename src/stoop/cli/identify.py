@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
+from stoop.base.packages import hook
 from stoop.cli import options
 from stoop.cli.progress import INTERRUPTED, Watch
 from stoop.cli.summary import show_fit
@@ -45,10 +46,9 @@ def _run(arguments: argparse.Namespace) -> int:
     from stoop.cli.progress_file import ProgressFile
     from stoop.estimate.iterates import watched
     from stoop.flight.flight import flight_name
-    from stoop.input_design.windows_file import expanded
     from stoop.problem.windows import parse_window
     from stoop.strategy.run import choose_method
-    from stoop.workflow import Bootstrap, Posterior, Profile
+    from stoop.workflow import Bootstrap, Profile
     from stoop.workflow.checkpoint import Checkpoint, identity
     from stoop.workflow.outputs import check_folder, file_hashes, flight_files
 
@@ -56,7 +56,10 @@ def _run(arguments: argparse.Namespace) -> int:
     names = [flight_name(path) for path in arguments.flight]
     overwrite = arguments.overwrite or arguments.resume
     check_folder(arguments.output, names, overwrite, arguments.flight, attached)
-    arguments.maneuver, arguments.validate = expanded(arguments.maneuver, arguments.validate)
+    windows = arguments.maneuver, arguments.validate
+    if any(text.endswith(".toml") for texts in windows for text in texts):
+        windows = hook("windows_of_files", "a file of windows")(*windows)
+    arguments.maneuver, arguments.validate = windows
     strategy, (vehicle, flights, settings) = strategy_of(arguments), _read(arguments)
     known = {flight.name: flight for flight in flights}
     fitted = [parse_window(text, known) for text in arguments.maneuver]
@@ -65,7 +68,7 @@ def _run(arguments: argparse.Namespace) -> int:
     if arguments.bootstrap:
         assessments.append(Bootstrap(arguments.bootstrap, store=stores[0]))
     if arguments.posterior:
-        assessments.append(Posterior())
+        assessments.append(hook("posterior", "--posterior")())
     if arguments.profile is not None:
         assessments.append(Profile(tuple(arguments.profile) or (DOUBTFUL,), store=stores[1]))
     state = None if arguments.progress is None else ProgressFile(arguments.progress)
@@ -76,8 +79,7 @@ def _run(arguments: argparse.Namespace) -> int:
             watch.warn(str(doubt))
         files = file_hashes([*flight_files(flights), *options.given_paths(arguments.mapping)])
         chosen = replace(
-            settings,
-            method=choose_method(settings.method, vehicle, flights, fitted, strategy).options.method,
+            settings, method=choose_method(settings.method, vehicle, flights, fitted, strategy).options.method
         )
         problem = identity(vehicle, files, arguments.maneuver, arguments.validate, chosen, strategy)
         checkpoint = Checkpoint(arguments.output, problem, watch.warn)
@@ -126,7 +128,6 @@ def _read(arguments: argparse.Namespace) -> tuple[Vehicle, list[Flight], Options
     from stoop.optimize import create
     from stoop.strategy.run import choose_method
     from stoop.vehicle.builtin import resolve_vehicle
-    from stoop_analysis.sampling import check_libraries
 
     vehicle = options.with_free(resolve_vehicle(arguments.vehicle), arguments.free, arguments.fix)
     find(arguments.method)
@@ -142,7 +143,7 @@ def _read(arguments: argparse.Namespace) -> tuple[Vehicle, list[Flight], Options
         chosen = choose_method(arguments.method, vehicle, flights, strategy=strategy_of(arguments))
         check_method(chosen.options.method, [n for n in asked if asked[n]])
         if arguments.posterior:
-            check_libraries()
+            hook("posterior", "--posterior")()
         check_names([p.name for p in vehicle.parameters if p.free], arguments.profile or ())
     return vehicle, flights, settings
 

@@ -1,4 +1,4 @@
-"""`stoop info`: what a flight log holds."""
+"""`stoop info`, `look` and `compatibility`: what a flight log holds, and whether its sensors agree."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from dataclasses import asdict
 from itertools import groupby
 from typing import TYPE_CHECKING, Any
 
-from stoop.base.files import write_bytes_atomic
+from stoop.base.files import check_targets, write_bytes_atomic
 from stoop.base.notices import of_severity
 from stoop.base.numbers import count
 from stoop.base.text import show
@@ -21,8 +21,7 @@ from stoop.cli.progress import LiveLine
 if TYPE_CHECKING:
     from stoop.flight import FlightSummary
     from stoop.flight.maneuvers import ChannelRow
-    from stoop.input_design.overview import Overview
-    from stoop.input_design.windows import Found
+    from stoop.flight.windows import Found, Overview
 
 _INDEX = re.compile(r"\d{1,9}")  #: of an element of an array
 MAX_STREAMS, MAX_NAMES = 12, 24  #: lines and names shown of what is not mapped; JSON holds all
@@ -152,7 +151,7 @@ def look(arguments: argparse.Namespace) -> int:
 
 def _overview(arguments: argparse.Namespace) -> Overview:
     from stoop.flight import load
-    from stoop.input_design.overview import overview
+    from stoop.flight.windows import overview
 
     with LiveLine("reading the log"):
         return overview(load(arguments.flight, arguments.mapping))
@@ -171,6 +170,42 @@ def _write_page(arguments: argparse.Namespace, seen: Overview) -> None:
 def _following(arguments: argparse.Namespace, found: Found) -> list[str]:
     """Return the command that fits the windows."""
     return options.identify_command(arguments, "result", **options.windows_of(found))
+
+
+def compatibility(arguments: argparse.Namespace) -> int:
+    """Check whether the sensors agree, write where asked to, and print what was found."""
+    from stoop.base.notices import of_severity
+    from stoop.base.numbers import factor_and_unit, number, rounded_to_error
+    from stoop.flight import load
+    from stoop.workflow.reconstruction import COMPATIBILITY, check_compatibility, write_compatibility
+
+    folder, others = arguments.output, options.given_paths(arguments.mapping)
+    if folder is not None:
+        check_targets(folder, COMPATIBILITY, arguments.overwrite)
+    with LiveLine("reading the log"):
+        flight = load(arguments.flight, arguments.mapping)
+    with LiveLine("integrating and comparing"):
+        result, corrected = check_compatibility(flight, options.windows(arguments.window))
+    out = page()
+    out.heading("Sensors")
+    rows = []
+    for name, one in result.findings.items():
+        factor, unit = factor_and_unit(one.unit)
+        value, error = rounded_to_error(factor * one.estimate, factor * one.std_error)
+        rows.append((name, value, error, unit, "" if one.identifiable else str(one.reason), one.meaning))
+    heads = ("", "estimate", "std error", "unit", "not identifiable", "meaning")
+    out.table(*(words(head, column) for head, column in zip(heads, zip(*rows, strict=True), strict=True)))
+    out.heading("Measured minus reconstructed, rms")
+    for name, left in result.channels.items():
+        factor, unit = factor_and_unit(left.unit)
+        rms, movement = number(factor * left.rms, 3), number(factor * left.movement, 3)
+        out.line(f"{name:16}{rms:>8} {unit:6} of {movement:>8} {unit} movement")
+    out.bullets(of_severity(result.notices, "warning") or ("nothing evident",), "What is inconsistent")
+    out.bullets(of_severity(result.notices, "info"), "Notes")
+    if folder is not None:
+        write_compatibility(result, flight, corrected, folder, options.command_line(), others)
+        out.line(f"page: {folder / COMPATIBILITY[0]}; corrected flight: {folder / COMPATIBILITY[1]}")
+    return 0
 
 
 def info_document(summary: FlightSummary, found: Found) -> dict[str, Any]:

@@ -1,17 +1,15 @@
-"""`stoop demo`, `structure`, `validate` and `agreement`: the job without a file, terms, predictions, flight against flight."""
+"""`stoop demo`, `validate` and `agreement`: the job without a file, predictions, flight against flight."""
 
 from __future__ import annotations
 
 import argparse
 from contextlib import suppress
-from pathlib import Path
-from typing import Any
 
 from stoop.base.files import check_targets, recorded_inputs
 from stoop.cli import options
 from stoop.cli.page import fixed, numbers, page, words
 from stoop.cli.progress import LiveLine
-from stoop.errors import IdentificationError, StoopError
+from stoop.errors import StoopError
 
 
 def demo(arguments: argparse.Namespace) -> int:
@@ -38,68 +36,6 @@ def demo(arguments: argparse.Namespace) -> int:
     out.line(f"{result.status} ({spent}); writing the report ...")
     folder = job.save(arguments.output, overwrite)
     out.line(f"report: {folder / 'report.html'}")
-    return 0
-
-
-def structure(arguments: argparse.Namespace) -> int:
-    """Choose, write, and print what was chosen."""
-    from stoop.base.toml import read_source
-    from stoop.estimate.regression.least_squares import FrequencyDomain
-    from stoop.flight.load import load_several
-    from stoop.vehicle.builtin import resolve_vehicle
-    from stoop.workflow.outputs import by_name
-    from stoop_analysis.structure import (
-        Press,
-        orthogonal,
-        parse_candidates,
-        standard_candidates,
-        stepwise,
-    )
-    from stoop_analysis.workflow.structure import FILES, write_structure
-    from stoop_analysis.workflow.structure import structure as determined
-
-    check_targets(arguments.output, FILES, arguments.overwrite)
-    try:
-        low, high = (float(part) for part in arguments.band.split(":"))
-    except ValueError:
-        low = high = 0.0
-    if not 0.0 <= low < high < 1e4:
-        raise IdentificationError(f"--band {arguments.band}: write LOW:HIGH in Hz, for example 0.1:2")
-    criteria: dict[str, Any] = {
-        "f": stepwise,
-        "press": lambda rows: stepwise(rows, Press()),
-        "pse": orthogonal,
-    }
-    vehicle = resolve_vehicle(arguments.vehicle)
-    candidates: dict[str, tuple[str, ...]] = {} if arguments.candidates else standard_candidates(vehicle)
-    for text in arguments.candidates:
-        lines, where = [text], "--candidates"
-        if ":" not in text or Path(text).exists():
-            lines, where = read_source(text, "candidates", IdentificationError).splitlines(), text
-        for coefficient, terms in parse_candidates(lines, vehicle, where).items():
-            candidates[coefficient] = (*candidates.get(coefficient, ()), *terms)
-    flights = by_name(load_several(arguments.flight, arguments.mapping), "structure")
-    choose = criteria[arguments.criterion]
-    domain = FrequencyDomain(low, high)
-    with LiveLine(options.COMPILING):
-        found = determined(vehicle, flights, arguments.maneuver, candidates, choose, domain, arguments.keep)
-    write_structure(found, arguments.output, options.command_line())
-
-    out, nothing = page(), (float("nan"),) * 2
-    for coefficient, chosen in found.structure.chosen.items():
-        share = f"{len(chosen.terms)} of {len(chosen.candidates)} candidates"
-        out.heading(f"{coefficient}: {share}, R2 {chosen.selection.model.r2:.3f}")
-        names = found.names[coefficient]
-        values = [found.estimates.get(name, nothing) for name in names.values()]
-        estimates = numbers("estimate", [value for value, _ in values])
-        errors = numbers("std error", [error for _, error in values])
-        out.table(words("term", names), words("parameter", names.values()), estimates, errors)
-    of_terms = [n for chosen in found.structure.chosen.values() for n in chosen.notices]
-    out.bullets([*of_terms, *found.structure.notices], "notes")
-    out.line()
-    out.line(f"page: {arguments.output / 'structure.html'}")
-    made = arguments.output / "vehicle.toml"
-    out.command("next: ", options.identify_command(arguments, f"{arguments.output}-result", vehicle=made))
     return 0
 
 

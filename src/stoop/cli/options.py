@@ -18,7 +18,7 @@ from stoop.base.verbs import Option, plain
 from stoop.errors import FlightError, IdentificationError, OutputError
 
 if TYPE_CHECKING:
-    from stoop.input_design.windows import Found
+    from stoop.flight.windows import Found
     from stoop.vehicle import Vehicle
 
 STDOUT: Final = Path("-")  #: the file that stands for standard output

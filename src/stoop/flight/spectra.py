@@ -1,7 +1,7 @@
 """Spectra of a flight: power of accelerations and rates, spectrograms, and frequency responses of rates to commands.
 
 Spectra are averaged over half-overlapping windows that hold no gap, each less its mean and tapered by Hann's window; frequency
-responses are those of `stoop.flight.frequency`.
+responses are those of `stoop.flight.frequency_responses`.
 
 References
 ----------
@@ -19,7 +19,7 @@ import numpy as np
 
 from stoop.base.arrays import ComplexArray, FloatArray, run_slices
 from stoop.flight.flight import Flight
-from stoop.flight.frequency import FrequencyResponse, Stretch, estimate_responses
+from stoop.flight.frequency_responses import FrequencyResponse, Stretch, estimate_responses
 from stoop.flight.maneuvers import MOTION, commands
 
 POWER_WINDOW: Final = 10.0  #: s, of a power spectrum

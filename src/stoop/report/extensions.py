@@ -1,4 +1,4 @@
-"""What the model lacks, as a section of the report."""
+"""What the model lacks, as sections of the report: extensions, and frequency responses of the flights that it misses."""
 
 from __future__ import annotations
 
@@ -19,6 +19,12 @@ HEAD: Final = (
     "Extension", "Value", "± Std. error", "Unit", "Statistic t", "Log-likelihood", "Beside the first", "Not distinguished from",
     "Parameters that would move, standard errors",
 )  # fmt: skip
+RESPONSES_LEAD: Final = (
+    "Frequency response of the residuals to each input, over that of the measured rate, from all maneuvers fitted and held back, "
+    "at the frequencies at which the flights show it (coherence 0.6 and more). A model that holds leaves nothing. Of the missed "
+    "share random error is taken off; at least: the largest random error of about forty."
+)
+RESPONSES_HEAD: Final = ("Rate", "Input", "From rad/s", "To rad/s", "Coherence", "Missed %", "At least %")
 
 
 def extensions_section(identification: Model) -> Section | None:
@@ -57,3 +63,18 @@ def _row(one: ExtensionTest) -> tuple[str, ...]:
         one.name, value, error, readable_unit(one.unit), number(one.statistic, 3), f"+{one.gain:.0f}", beside,
         ", ".join(one.rivals) or NOTHING, moves or NOTHING,
     )  # fmt: skip
+
+
+def responses_section(identification: Model) -> Section | None:
+    """Return what the model misses of each frequency response; None where the flights show none."""
+    rows = tuple(
+        (
+            one.output, one.input, number(one.low, 3), number(one.high, 3), f"{one.coherence:.2f}",
+            f"{100.0 * one.share:.1f}", f"{100.0 * one.least:.1f}",
+        )
+        for one in identification.result.response_misfits
+    )  # fmt: skip
+    if not rows:
+        return None
+    table = Table("", RESPONSES_HEAD, rows, ("", "", "n", "n", "n", "n", "n"), label="Frequency responses")
+    return Section("Frequency responses", (Prose(RESPONSES_LEAD, muted=True), table))

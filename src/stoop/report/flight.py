@@ -11,9 +11,9 @@ import numpy as np
 from stoop.base.numbers import NOTHING, factor_and_unit, number
 from stoop.base.variables import RATES, VARIABLES, WRAPPED
 from stoop.flight import Flight, FlightSummary
-from stoop.flight.frequency import FrequencyResponse
+from stoop.flight.frequency_responses import FrequencyResponse
 from stoop.flight.spectra import frequency_responses, power_spectra, spectrogram
-from stoop.report.bode import response_panels
+from stoop.report.bode_plots import response_panels
 from stoop.report.plots import heat_maps, plot
 from stoop.report.series import HUES, KINDS, Series, Shade, Strip
 from stoop.report.sheet import Bullets, Code, Details, Panel, Panels, Part, Prose, Section, Sheet, Table
@@ -21,8 +21,7 @@ from stoop.report.time_history import HistoryPanel, TimeHistory
 from stoop.report.track import Track
 
 if TYPE_CHECKING:
-    from stoop.input_design.overview import Overview
-    from stoop.input_design.windows import Found
+    from stoop.flight.windows import Found, Overview
 
 ACCELERATIONS: Final = ("ax", "ay", "az")
 GROUPS: Final = (

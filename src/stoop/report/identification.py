@@ -28,7 +28,7 @@ from stoop.report.estimates import (
     repeatability_section,
     uncertainty_section,
 )
-from stoop.report.extensions import extensions_section
+from stoop.report.extensions import extensions_section, responses_section
 from stoop.report.maneuvers import (
     TITLES,
     air_section,
@@ -42,7 +42,6 @@ from stoop.report.maneuvers import (
     segments_text,
 )
 from stoop.report.model import Model
-from stoop.report.response_misfit import responses_section
 from stoop.results.result import Result, Role
 from stoop.results.text import determined
 from stoop.results.verdict import REASONS, Grade, Verdict, grouped, shortened

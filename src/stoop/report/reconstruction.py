@@ -1,24 +1,19 @@
-"""Pages of a reconstructed flight path: the compatibility of the sensors, and the drag polar."""
+"""The page of a reconstructed flight path: the compatibility of the sensors."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
 
-from stoop.assessment.covariance import NORMAL_95
 from stoop.base.arrays import FloatArray
-from stoop.base.notices import Notice, of_severity
+from stoop.base.notices import of_severity
 from stoop.base.numbers import NOTHING, factor_and_unit, number, rounded_to_error
-from stoop.base.units import DEGREE
 from stoop.base.variables import VARIABLES, WRAPPED
 from stoop.reconstruction.compatibility import Compatibility
-from stoop.report.plots import plot
 from stoop.report.series import Series, Shade
-from stoop.report.sheet import Bullets, Code, Figure, Prose, Section, Sheet, Table
+from stoop.report.sheet import Bullets, Code, Prose, Section, Sheet, Table
 from stoop.report.time_history import HistoryPanel, TimeHistory, holes, with_residual
-from stoop_analysis.performance.polar import Polar
 
 COMPATIBILITY_LEAD: Final = """\
 Accelerations and rates were integrated from one initial state per piece; the readings of the other sensors were compared
@@ -29,22 +24,6 @@ An unknown that is not identifiable keeps its prior: it is listed with the reaso
 Delays are against the accelerometers; positions are relative to the point whose velocity over ground was logged."""
 TRACES: Final = """\
 Reconstructed from rates and accelerations, against time in s; below each channel what is left. Grey: not used."""
-MEANINGS: Final = {
-    "CD0": "least drag coefficient",
-    "K": "CD = CD0 + K (CL - CL0)²",
-    "CL0": "lift coefficient of least drag",
-    "best glide": "greatest CL / CD, propeller effects on drag in it",
-    "airspeed": "true airspeed over that of the flight file",
-    "efficiency": "motor, controller and blades, without induced loss",
-    "diameter": "of the propeller's disc, m",
-}
-POLAR_LEAD: Final = """\
-Drag by the energy-rate method, lift from the accelerometers, both over blocks of some seconds; a parabola by robust
-regression. The intervals count the color of what is left, the error of the airspeed, and that of the propulsion."""
-LIFT: Final = (
-    "Lift coefficient over angle of attack, blocks. An angle of attack that was reconstructed with a steady wind holds "
-    "vertical gusts, which spread the points sideways: no slope is fitted, it would come out too low."
-)
 
 
 def compatibility_sheet(result: Compatibility, command: str) -> Sheet:
@@ -107,72 +86,3 @@ def compatibility_history(result: Compatibility) -> TimeHistory:
         panels.append(HistoryPanel(name, strips, unit, VARIABLES[name].meaning if name in VARIABLES else ""))
     gaps = [Shade(*gap, "", "hole") for gap in holes(time)]
     return TimeHistory(panels, "--maneuver ", gaps)
-
-
-def polar_sheet(name: str, polar: Polar, notices: Sequence[Notice], command: str) -> Sheet:
-    """Return the page of the polar of a flight of this name."""
-    prior, rows = dict(zip(polar.names, polar.prior_std, strict=True)), []
-    for unknown, (value, error) in polar.summary.items():
-        known = number(prior.get(unknown, np.nan), 2)
-        known = "log " + known if unknown == "diameter" else known
-        rows.append((unknown, *rounded_to_error(value, error), known, MEANINGS[unknown]))
-    numbers = Table("Estimates", ("", "estimate", "std error", "prior std", "what it is"), tuple(rows))
-
-    CL = lift_grid(polar)
-    drag, std = polar.drag(CL)
-    cells = tuple(
-        (number(c, 2), number(v, 3), number(v - NORMAL_95 * s, 3), number(v + NORMAL_95 * s, 3))
-        for c, v, s in zip(CL, drag, std, strict=True)
-    )
-    table = Table("Drag coefficient with 95 % intervals", ("CL", "CD", "from", "to"), cells)
-    found = polar.bins()
-    medians = tuple((number(b.CL, 3), number(b.CD, 3), number(b.spread, 2), str(b.count)) for b in found)
-    bins = Table("Medians of blocks of similar lift", ("CL", "CD", "spread (68 %)", "blocks"), medians)
-
-    CL = np.linspace(*polar.valid, 61)
-    drag, std = polar.drag(CL)
-    series = [
-        Series("blocks", polar.CD, polar.CL, "points"),
-        Series("medians of bins", np.array([b.CD for b in found]), np.array([b.CL for b in found]), "points"),
-        Series("parabola", drag, CL),
-        Series("95 % interval, low", drag - NORMAL_95 * std, CL),
-        Series("95 % interval, high", drag + NORMAL_95 * std, CL),
-    ]
-    high = float(max(np.max(drag + NORMAL_95 * std), np.quantile(polar.CD, 0.9)))
-    caption = "Lift coefficient over drag coefficient."
-    axes = ("drag coefficient CD", "lift coefficient CL", caption)
-    figure = Figure(caption, plot(series, *axes, x_range=(0.0, 1.1 * high)))
-    blocks = [Series("blocks", polar.blocks.alpha / DEGREE, polar.CL, "points")]
-    lift = Figure(LIFT, plot(blocks, "angle of attack, deg", "lift coefficient CL", LIFT))
-    sections = [
-        Section("Drag", (numbers, table, figure, bins)),
-        Section("Lift against angle of attack", (lift,)),
-        Section("What it rests on", (Bullets(notices),)),
-        Section("Made by", (Code(command),)),
-    ]
-    if polar.blocks.powered:
-        low, high = np.quantile(polar.blocks.speed, [0.05, 0.95])
-        speed = np.linspace(low, high, 61)
-        power, std = polar.level_power(speed)
-        balanced = np.isfinite(power + std)
-        speed, power, std = speed[balanced], power[balanced], std[balanced]
-    if polar.blocks.powered and power.size:
-        series = [
-            Series("electric power", speed, power),
-            Series("95 % interval, low", speed, power - NORMAL_95 * std),
-            Series("95 % interval, high", speed, power + NORMAL_95 * std),
-        ]
-        best, shown = int(np.argmin(power)), (0.0, 1.1 * float(np.max(power + std)))
-        caption = (
-            f"Least power {power[best]:.0f} ± {std[best]:.0f} W at {speed[best]:.1f} m/s (one standard error), from the "
-            "parabola and the propulsion."
-        )
-        drawing = plot(series, "true airspeed, m/s", "electric power, W", caption, y_range=shown)
-        sections.insert(1, Section("Power of steady level flight", (Figure(caption, drawing),)))
-    return Sheet(f"Drag polar of {name}", POLAR_LEAD, tuple(sections))
-
-
-def lift_grid(polar: Polar) -> FloatArray:
-    """Return the lift coefficients in tenths that the blocks cover."""
-    low, high = polar.valid
-    return np.round(np.arange(np.ceil(10.0 * low), np.floor(10.0 * high) + 1.0) / 10.0, 10)

@@ -1,4 +1,4 @@
-"""What a model lacks: score tests of extensions, see ``docs/extensions.md``; `stoop.assessment` computes them."""
+"""What a model lacks: score tests of extensions (``docs/extensions.md``), and frequency responses that it does not explain."""
 
 from __future__ import annotations
 
@@ -46,3 +46,18 @@ class ExtensionTests:
         chances = (self.tested * math.erfc(abs(t.beside) / math.sqrt(2.0)) for t in self.found[1:])
         pairs = zip(self.found[1:], chances, strict=True)
         return self.found[:1] + tuple(test for test, chance in pairs if chance < self.level)
+
+
+@dataclass(frozen=True)
+class ResponseMisfit:
+    """Part of the response of a rate to an input that a model does not explain."""
+
+    input: str  #: control, or axis that rotors command
+    output: str
+    low: float  #: rad/s; the frequencies at which the response of the flights is known
+    high: float
+    coherence: float  #: mean partial coherence there
+    #: rms magnitude of the response of the residuals, random error taken off, over that of the flights
+    share: float
+    #: likewise, with the largest random error of about forty taken off
+    least: float

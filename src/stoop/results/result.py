@@ -24,9 +24,8 @@ from stoop.base.text import printable
 from stoop.base.toml import is_of_type, parse_json, read_source
 from stoop.errors import StoopError
 from stoop.results.decisions import DecisionRecord
-from stoop.results.extensions import ExtensionTests
+from stoop.results.extensions import ExtensionTests, ResponseMisfit
 from stoop.results.modes import ConditionModes
-from stoop.results.response_misfit import ResponseMisfit
 from stoop.results.uncertainty import (
     COMPONENTS,
     Components,

@@ -10,7 +10,6 @@ from stoop.base.packages import places, resolved
 
 #: method -> place ``module:name`` of the function whose first argument is the model; packages add theirs
 METHODS: Final = {
-    "design": "stoop.workflow.design:design",
     "linearize": "stoop.workflow.flying:linearize",
     "predict": "stoop.workflow.validation:validate",
     "simulate": "stoop.workflow.flying:simulate",

@@ -5,7 +5,6 @@ from collections.abc import Sequence as Sequence
 from pathlib import Path as Path
 from stoop.base.arrays import FloatArray as FloatArray
 from stoop.flight import Flight as Flight
-from stoop.input_design.optimization import Proposal as Proposal
 from stoop.problem.windows import Windows as Windows
 from stoop.simulation import LinearModel as LinearModel
 from stoop.simulation import Trim as Trim
@@ -17,6 +16,7 @@ from stoop_analysis.frequency import FrequencyAnalysis as FrequencyAnalysis
 from stoop_analysis.workflow.derivatives import DerivativeTables as DerivativeTables
 from stoop_analysis.workflow.propagation import Propagated as Propagated
 from stoop_export.exporter import Exported as Exported
+from stoop_plan.input_design.optimization import Proposal as Proposal
 from stoop_tune.tuning import JudgedGains as JudgedGains
 from typing import Any as Any
 from typing import Literal as Literal

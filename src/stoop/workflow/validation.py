@@ -16,6 +16,7 @@ from stoop.assessment.verdict import diverged
 from stoop.base.files import check_targets, make_folder, write_files
 from stoop.base.notices import Notice, as_notice, notice, of_severity
 from stoop.base.numbers import count
+from stoop.base.packages import hooks
 from stoop.base.text import printable
 from stoop.base.variables import RATES, SPECIFIC_FORCE
 from stoop.checks.vehicle import require_channels
@@ -25,14 +26,11 @@ from stoop.flight import Flight, without, without_faults
 from stoop.flight.flight import flight_name
 from stoop.flight.maneuvers import find_maneuvers
 from stoop.prediction.initial_state import Predictor
-from stoop.prediction.open_loop import open_loop_scores
-from stoop.prediction.predict import Prediction, predict, predict_from
-from stoop.problem import Piece
+from stoop.prediction.predict import predict, predict_from
 from stoop.problem.prepare import decoupled, prepare
 from stoop.problem.windows import Window, Windows, as_windows
 from stoop.results.decisions import switched_off
 from stoop.results.result import ManeuverResult, ManeuverTrace, Result, plain, to_json
-from stoop.vehicle import Vehicle
 from stoop.workflow import outputs
 from stoop.workflow.curves import Simulated, baseline_maneuver, maneuver_curves
 from stoop.workflow.fitted_model import FittedModel
@@ -172,7 +170,8 @@ def validate(
             start = {} if isinstance(initial_state, str) else dict(initial_state)
             ahead = predict_from(predictor, {name: flight}, own, biases, start)
             before = predict_from(_draft(predictor, of), {name: flight}, own, biases, start)
-            scores |= _scores(vehicle, ahead, before, [*chain(*flown)])
+            for rate in hooks("open_loop_scores"):
+                scores |= rate(vehicle, ahead, before, [*chain(*flown)])
         group = Simulated(
             "validation", ahead.prepared, ahead.readings, None, ahead.deviations, ahead.innovations
         )
@@ -223,17 +222,6 @@ def _draft(model: Predictor, result: Result) -> Predictor:
         n: {"value": p.start} for n, p in result.parameters.items() if n in rows and np.isfinite(p.start)
     }
     return replace(model, vehicle=model.vehicle.with_numbers(starts))
-
-
-def _scores(
-    vehicle: Vehicle, ahead: Prediction, before: Prediction, fitted: Sequence[Piece]
-) -> dict[str, dict[str, float]]:
-    """Return the scores of each piece, by the span of its samples."""
-    pieces = ahead.prepared.pieces
-    found = open_loop_scores(vehicle, pieces, {"model": ahead.readings, "draft": before.readings}, fitted)
-    windows = [ahead.prepared.windows[p.maneuver].flight for p in pieces]
-    spans = (f"{name} {p.time[0]:.1f}:{p.time[-1]:.1f}" for name, p in zip(windows, pieces, strict=True))
-    return dict(zip(spans, found, strict=True))
 
 
 def _digest(model: FittedModel) -> str:

@@ -23,10 +23,7 @@ LIFT_GRID: Final = 121  #: angles of attack at which a maximum of the lift is lo
 
 
 def coefficients(
-    vehicle: Vehicle,
-    rows: FloatArray,
-    flow: Mapping[str, FloatArray],
-    deflections: Mapping[str, FloatArray],
+    vehicle: Vehicle, rows: FloatArray, flow: Mapping[str, FloatArray], deflections: Mapping[str, FloatArray]
 ) -> dict[str, FloatArray]:
     """Return CL, CD and the others (B,) without rotation.
 
@@ -75,10 +72,7 @@ def pitching_moment(
 
 
 def static_margin(
-    vehicle: Vehicle,
-    rows: FloatArray,
-    flow: Mapping[str, FloatArray],
-    deflections: Mapping[str, FloatArray],
+    vehicle: Vehicle, rows: FloatArray, flow: Mapping[str, FloatArray], deflections: Mapping[str, FloatArray]
 ) -> FloatArray:
     """Return the static margin with fixed controls (B,), in chords: minus the slope of Cm over that of CL."""
     ends = []

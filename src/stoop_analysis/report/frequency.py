@@ -7,17 +7,10 @@ from collections.abc import Sequence
 from typing import Final
 
 from stoop.base.numbers import NOTHING, listed, number
-from stoop.report.bode import Pair, response_panels
+from stoop.report.bode_plots import Pair, response_panels
 from stoop.report.sheet import Bullets, Code, Legend, Panels, Part, Prose, Section, Sheet, Table
 from stoop.results.modes import DerivedValue
-from stoop_analysis.frequency import (
-    AXES,
-    MAX_ERROR,
-    MIN_COHERENCE,
-    Figures,
-    FrequencyAnalysis,
-    known,
-)
+from stoop_analysis.frequency import AXES, MAX_ERROR, MIN_COHERENCE, Figures, FrequencyAnalysis, known
 from stoop_analysis.handling import EquivalentSystem
 
 MIN_POINTS: Final = 3  #: known ones, of a response that is drawn
@@ -68,7 +61,7 @@ def frequency_sheet(found: FrequencyAnalysis, command: str = "") -> Sheet:
 
 def shown_pairs(found: FrequencyAnalysis) -> list[Pair]:
     """Return the responses that are drawn: those known well enough, and of each rate that to its own control."""
-    pairs = []
+    pairs = list[Pair]()
     for one in found.responses:
         own = one.input in AXES.get(one.output, ())
         if own or int(known(one).sum()) >= MIN_POINTS:

@@ -9,14 +9,7 @@ from typing import Final
 import numpy as np
 
 from stoop.base.notices import of_severity
-from stoop.base.numbers import (
-    NOTHING,
-    factor_and_unit,
-    number,
-    readable_unit,
-    rounded_to_error,
-    share,
-)
+from stoop.base.numbers import NOTHING, factor_and_unit, number, readable_unit, rounded_to_error, share
 from stoop.base.units import FACTORS
 from stoop.report.charts import fan_panel
 from stoop.report.sheet import Bullets, Code, Legend, Page, Panel, Panels, Prose, Section, Sheet, Table

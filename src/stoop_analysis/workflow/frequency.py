@@ -17,7 +17,13 @@ from stoop.base.variables import EULER, VARIABLES, WRAPPED
 from stoop.errors import FlightError, SimulationError, StoopError
 from stoop.flight import Flight
 from stoop.flight.airborne import flying
-from stoop.flight.frequency import CYCLES, FrequencyResponse, Stretch, estimate_responses, window_lengths
+from stoop.flight.frequency_responses import (
+    CYCLES,
+    FrequencyResponse,
+    Stretch,
+    estimate_responses,
+    window_lengths,
+)
 from stoop.flight.maneuvers import CONTROLS, MOTION, commands, moves
 from stoop.problem.windows import Window, Windows, as_windows, within
 from stoop.results.result import Result

@@ -9,9 +9,9 @@ import numpy as np
 from stoop.base.variables import RATES
 from stoop.errors import FlightError
 from stoop.flight import Flight
-from stoop.flight.frequency import Stretch
+from stoop.flight.frequency_responses import Stretch
 from stoop.problem.windows import Window, within
-from stoop.results.response_misfit import ResponseMisfit
+from stoop.results.extensions import ResponseMisfit
 from stoop.results.result import ManeuverResult, ManeuverTrace
 from stoop.vehicle import Vehicle
 from stoop_analysis.response_misfit import response_misfits

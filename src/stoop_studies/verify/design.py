@@ -11,9 +11,6 @@ import pandas as pd
 
 from stoop.base.arrays import FloatArray
 from stoop.estimate.fit import Options, fit
-from stoop.input_design.information import Knowledge, Limits, Setup
-from stoop.input_design.optimization import Plan, design, textbook_maneuver
-from stoop.input_design.sensitivity import sensor_noise
 from stoop.problem.windows import Window
 from stoop.report.plots import plot
 from stoop.report.series import Series
@@ -22,6 +19,9 @@ from stoop.simulation import trim
 from stoop.simulation.fly import simulate_flight
 from stoop.simulation.maneuver import Maneuver
 from stoop.vehicle import Vehicle
+from stoop_plan.input_design.information import Knowledge, Limits, Setup
+from stoop_plan.input_design.optimization import Plan, design, textbook_maneuver
+from stoop_plan.input_design.sensitivity import sensor_noise
 from stoop_studies.findings import Findings, Setting, holds
 from stoop_studies.verify.scenes import aircraft
 from stoop_studies.verify.study import Samples, Verification, records_of, work

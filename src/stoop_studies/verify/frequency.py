@@ -15,7 +15,7 @@ from scipy import signal
 
 from stoop.assessment.covariance import NORMAL_95
 from stoop.base.arrays import ComplexArray, FloatArray
-from stoop.flight.frequency import FrequencyResponse, Stretch, estimate_responses
+from stoop.flight.frequency_responses import FrequencyResponse, Stretch, estimate_responses
 from stoop_analysis.handling import Known, equivalent_system
 from stoop_studies.findings import Claim, Findings, Setting, holds
 from stoop_studies.verify import study

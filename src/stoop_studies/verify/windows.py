@@ -17,7 +17,7 @@ from stoop.base.numbers import finite_or_none
 from stoop.base.units import KNOT
 from stoop.errors import FlightError
 from stoop.flight import Flight, from_columns, load, without_faults
-from stoop.input_design.windows import Found, find_windows
+from stoop.flight.windows import Found
 from stoop.problem.windows import Window
 from stoop.simulation.fly import simulate_flight
 from stoop.simulation.maneuver import Maneuver
@@ -25,6 +25,7 @@ from stoop.strategy.run import FIT_ALONE
 from stoop.strategy.run import fit as fit_by
 from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.vehicle.builtin import resolve_vehicle
+from stoop_plan.input_design.windows import find_windows
 from stoop_studies.findings import Claim, Findings, Setting, holds
 from stoop_studies.problems import hexacopter
 from stoop_studies.verify import closed_loop, scenes, study

@@ -17,8 +17,6 @@ from stoop.errors import StoopError
 from stoop.estimate.noise import read_covariance
 from stoop.flight import describe, load, save
 from stoop.flight.mapping import read_flight_mapping
-from stoop.input_design.windows_file import expanded, read_windows
-from stoop.input_design.windows_file import written as windows_text
 from stoop.optimize import create, load_tagged, minimize, save_state
 from stoop.optimize.minimize import Stop
 from stoop.parallel.plan import Plan, Run
@@ -37,6 +35,8 @@ from stoop.workflow.fitted_model import FittedModel
 from stoop.workflow.load import load as load_model
 from stoop.workflow.outputs import with_values
 from stoop_export.export import model_data
+from stoop_plan.input_design.windows_file import expanded, read_windows
+from stoop_plan.input_design.windows_file import written as windows_text
 
 
 def ask_vehicle(path: Path, number: int) -> None:

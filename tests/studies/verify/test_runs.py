@@ -8,9 +8,9 @@ import pytest
 
 from stoop.base.atmosphere import SEA_LEVEL_DENSITY, standard_density
 from stoop.errors import FlightError
-from stoop.input_design.windows import find_windows
 from stoop_fleet.analysis import analyze
 from stoop_fleet.parts import Parts
+from stoop_plan.input_design.windows import find_windows
 from stoop_studies.verify import decisions, extensions, pilots, windows
 from stoop_studies.verify.capture import NOISE, fly
 from stoop_studies.verify.fleet import BACK, CHANGED, UPDATED, Flown, drawn, least_delay

@@ -10,7 +10,6 @@ from stoop.assessment.coloring import ColoredNoise
 from stoop.assessment.contributions import Contribution, contribution_notices, contributions
 from stoop.assessment.covariance import data_information
 from stoop.assessment.error_bars import error_bars
-from stoop.assessment.maneuver_advice import FlownModel, Term, advice
 from stoop.base.arrays import FloatArray
 from stoop.estimate.fit import fit
 from stoop.problem.evidence import Evidence, PieceEvidence, Unknown
@@ -18,6 +17,7 @@ from stoop.problem.windows import Window
 from stoop.simulation.maneuver import parse_maneuver
 from stoop.vehicle.schema import Turbulence
 from stoop.workflow.demo import MANEUVER
+from stoop_plan.maneuver_advice import FlownModel, Term
 
 NAMES = ("CLelevator", "Cmelevator", "Cmalpha", "Cmq")
 SLOW = 0.98  #: of an autoregression
@@ -135,7 +135,7 @@ def test_the_advice_follows_from_the_motion_flown() -> None:
         ("propulsion.CT0", [rate], (), ("advice-propulsion",), {"power": "throttle"}, ""),
         ("controls.elevator.lag", [rate], (), ("advice-controls",), {}, ""),
     ):  # fmt: skip
-        first = advice(name, partners, flown_advice(*(term(*one) for one in given)))[0]
+        first = flown_advice(*(term(*one) for one in given)).advice(name, partners)[0]
         codes = (first.code, getattr(first.values.get("maneuver"), "code", ""))
         assert codes[: len(wanted)] == wanted, (name, partners)
         assert dict(first.values) | values == first.values, (name, partners)

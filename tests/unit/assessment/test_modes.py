@@ -12,16 +12,16 @@ from scipy.signal import lfilter
 
 from stoop import load_vehicle, trim
 from stoop.assessment.covariance import NORMAL_95
-from stoop.assessment.free_response import free_response, measured_mode
 from stoop.assessment.modes import Linearized, differentiated, mode_estimates, state_equation_estimates
 from stoop.assessment.verdict import LIMITS
 from stoop.base.arrays import ComplexArray, FloatArray
-from stoop.flight.frequency import Stretch
+from stoop.flight.frequency_responses import Stretch
+from stoop.results.extensions import ResponseMisfit
 from stoop.results.modes import ModeEstimate
-from stoop.results.response_misfit import ResponseMisfit
 from stoop.results.result import Covariance, NoiseCovariance, ParameterEstimate, Result
 from stoop.simulation.linearize import linearize, modes_of, state_matrix
 from stoop.simulation.steady_flight import neighbors
+from stoop_analysis.free_response import free_response, measured_mode
 from stoop_analysis.frequency import ModelResponse, transfer, uncertain_model
 from stoop_analysis.handling import Known, bandwidth, equivalent_system, error_correlation, flight_draws
 from stoop_analysis.response_misfit import response_misfits

@@ -13,8 +13,7 @@ from stoop.assessment.verdict import LIMITS, uses, verdict
 from stoop.base.notices import as_notice, notice
 from stoop.results import result as results
 from stoop.results import uncertainty as of
-from stoop.results.extensions import ExtensionTest, ExtensionTests
-from stoop.results.response_misfit import ResponseMisfit
+from stoop.results.extensions import ExtensionTest, ExtensionTests, ResponseMisfit
 from stoop.results.result import GoodnessOfFit, InnovationFigures, ParameterEstimate, Result, Whiteness
 from stoop.results.verdict import Need, Use, Verdict, grouped
 from stoop.vehicle.builtin import resolve_vehicle

@@ -15,7 +15,7 @@ from stoop.cli.options import with_free
 from stoop.flight import Flight, load
 from stoop.simulation.maneuver import load_maneuver, parse_maneuver
 from stoop.vehicle import load_vehicle
-from stoop.workflow.design import DESIGN_FILES, known_before, maneuver_toml
+from stoop_plan.design import DESIGN_FILES, known_before, maneuver_toml
 from stoop_plan.targets import flown_by
 
 QUICK = shlex.split("design twin-boom --duration 6 --evaluations 8 --shape square 3-2-1-1")
@@ -81,7 +81,7 @@ def test_ctrl_c_ends_all_families(tmp_path: Path, cli: Cli, monkeypatch: pytest.
         print(family)
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("stoop.input_design.optimization.design", stop)
+    monkeypatch.setattr("stoop_plan.input_design.optimization.design", stop)
     code, out, _ = cli([*QUICK, tmp_path / "out"])
     assert (code, out.split()) == (130, ["square"])
     assert not (tmp_path / "out").exists()

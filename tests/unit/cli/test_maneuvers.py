@@ -10,10 +10,10 @@ from unit.cli.conftest import Cli, Done, Refused
 
 from stoop.base.arrays import FloatArray
 from stoop.flight import Flight, from_columns, load, save
-from stoop.input_design.windows import doubts
-from stoop.input_design.windows_file import read_windows
 from stoop.vehicle import parse_vehicle
 from stoop.vehicle.builtin import builtin_text, resolve_vehicle
+from stoop_plan.input_design.windows import doubts
+from stoop_plan.input_design.windows_file import read_windows
 
 MOTORS = tuple(f"motor_{n}" for n in range(1, 5))
 Columns = dict[str, FloatArray]

@@ -11,7 +11,13 @@ from scipy.special import stdtrit
 
 from stoop.base.arrays import FloatArray
 from stoop.flight import from_columns
-from stoop.flight.frequency import POINTS_PER_OCTAVE, Stretch, estimate_responses, frequencies, window_lengths
+from stoop.flight.frequency_responses import (
+    POINTS_PER_OCTAVE,
+    Stretch,
+    estimate_responses,
+    frequencies,
+    window_lengths,
+)
 from stoop.flight.spectra import frequency_responses, power_spectra, spectrogram
 
 RATE = 50.0

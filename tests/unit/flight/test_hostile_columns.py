@@ -10,7 +10,7 @@ from unit.flight.made_logs import CLOCK, lines_of
 from stoop.base.arrays import FloatArray
 from stoop.errors import StoopError
 from stoop.flight import describe, load, without_faults
-from stoop.input_design.windows import find_windows
+from stoop_plan.input_design.windows import find_windows
 
 HOSTILE = (0.0, 1.0, -1.0, 5e-324, 1e-9, 1e9, 1e154, -1e308, np.inf, -np.inf, np.nan)
 LOW = "alpha beta p q r phi theta psi ax ay elevator aileron rudder thrust motor_1 motor_2 q0 q1 q2 q3 ve vd"

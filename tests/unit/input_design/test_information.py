@@ -9,16 +9,16 @@ from unit.flown import maneuver as lines_of
 
 from stoop.errors import SimulationError
 from stoop.estimate.fit import Options, estimation_problem
-from stoop.input_design import information, optimization
-from stoop.input_design.information import Knowledge, Limits, Setup, flights_from_trim, marginal
-from stoop.input_design.inputs import SHAPES, Frame
-from stoop.input_design.optimization import Plan, design, propose, robustness, textbook_maneuver
-from stoop.input_design.sensitivity import sensor_noise
 from stoop.problem.windows import Window
 from stoop.simulation import trim
 from stoop.simulation.fly import simulate_flight
 from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.vehicle.builtin import builtin_text, builtin_vehicle, resolve_vehicle
+from stoop_plan.input_design import information, optimization
+from stoop_plan.input_design.information import Knowledge, Limits, Setup, flights_from_trim, marginal
+from stoop_plan.input_design.inputs import SHAPES, Frame
+from stoop_plan.input_design.optimization import Plan, design, propose, robustness, textbook_maneuver
+from stoop_plan.input_design.sensitivity import sensor_noise
 from stoop_studies.verify.design import mean_ratio
 
 PLAN = Plan(duration=8.0, rate=50.0, evaluations=40, seed=1)

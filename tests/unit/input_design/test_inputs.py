@@ -6,8 +6,8 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from stoop.errors import SimulationError
-from stoop.input_design.inputs import COUNTED_SHAPES, HANDS_OFF, SHAPES, STEADY, USUAL_SHAPES, Frame
 from stoop.simulation.maneuver import PATTERNS, Maneuver
+from stoop_plan.input_design.inputs import COUNTED_SHAPES, HANDS_OFF, SHAPES, STEADY, USUAL_SHAPES, Frame
 
 SLEW = dict.fromkeys(("elevator", "rudder"), math.radians(60.0))
 FRAME = Frame({"elevator": 0.05, "rudder": 0.02}, SLEW, 12.0, 2.0, 0.1)

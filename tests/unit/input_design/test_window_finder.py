@@ -11,12 +11,12 @@ from stoop.base.arrays import FloatArray
 from stoop.errors import FlightError
 from stoop.flight import Flight, Maneuver, from_columns
 from stoop.flight.airborne import carried_by_rotors, flying
-from stoop.input_design import windows as stretches
-from stoop.input_design.candidates import Candidate, Excitation, saturated, with_motors
-from stoop.input_design.windows import CandidateInformation, Selection, doubts, find_windows, select
 from stoop.simulation.fly import simulate_flight
 from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.vehicle.builtin import builtin_vehicle
+from stoop_plan.input_design import windows as stretches
+from stoop_plan.input_design.candidates import Candidate, Excitation, saturated, with_motors
+from stoop_plan.input_design.windows import CandidateInformation, Selection, doubts, find_windows, select
 
 RATE = 50.0
 TIME = np.arange(0.0, 60.0, 1.0 / RATE)

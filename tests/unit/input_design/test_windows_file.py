@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from stoop.errors import FlightError
-from stoop.input_design.windows_file import Entry, expanded, read_windows, written
+from stoop_plan.input_design.windows_file import Entry, expanded, read_windows, written
 
 GOOD = (
     Entry(flight="flight2", start=140.5, stop=145.9, axis="roll", why='says "so"\n', information=1.25),

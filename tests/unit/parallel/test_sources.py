@@ -58,7 +58,7 @@ def test_a_study_counts_what_it_imports_and_no_pages() -> None:
     assert {"optimize", "base", "vehicle"} <= set(worker.ROOMS)
     rooms = {name.removesuffix(".py") for name in worker.ROOMS}
     counts = dict.fromkeys(("search", "compare.race"), "stoop_studies.problems.paper.py")
-    counts["verify.design"] = "stoop.input_design.optimization.py"
+    counts["verify.design"] = "stoop_plan.input_design.optimization.py"
     counts["verify.propagate"] = "stoop_analysis.draws.py"
     counts["verify.delays"] = "stoop.reconstruction.compatibility.py"
     for work, counted in counts.items():
@@ -70,8 +70,8 @@ def test_a_study_counts_what_it_imports_and_no_pages() -> None:
 
 def test_what_a_package_imports_of_stoop_counts(herd: Path) -> None:
     before = work_sources([WORK])
-    (herd / "grass.py").write_text("from stoop.input_design.inputs import Frame\n")
-    assert "stoop.input_design.inputs.py" in source_files("herd.far.graze")
+    (herd / "grass.py").write_text("from stoop_plan.input_design.inputs import Frame\n")
+    assert "stoop_plan.input_design.inputs.py" in source_files("herd.far.graze")
     assert work_sources([WORK]) != before
     (herd.parent / "alone.py").write_text("import herd\n")  # one entry per module
     found = work_sources(["alone:f", "alone:g", WORK, "nowhere:f", "no colon", "", "__main__:f", "math:sin"])

@@ -11,7 +11,7 @@ import pytest
 from stoop.base.arrays import FloatArray
 from stoop.cli.main import main
 from stoop.flight import Flight, from_columns
-from stoop.input_design.overview import overview
+from stoop.flight.windows import overview
 from stoop.report.flight import flight_history, flight_sheet
 from stoop.report.series import Shade
 from stoop.report.sheet import render_sheet

@@ -16,8 +16,7 @@ from stoop.assessment.goodness_of_fit import join
 from stoop.base import numbers
 from stoop.base.notices import as_notice, notice
 from stoop.base.numbers import clock, compact, count, factor_and_unit, listed, number, rounded_to_error
-from stoop.input_design.windows import Proposed
-from stoop.report.design import information_strip
+from stoop.flight.windows import Proposed
 from stoop.report.estimates import TITLES
 from stoop.report.extensions import as_toml
 from stoop.report.identification import reasons, verdict
@@ -31,6 +30,7 @@ from stoop.results.result import BaselineFit, GoodnessOfFit, ManeuverResult, Par
 from stoop.results.text import determined, estimate_blocks, undetermined_lines, window_line, with_error
 from stoop.results.uncertainty import IdentifiabilityAnalysis, ParameterIdentifiability
 from stoop.results.verdict import shortened
+from stoop_plan.report import information_strip
 
 
 def test_numbers_and_their_errors() -> None:

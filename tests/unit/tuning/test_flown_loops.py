@@ -11,7 +11,7 @@ from naive.closed_loops import asked_at_random, flown
 from unit.tuning.made_up import rolling
 
 from stoop.base.notices import Notice
-from stoop.flight.frequency import FrequencyResponse, Stretch, estimate_responses
+from stoop.flight.frequency_responses import FrequencyResponse, Stretch, estimate_responses
 from stoop_analysis.frequency import ModelResponse, known
 from stoop_plan.log_bytes import Table, Topic, dataflash_bytes, ulog
 from stoop_tune.control_laws import px4

@@ -11,7 +11,6 @@ from unit.flown import maneuver, with_few_free
 from stoop.assessment.assessment import Finding, Watch, pack, unpack
 from stoop.assessment.bootstrap import CHUNK, bootstrap_plan
 from stoop.assessment.error_bars import ErrorBars, error_bars
-from stoop.assessment.free_response import free_response, measured_mode
 from stoop.assessment.modes import conditions, modes
 from stoop.assessment.uncertainty import repeatability, scatter
 from stoop.base.notices import notice
@@ -32,6 +31,7 @@ from stoop.workflow import Bootstrap, FittedModel, Posterior, Profile
 from stoop.workflow.demo import MANEUVER as DEMO
 from stoop.workflow.identification import finish, search
 from stoop.workflow.summary import repeatability_lines
+from stoop_analysis.free_response import free_response, measured_mode
 
 
 def plan_of(job: FittedModel, count: int) -> Plan:

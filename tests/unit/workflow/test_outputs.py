@@ -22,9 +22,9 @@ from stoop.vehicle import Vehicle, load_vehicle
 from stoop.vehicle.builtin import builtin_vehicle
 from stoop.vehicle.load import parse_vehicle
 from stoop.workflow import FittedModel, outputs
-from stoop.workflow.design import known_before
 from stoop.workflow.load import load, model_or_vehicle
 from stoop.workflow.outputs import ARCHIVES, check_folder, file_hashes, place_outputs, with_values
+from stoop_plan.design import known_before
 
 NAMES = ("vehicle.toml", "flight.nc", "estimate.npz", "traces.npz", "report.html", "result.json")
 

@@ -3,21 +3,32 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 
-from stoop.base.arrays import BoolArray
+from stoop.base.arrays import BoolArray, ComplexArray, FloatArray
 from stoop.base.units import DEGREE
-from stoop.flight.frequency import FrequencyResponse, decibels
+from stoop.flight.frequency_responses import FrequencyResponse, decibels
 from stoop.report.plots import strip_pictures
 from stoop.report.series import Series, Strip, looks_of
 from stoop.report.sheet import Panel
 
-if TYPE_CHECKING:
-    from stoop_analysis.frequency import ModelResponse
 
-Pair = tuple[FrequencyResponse, "ModelResponse | None"]
+class _Modeled(Protocol):
+    """Response of a model to an input over rising frequencies, rad/s, with half widths of its 95 % band (dB, rad)."""
+
+    @property
+    def frequency(self) -> FloatArray: ...
+    @property
+    def response(self) -> ComplexArray: ...
+    @property
+    def magnitude_half_width(self) -> FloatArray: ...
+    @property
+    def phase_half_width(self) -> FloatArray: ...
+
+
+Pair = tuple[FrequencyResponse, _Modeled | None]
 
 
 def response_panels(pairs: Sequence[Pair], max_error: float, min_coherence: float = 0.0) -> list[Panel]:
@@ -38,7 +49,7 @@ def response_panels(pairs: Sequence[Pair], max_error: float, min_coherence: floa
     ]
 
 
-def _strips(one: FrequencyResponse, model: ModelResponse | None, good: BoolArray) -> tuple[Strip, ...]:
+def _strips(one: FrequencyResponse, model: _Modeled | None, good: BoolArray) -> tuple[Strip, ...]:
     x, band = one.frequency, np.where(good, one.bound, np.nan)
     gain = np.where(good, decibels(one.response), np.nan)
     phase = np.full(len(x), np.nan)

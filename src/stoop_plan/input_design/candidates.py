@@ -14,15 +14,7 @@ from stoop.base.variables import RATES
 from stoop.flight import Flight, Maneuver, find_maneuvers
 from stoop.flight.airborne import flying
 from stoop.flight.maneuvers import LIMITS as COMMANDS
-from stoop.flight.maneuvers import (
-    MOTION,
-    Axis,
-    Feedback,
-    band_pass,
-    by_axis,
-    commands,
-    usual_deviation,
-)
+from stoop.flight.maneuvers import MOTION, Axis, Feedback, band_pass, by_axis, commands, usual_deviation
 
 if TYPE_CHECKING:
     from stoop.problem.windows import Window

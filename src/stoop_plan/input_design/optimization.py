@@ -18,8 +18,11 @@ from stoop.base.notices import Notice, notice
 from stoop.base.schema_errors import first_complaint
 from stoop.base.text import Summarized
 from stoop.errors import SimulationError
-from stoop.input_design.information import Forecast, Setup, forecasts
-from stoop.input_design.inputs import (
+from stoop.optimize.problem import ScalarProblem
+from stoop.problem.evidence import invert
+from stoop.simulation.maneuver import Maneuver
+from stoop_plan.input_design.information import Forecast, Setup, forecasts
+from stoop_plan.input_design.inputs import (
     COUNTED_SHAPES,
     LEAD,
     SHAPES,
@@ -30,9 +33,6 @@ from stoop.input_design.inputs import (
     Shape,
     StepInputs,
 )
-from stoop.optimize.problem import ScalarProblem
-from stoop.problem.evidence import invert
-from stoop.simulation.maneuver import Maneuver
 
 TEXTBOOK: Final = "textbook"  #: in place of a family, where the textbook's maneuver is proposed
 OUTSIDE: Final = 1e3  #: cost of leaving the envelope at all: every maneuver within it is better
@@ -62,7 +62,7 @@ class Plan:
 
 @dataclass(frozen=True, eq=False)
 class Design:
-    """An optimized maneuver, its forecast at its own rate, and its gain (:meth:`stoop.input_design.Setup.gain`)."""
+    """An optimized maneuver, its forecast at its own rate, and its gain (:meth:`stoop_plan.input_design.Setup.gain`)."""
 
     shape: str
     maneuver: Maneuver
@@ -111,7 +111,7 @@ def design(
     shape: str = "multisine",
     callback: Callable[[optimize.Progress], None] | None = None,
 ) -> Design:
-    """Return the D-optimal maneuver of a family of inputs, a name of :data:`stoop.input_design.SHAPES`.
+    """Return the D-optimal maneuver of a family of inputs, a name of :data:`stoop_plan.input_design.SHAPES`.
 
     The callback gets an :class:`stoop.optimize.Progress` after each generation.
 
@@ -267,7 +267,7 @@ def uncertainty_ratio(setup: Setup, one: Forecast, other: Forecast) -> float:
 class Proposal(Summarized):
     """What to fly next: one design per family, the best first, beside the textbook's maneuver.
 
-    Designs with more information (:meth:`stoop.input_design.Setup.gain`) go first. Where none has more than the textbook's
+    Designs with more information (:meth:`stoop_plan.input_design.Setup.gain`) go first. Where none has more than the textbook's
     maneuver, that is the first, as the family :data:`TEXTBOOK`, unless it cannot be flown.
 
     Attributes
@@ -322,7 +322,7 @@ def propose(
 ) -> Proposal:
     """Design the best maneuver of every family, and compare it with the textbook's and for other models.
 
-    The maneuver begins at the trim. Families are names of :data:`stoop.input_design.SHAPES`, the usual ones when none are given;
+    The maneuver begins at the trim. Families are names of :data:`stoop_plan.input_design.SHAPES`, by default the usual ones;
     the callback gets the name and an :class:`stoop.optimize.Progress` after each generation, None in its place where a family,
     "textbook" or "robustness" begins; `source` says where the knowledge of the model comes from. A family of which no maneuver
     can be flown is left out.

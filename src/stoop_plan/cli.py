@@ -1,4 +1,4 @@
-"""`stoop maneuvers` and `stoop design`: which windows of a flight to fit and to predict, and what to fly next."""
+"""`stoop maneuvers`, `design` and `simulate`: windows to fit and to predict, what to fly next, and simulated flights."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from stoop.base.files import check_targets
+from stoop.base.files import check_target, check_targets
 from stoop.base.notices import as_notice
 from stoop.base.numbers import count
 from stoop.base.text import enumerated, remaining
@@ -19,12 +19,13 @@ from stoop.base.variables import EULER, RATES
 from stoop.cli import options
 from stoop.cli.page import Page, fixed, numbers, page, points, words
 from stoop.cli.progress import LiveLine, Watch
-from stoop.errors import SimulationError, VehicleError
+from stoop.errors import FlightError, ManeuverError, SimulationError, VehicleError
 from stoop.results.text import estimate_blocks
 from stoop.simulation.maneuver import MANUAL_THROTTLE, unit_of
 
 if TYPE_CHECKING:
-    from stoop.input_design.windows import Expected, Found
+    from stoop.flight.windows import Expected, Found
+    from stoop.vehicle import Vehicle
 
 IN_DEGREES: Final = ("alpha", "beta", *EULER, *RATES)  #: channels that are given in degrees
 
@@ -33,12 +34,12 @@ def maneuvers(arguments: argparse.Namespace) -> int:
     """Find windows, write them, and print what was found."""
     from stoop.flight import without_faults
     from stoop.flight.load import load_several
-    from stoop.input_design.windows import doubts, find_windows
-    from stoop.input_design.windows_file import NAME
     from stoop.vehicle.assumptions import with_assumptions
     from stoop.vehicle.builtin import resolve_vehicle
-    from stoop.workflow.design import WINDOW_FILES, write_windows
     from stoop.workflow.outputs import by_name
+    from stoop_plan.design import WINDOW_FILES, write_windows
+    from stoop_plan.input_design.windows import doubts, find_windows
+    from stoop_plan.input_design.windows_file import NAME
 
     given, free, fix = arguments.vehicle, arguments.free, arguments.fix
     check_targets(arguments.output, WINDOW_FILES, arguments.overwrite)
@@ -67,8 +68,8 @@ def maneuvers(arguments: argparse.Namespace) -> int:
 
 def _show_windows(found: Found, folder: Path, following: Sequence[str], verbose: bool) -> None:
     """Print how many windows are proposed, the windows, the next command, and what may be expected of them."""
-    from stoop.input_design.windows_file import NAME
-    from stoop.report.design import span_of
+    from stoop_plan.input_design.windows_file import NAME
+    from stoop_plan.report import span_of
 
     out, proposed = page(), found.windows
     uses = [w.purpose for w in proposed]
@@ -94,7 +95,7 @@ def _show_windows(found: Found, folder: Path, following: Sequence[str], verbose:
 
 def _show_expected(out: Page, expected: Sequence[Expected], verbose: bool) -> None:
     """Print the quick fit with the standard errors that are expected of the windows: by groups, or a line each."""
-    from stoop.report.design import QUICK_FIT, percent
+    from stoop_plan.report import QUICK_FIT, percent
 
     if not expected:
         return
@@ -120,11 +121,9 @@ def design(arguments: argparse.Namespace) -> int:
     """Design a maneuver, write it, and print the expected standard errors."""
     import numpy as np
 
-    from stoop.input_design.information import Limits, Setup, usual_amplitudes
-    from stoop.input_design.optimization import propose
-    from stoop.report.design import NO_IMPROVEMENT
     from stoop.simulation import trim
-    from stoop.workflow.design import (
+    from stoop.workflow.load import model_or_vehicle
+    from stoop_plan.design import (
         DESIGN_FILES,
         flight_files,
         known_before,
@@ -133,7 +132,9 @@ def design(arguments: argparse.Namespace) -> int:
         usual_plan,
         write_proposal,
     )  # fmt: skip
-    from stoop.workflow.load import model_or_vehicle
+    from stoop_plan.input_design.information import Limits, Setup, usual_amplitudes
+    from stoop_plan.input_design.optimization import propose
+    from stoop_plan.report import NO_IMPROVEMENT
     from stoop_plan.targets import flown_by
 
     folder, target = arguments.output, arguments.target
@@ -254,3 +255,84 @@ def _command(arguments: argparse.Namespace) -> str:
     parts += ["--optimizer", arguments.optimizer]
     parts += ["--evaluations", str(arguments.evaluations)] if arguments.evaluations else []
     return shlex.join([*parts, "--seed", str(arguments.seed), "-o", str(arguments.output)])
+
+
+def simulate(arguments: argparse.Namespace) -> int:
+    """Fly from trim, write what the instruments would record, and print what to do next."""
+    from stoop.base.text import nearest
+    from stoop.base.variables import VARIABLES
+    from stoop.logs.csv_tables import mapping_beside
+    from stoop.simulation.fly import flown_trim, numbers_set, simulate_flight
+    from stoop.simulation.maneuver import load_maneuver
+    from stoop.vehicle.builtin import resolve_vehicle
+    from stoop.workflow.flying import simulate_under_law
+    from stoop_plan.flight_logs import OWN, check_ending, save_flight_as
+    from stoop_plan.input_design.windows import find_windows
+
+    if arguments.maneuver is None:
+        arguments.complain("name a maneuver by --maneuver")
+    target: Path = arguments.output
+    check_target(target, arguments.overwrite)
+    check_ending(target)
+    if target.suffix.lower() != OWN:
+        check_target(mapping_beside(target), arguments.overwrite)
+    vehicle = resolve_vehicle(arguments.vehicle)
+    lost = next((channel for channel in vehicle.recorded if channel not in VARIABLES), None)
+    if lost is not None:  # a flight file has no place for it
+        advice = nearest(lost, VARIABLES)
+        raise VehicleError(f"{vehicle.where}: the input '{lost}' is no variable of stoop; {advice}")
+    maneuver = load_maneuver(arguments.maneuver)
+    try:
+        with LiveLine(options.COMPILING):
+            asked = (arguments.seed, not arguments.no_noise, target.stem)
+            if arguments.autopilot:
+                flight = simulate_under_law(vehicle, maneuver, arguments.autopilot, *asked)
+            else:
+                flight = simulate_flight(vehicle, maneuver, *asked)
+            flown = numbers_set(vehicle, flown_trim(vehicle, maneuver))
+    except ManeuverError as error:
+        raise ManeuverError(f"{arguments.maneuver}: {error}") from None
+    mapping = save_flight_as(flight, target)
+
+    out, duration = page(), float(flight.time[-1]) - float(flight.time[0])
+    noise = "no sensor noise" if arguments.no_noise else f"sensor noise of seed {arguments.seed}"
+    size = f"{duration:g} s at {flight.rate:g} Hz, {len(flight.channels)} channels"
+    out.line(f"wrote {target}: {size}, {noise}")
+    if mapping is not None:
+        out.line(f"wrote {mapping}: the mapping of what the autopilot has no place for, or calls otherwise")
+    out.bullets(found for found in flight.notices if found.code != "simulated")
+    try:
+        found = find_windows({flight.name: flight})
+    except FlightError as error:
+        if not maneuver.input:
+            out.line(
+                f"no input moves the vehicle: to identify it, add [[input]] tables to {arguments.maneuver}"
+            )
+        else:
+            out.line(str(error))
+        out.command("next: ", ["stoop", "info", str(target)])
+        return 0
+    free = _freed(vehicle, flown)
+    chosen = {"flight": target, "free": free} | options.windows_of(found)
+    out.command("next: ", options.identify_command(arguments, f"{target.stem}-result", **chosen))
+    return 0
+
+
+def _freed(vehicle: Vehicle, flown: dict[str, float]) -> list[str]:
+    """Return numbers to free, those that trim has set: with the file's own the fit would find another drag.
+
+    Those that have no bounds around that value must be written into the file first; this is printed.
+    """
+    found: list[str] = []
+    for name, value in flown.items():
+        own = vehicle.parameters[vehicle.rows[name]]
+        if own.free:
+            continue
+        if own.lower < own.upper and own.lower <= value <= own.upper:
+            found.append(name)
+        else:
+            page().line(
+                f"first: write {name.rpartition('.')[2]} = {value:.7g} into [{name.partition('.')[0]}] of the vehicle "
+                "file; with its own number the fit puts the difference into the drag"
+            )
+    return found

@@ -24,7 +24,6 @@ from stoop.assessment.covariance import marked, standard_errors
 from stoop.base.arrays import FloatArray
 from stoop.errors import IdentificationError, SimulationError
 from stoop.flight import Flight
-from stoop.input_design.sensitivity import BOX_INFORMATION, PIECES, CandidateProblem, VehicleInformation
 from stoop.problem import Layout, Misfit, Piece, Weights
 from stoop.problem.evidence import invert
 from stoop.problem.prepare import Prepared, nuisances, prepare
@@ -35,6 +34,7 @@ from stoop.simulation.fly import simulate_together
 from stoop.simulation.maneuver import Maneuver, amplitude_text
 from stoop.simulation.trim import inputs_about
 from stoop.vehicle import Vehicle
+from stoop_plan.input_design.sensitivity import BOX_INFORMATION, PIECES, CandidateProblem, VehicleInformation
 
 Span = tuple[float, float]
 AMPLITUDE: Final = math.radians(3.0)  #: of every control that is not given one

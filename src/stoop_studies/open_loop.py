@@ -17,6 +17,7 @@ from stoop.base.arrays import FloatArray
 from stoop.base.rotations import quaternions_of, to_ground
 from stoop.base.variables import EULER, POSITION, WRAPPED
 from stoop.estimate.linearization import interpolated, unwrapped
+from stoop.prediction.predict import Prediction
 from stoop.problem import Piece
 from stoop.problem.observation import state_channels
 from stoop.simulation.initial import rigid_states
@@ -92,6 +93,17 @@ def open_loop_scores(
             every[ARX] = _simulated(weights, measured, piece.inputs)
         found.append({name: score(measured, _near(y, measured, turning)) for name, y in every.items()})
     return found
+
+
+def scores_by_window(
+    vehicle: Vehicle, ahead: Prediction, before: Prediction, fitted: Sequence[Piece]
+) -> dict[str, dict[str, float]]:
+    """Return the scores of each piece, by the span of its samples: of the model, its draft, a straight line and ARX."""
+    pieces = ahead.prepared.pieces
+    found = open_loop_scores(vehicle, pieces, {"model": ahead.readings, "draft": before.readings}, fitted)
+    windows = [ahead.prepared.windows[p.maneuver].flight for p in pieces]
+    spans = (f"{name} {p.time[0]:.1f}:{p.time[-1]:.1f}" for name, p in zip(windows, pieces, strict=True))
+    return dict(zip(spans, found, strict=True))
 
 
 def _near(predicted: FloatArray, measured: FloatArray, turning: Sequence[bool]) -> FloatArray:

@@ -18,11 +18,7 @@ from stoop.base.csv_text import csv_text
 from stoop.base.files import check_targets, make_folder, write_files
 from stoop.base.numbers import finite_or_none
 from stoop.flight import Flight
-from stoop.input_design.information import Knowledge, Limits, Setup, flights_from_trim
-from stoop.input_design.optimization import Plan, Proposal, propose
-from stoop.input_design.sensitivity import sensor_noise
-from stoop.input_design.windows import Found
-from stoop.input_design.windows_file import NAME, Entry, written
+from stoop.flight.windows import Found
 from stoop.simulation import Trim, trim
 from stoop.simulation.maneuver import Maneuver, unit_of
 from stoop.vehicle import Vehicle
@@ -31,6 +27,10 @@ from stoop.workflow.load import takes_model_or_vehicle
 from stoop.workflow.outputs import versions
 from stoop.workflow.summary import refusal
 from stoop_plan.injection import Injection
+from stoop_plan.input_design.information import Knowledge, Limits, Setup, flights_from_trim
+from stoop_plan.input_design.optimization import Plan, Proposal, propose
+from stoop_plan.input_design.sensitivity import sensor_noise
+from stoop_plan.input_design.windows_file import NAME, Entry, written
 from stoop_plan.targets import FLOWN_BY, flown_by
 
 DESIGN_FILES: Final = ("maneuver.toml", "reference.toml", "maneuver.csv", "design.html", "design.json")
@@ -99,7 +99,7 @@ def design(
     envelope : mapping, optional
         Lowest and highest value of a channel, SI.
     shapes : sequence of str, optional
-        Of :data:`stoop.input_design.SHAPES`; the usual ones when absent.
+        Of :data:`stoop_plan.input_design.SHAPES`; the usual ones when absent.
     seed : int
     min_amplitude : mapping, optional
         Smallest amplitude of each control that can be flown; 0.5 deg when absent.
@@ -188,6 +188,41 @@ def flight_files(
     return flies.write(injection)
 
 
+def save_design(
+    proposal: Proposal,
+    folder: str | Path,
+    target: str | None = None,
+    throws: Mapping[str, float] | None = None,
+    overwrite: bool = False,
+) -> Path:
+    """Save a designed maneuver: maneuver files, page, and the files with which a pilot or an autopilot flies it.
+
+    Parameters
+    ----------
+    proposal : Proposal
+        Of :func:`design`.
+    folder : path
+    target : str, optional
+        Who flies it: "pilot", "ardupilot", "px4" or "crazyflie".
+    throws : mapping, optional
+        Deflection of each surface at full output, rad.
+    overwrite : bool
+
+    Returns
+    -------
+    Path
+        The folder, with ``maneuver.toml`` (of a pilot ``maneuver_1.toml`` and so on) for :func:`load_maneuver`.
+
+    Raises
+    ------
+    StoopError
+        The target cannot fly the maneuver, or the folder cannot be written.
+    """
+    flight = flight_files(proposal, target, throws) if target is not None else {}
+    write_proposal(proposal, Path(folder), "stoop.design(...)", overwrite, flight)
+    return Path(folder)
+
+
 def write_proposal(
     proposal: Proposal,
     folder: Path,
@@ -201,8 +236,8 @@ def write_proposal(
 
     Raises `OutputError`: the folder cannot be made, or holds a design already; or a file cannot be written.
     """
-    from stoop.report.design import design_sheet
     from stoop.report.sheet import render_sheet
+    from stoop_plan.report import design_sheet
 
     flight = flight or {}
     best = proposal.best.maneuver
@@ -339,8 +374,8 @@ def write_windows(
 
     `vehicle` is its name or empty; `following` are the words of the command that takes the file.
     """
-    from stoop.report.design import windows_sheet
     from stoop.report.sheet import render_sheet
+    from stoop_plan.report import windows_sheet
 
     make_folder(folder)
     entries = [

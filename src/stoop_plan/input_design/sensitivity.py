@@ -1,6 +1,6 @@
 """Fisher information of windows about the free numbers of a vehicle, from the sensitivities of its simulation.
 
-The sensitivities are taken at the estimates of a quick fit (`stoop.input_design.quick_fit`). One linear step from there, in
+The sensitivities are taken at the estimates of a quick fit (`stoop_plan.input_design.quick_fit`). One linear step from there, in
 parameters, initial states and biases, leaves residuals from which the noise of this flight is estimated, gusts and what the
 model lacks included.
 
@@ -22,12 +22,12 @@ from stoop.errors import FlightError, IdentificationError
 from stoop.estimate.noise import correlation_times
 from stoop.estimate.shooting_windows import WINDOW_LENGTH
 from stoop.flight import Flight
-from stoop.input_design.candidates import Candidate
 from stoop.problem import Layout, Misfit, Piece, Weights
 from stoop.problem.observation import guess_start, state_channels
 from stoop.problem.prepare import Prepared, nuisances, prepare, without_stuck_channels
 from stoop.vehicle import Vehicle
 from stoop.vehicle.vehicle import AIR_FRAME, GROUND_FRAME, Frame
+from stoop_plan.input_design.candidates import Candidate
 
 #: of a number that is only known to lie in the unit box: one over its variance
 BOX_INFORMATION: Final = 12.0

@@ -1,4 +1,4 @@
-"""Verbs that analyze flights without a fit: `stoop compatibility`, `stoop polar` and `stoop rotors`."""
+"""Verbs that analyze flights without a fit: `stoop polar`, `stoop rotors` and `stoop structure`."""
 
 from __future__ import annotations
 
@@ -6,13 +6,13 @@ import argparse
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from stoop.base.files import check_targets
 from stoop.cli import options
 from stoop.cli.page import fixed, numbers, page, words
 from stoop.cli.progress import LiveLine, Watch
-from stoop.errors import FlightError
+from stoop.errors import FlightError, IdentificationError
 
 if TYPE_CHECKING:
     from stoop.flight import Flight
@@ -21,49 +21,13 @@ if TYPE_CHECKING:
 MAX_VOLTAGE_DIFFERENCE = 0.05  #: relative; beyond it a flight is named
 
 
-def compatibility(arguments: argparse.Namespace) -> int:
-    """Check whether the sensors agree, write where asked to, and print what was found."""
-    from stoop.base.notices import of_severity
-    from stoop.base.numbers import factor_and_unit, number, rounded_to_error
-    from stoop.flight import load
-    from stoop.workflow.reconstruction import COMPATIBILITY, check_compatibility, write_compatibility
-
-    folder, others = arguments.output, options.given_paths(arguments.mapping)
-    if folder is not None:
-        check_targets(folder, COMPATIBILITY, arguments.overwrite)
-    with LiveLine("reading the log"):
-        flight = load(arguments.flight, arguments.mapping)
-    with LiveLine("integrating and comparing"):
-        result, corrected = check_compatibility(flight, options.windows(arguments.window))
-    out = page()
-    out.heading("Sensors")
-    rows = []
-    for name, one in result.findings.items():
-        factor, unit = factor_and_unit(one.unit)
-        value, error = rounded_to_error(factor * one.estimate, factor * one.std_error)
-        rows.append((name, value, error, unit, "" if one.identifiable else str(one.reason), one.meaning))
-    heads = ("", "estimate", "std error", "unit", "not identifiable", "meaning")
-    out.table(*(words(head, column) for head, column in zip(heads, zip(*rows, strict=True), strict=True)))
-    out.heading("Measured minus reconstructed, rms")
-    for name, left in result.channels.items():
-        factor, unit = factor_and_unit(left.unit)
-        rms, movement = number(factor * left.rms, 3), number(factor * left.movement, 3)
-        out.line(f"{name:16}{rms:>8} {unit:6} of {movement:>8} {unit} movement")
-    out.bullets(of_severity(result.notices, "warning") or ("nothing evident",), "What is inconsistent")
-    out.bullets(of_severity(result.notices, "info"), "Notes")
-    if folder is not None:
-        write_compatibility(result, flight, corrected, folder, options.command_line(), others)
-        out.line(f"page: {folder / COMPATIBILITY[0]}; corrected flight: {folder / COMPATIBILITY[1]}")
-    return 0
-
-
 def polar(arguments: argparse.Namespace) -> int:
     """Fit a drag polar, write where asked to, and print what was found."""
     from stoop.assessment.covariance import NORMAL_95
     from stoop.flight import load
-    from stoop.report.reconstruction import MEANINGS, lift_grid
-    from stoop.workflow.reconstruction import POLAR, drag_polar, write_polar
     from stoop_analysis.performance.polar import Propulsion
+    from stoop_analysis.report.polar import MEANINGS, lift_grid
+    from stoop_analysis.workflow.polar import POLAR, drag_polar, write_polar
 
     folder, others = arguments.output, options.given_paths(arguments.mapping)
     if folder is not None:
@@ -150,6 +114,62 @@ def rotors(arguments: argparse.Namespace) -> int:
         sheet = rotors_sheet(alike, found, flights, notes, chance, options.command_line())
         write_sheet(sheet, arguments.output)
         out.line(f"wrote {arguments.output}")
+    return 0
+
+
+def structure(arguments: argparse.Namespace) -> int:
+    """Choose, write, and print what was chosen."""
+    from stoop.base.toml import read_source
+    from stoop.estimate.regression.least_squares import FrequencyDomain
+    from stoop.flight.load import load_several
+    from stoop.vehicle.builtin import resolve_vehicle
+    from stoop.workflow.outputs import by_name
+    from stoop_analysis.structure import Press, orthogonal, parse_candidates, standard_candidates, stepwise
+    from stoop_analysis.workflow.structure import FILES, write_structure
+    from stoop_analysis.workflow.structure import structure as determined
+
+    check_targets(arguments.output, FILES, arguments.overwrite)
+    try:
+        low, high = (float(part) for part in arguments.band.split(":"))
+    except ValueError:
+        low = high = 0.0
+    if not 0.0 <= low < high < 1e4:
+        raise IdentificationError(f"--band {arguments.band}: write LOW:HIGH in Hz, for example 0.1:2")
+    criteria: dict[str, Any] = {
+        "f": stepwise,
+        "press": lambda rows: stepwise(rows, Press()),
+        "pse": orthogonal,
+    }
+    vehicle = resolve_vehicle(arguments.vehicle)
+    candidates: dict[str, tuple[str, ...]] = {} if arguments.candidates else standard_candidates(vehicle)
+    for text in arguments.candidates:
+        lines, where = [text], "--candidates"
+        if ":" not in text or Path(text).exists():
+            lines, where = read_source(text, "candidates", IdentificationError).splitlines(), text
+        for coefficient, terms in parse_candidates(lines, vehicle, where).items():
+            candidates[coefficient] = (*candidates.get(coefficient, ()), *terms)
+    flights = by_name(load_several(arguments.flight, arguments.mapping), "structure")
+    choose = criteria[arguments.criterion]
+    domain = FrequencyDomain(low, high)
+    with LiveLine(options.COMPILING):
+        found = determined(vehicle, flights, arguments.maneuver, candidates, choose, domain, arguments.keep)
+    write_structure(found, arguments.output, options.command_line())
+
+    out, nothing = page(), (float("nan"),) * 2
+    for coefficient, chosen in found.structure.chosen.items():
+        share = f"{len(chosen.terms)} of {len(chosen.candidates)} candidates"
+        out.heading(f"{coefficient}: {share}, R2 {chosen.selection.model.r2:.3f}")
+        names = found.names[coefficient]
+        values = [found.estimates.get(name, nothing) for name in names.values()]
+        estimates = numbers("estimate", [value for value, _ in values])
+        errors = numbers("std error", [error for _, error in values])
+        out.table(words("term", names), words("parameter", names.values()), estimates, errors)
+    of_terms = [n for chosen in found.structure.chosen.values() for n in chosen.notices]
+    out.bullets([*of_terms, *found.structure.notices], "notes")
+    out.line()
+    out.line(f"page: {arguments.output / 'structure.html'}")
+    made = arguments.output / "vehicle.toml"
+    out.command("next: ", options.identify_command(arguments, f"{arguments.output}-result", vehicle=made))
     return 0
 
 

@@ -11,7 +11,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Final, Literal
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
@@ -20,14 +20,15 @@ from stoop.base.notices import Notice, notice
 from stoop.base.text import remaining
 from stoop.base.variables import RATES
 from stoop.errors import FlightError
-from stoop.flight import Flight, Maneuver
+from stoop.flight import Flight
 from stoop.flight.airborne import flying, require_motors_ran
 from stoop.flight.maneuvers import Axis, commands, moves, output_families
-from stoop.input_design.candidates import Candidate, Excitation, candidates, with_motors
+from stoop.flight.windows import Expected, Found, Proposed, Use
+from stoop_plan.input_design.candidates import Candidate, Excitation, candidates, with_motors
 
 if TYPE_CHECKING:  # fits are imported where a vehicle is given: without one nothing is fitted
-    from stoop.input_design.sensitivity import CandidateProblem, VehicleInformation
     from stoop.vehicle import Vehicle
+    from stoop_plan.input_design.sensitivity import CandidateProblem, VehicleInformation
 
 
 @dataclass(frozen=True)
@@ -50,7 +51,6 @@ class SelectionLimits:
 
 LIMITS: Final = SelectionLimits()
 
-Use = Literal["fit", "validate"]
 NO_AXIS: Final = "motion"  #: of windows in which no command stands out
 
 
@@ -180,71 +180,6 @@ def excitation_information(
     return CandidateInformation(np.eye(size), tuple(out))
 
 
-@dataclass(frozen=True)
-class Proposed:
-    """A window of a flight, s on the log's own clock, proposed or declined.
-
-    Attributes
-    ----------
-    axis : which was excited, or "motion"
-    information : mean logarithm by which it alone shrinks the error bars
-    gain : likewise, beside the windows that were selected before it; 0 for those that are predicted or declined
-    accept : whether it is proposed
-    maneuver : what was commanded in it, where one maneuver was
-    """
-
-    flight: str
-    start: float
-    stop: float
-    axis: str
-    why: str
-    information: float
-    gain: float
-    accept: bool
-    use: Use
-    maneuver: Maneuver | None = None
-
-    @property
-    def span(self) -> str:
-        """START:STOP, as the command line takes it."""
-        return f"{self.start:.1f}:{self.stop:.1f}"
-
-    @property
-    def purpose(self) -> Literal["fit", "predict", "not used"]:
-        """What it is proposed for."""
-        return "not used" if not self.accept else "fit" if self.use == "fit" else "predict"
-
-
-@dataclass(frozen=True)
-class Expected:
-    """A free number and its standard error by a quick fit of the proposed windows together, SI.
-
-    The value is NaN and the error infinite for a number that the fit leaves at a bound.
-    """
-
-    name: str
-    value: float
-    std_error: float
-
-    @property
-    def relative(self) -> float:
-        """Standard error over the size of the value."""
-        return self.std_error / abs(self.value) if self.value else float("inf")
-
-
-@dataclass(frozen=True)
-class Found:
-    """Windows in order of flight and time, and the expected errors of the vehicle's free numbers (none without one)."""
-
-    windows: tuple[Proposed, ...]
-    expected: tuple[Expected, ...] = ()
-    notices: tuple[Notice, ...] = ()
-
-    def texts(self, use: Use) -> list[str]:
-        """Return the accepted windows of a kind, as the command line takes them."""
-        return [f"{w.flight}@{w.start:g}:{w.stop:g}" for w in self.windows if w.accept and w.use == use]
-
-
 def doubts(flights: Mapping[str, Flight], vehicle: Vehicle) -> list[Notice]:
     """Return why a flight is hardly of this vehicle; a FlightError where it lacks an input of it."""
     from stoop.checks.vehicle import check_vehicle
@@ -284,8 +219,8 @@ def find_windows(
     if vehicle is None:
         information = choose(found)
     else:
-        from stoop.input_design.quick_fit import first_fit, quick_fit, with_assumptions
-        from stoop.input_design.sensitivity import candidate_problem
+        from stoop_plan.input_design.quick_fit import first_fit, quick_fit, with_assumptions
+        from stoop_plan.input_design.sensitivity import candidate_problem
 
         usable = [c for c in found if candidate_problem(vehicle, flights[c.flight], c) is not None]
         if not usable:
@@ -370,7 +305,7 @@ def _about_vehicle(
     tell: Callable[[str], None],
 ) -> tuple[list[Candidate], CandidateInformation, VehicleInformation]:
     """Return the candidates that can be simulated, and their information about the vehicle's free numbers."""
-    from stoop.input_design.sensitivity import BOX_INFORMATION, candidate_problem, linearization_point
+    from stoop_plan.input_design.sensitivity import BOX_INFORMATION, candidate_problem, linearization_point
 
     each = ((c, candidate_problem(vehicle, flights[c.flight], c)) for c in usable)
     problems = [(candidate, problem) for candidate, problem in each if problem is not None]

@@ -20,8 +20,8 @@ from stoop.report.time_history import HistoryPanel, TimeHistory
 from stoop.simulation.maneuver import MANUAL_THROTTLE, unit_of
 
 if TYPE_CHECKING:  # the page of a flight takes colors and commands from here, and needs no optimization
-    from stoop.input_design.optimization import Proposal
-    from stoop.input_design.windows import Found, Proposed
+    from stoop.flight.windows import Found, Proposed
+    from stoop_plan.input_design.optimization import Proposal
 
 DESIGN_LEAD: Final = """\
 The input below is the one, of those tried, whose flight makes the error bars of the parameters of {vehicle} smallest \
@@ -205,7 +205,7 @@ def windows_sheet(
     found: Found, flights: Mapping[str, Flight], vehicle: str, command: str, following: Sequence[str]
 ) -> Sheet:
     """Return the page; `vehicle` is its name or empty, `following` the words of the command that takes the file."""
-    from stoop.input_design.windows_file import NAME
+    from stoop_plan.input_design.windows_file import NAME
 
     criterion = BY_VEHICLE.format(vehicle=vehicle) if vehicle else BY_COMMAND
     sections = [

@@ -24,10 +24,12 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from stoop.assessment.covariance import NORMAL_95
+from stoop.assessment.modes import Condition
 from stoop.base.arrays import FloatArray
 from stoop.base.notices import notice
+from stoop.estimate.estimate import Estimate
 from stoop.estimate.noise import correlation_times
-from stoop.results.modes import DerivedValue, MeasuredMode
+from stoop.results.modes import DerivedValue, MeasuredMode, ModeEstimate
 
 CHANNELS: Final[Mapping[str, tuple[str, ...]]] = {
     "short period": ("q", "alpha"),
@@ -44,6 +46,20 @@ MIN_EXPLAINED: Final = 0.7  #: of what the slower motion leaves, by the oscillat
 MAX_ERRORS: Final = (0.2, 0.15)  #: standard errors of frequency, in parts of it, and damping
 #: of the response, by shares of its length, fitted alone
 PARTS: Final = ((0.1, 1.0), (0.2, 1.0), (0.3, 1.0), (0.0, 0.9), (0.0, 0.8), (0.0, 0.7))
+
+
+def measured_modes(fit: Estimate, condition: Condition, mode: ModeEstimate) -> tuple[MeasuredMode, ...]:
+    """Return what followed the last motion of the controls in the last piece of each maneuver shows of a mode."""
+    vehicle, out = fit.problem.layout.vehicle, []
+    names = dict.fromkeys(c for control in vehicle.controls for c in vehicle.channels_of(control))
+    for maneuver in condition.maneuvers:
+        piece = fit.prepared.pieces[fit.prepared.of_maneuver(maneuver)[-1]]
+        controls = piece.inputs[:, [vehicle.inputs.index(c) for c in names]]
+        channels = dict(zip(vehicle.outputs, piece.measured.T, strict=True))
+        free = free_response(piece.time, controls, channels)
+        expected = mode.frequency.estimate
+        out.append(measured_mode(mode.name, maneuver, free, expected, condition.start["V"]))
+    return tuple(out)
 
 
 @dataclass(frozen=True, eq=False)

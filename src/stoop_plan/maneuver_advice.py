@@ -95,43 +95,44 @@ class FlownModel:
             t.name: largest[t.coefficient] / rms[t.name] for t in self.terms.values() if rms[t.name] > 0.0
         }
 
+    def advice(self, name: str, stand_ins: Sequence[str]) -> tuple[Notice, ...]:
+        """Return what to fly, or to measure, for one parameter.
 
-def advice(name: str, stand_ins: Sequence[str], flown: FlownModel) -> tuple[Notice, ...]:
-    """Return what to fly, or to measure, for one parameter.
-
-    `stand_ins` are strongly correlated with it, or change with it along a direction that the data do not see.
-    """
-    term = flown.terms.get(name)
-    if term is None:
-        return (_of_vehicle(name, flown),)
-    shared = [p for p in stand_ins if p not in flown.terms and not p.startswith("sensors.")]
-    # a flight shows moments over one inertia, forces over none
-    _, axis = MOMENT_ARMS.get(term.coefficient, ("", ""))
-    shared = [n for n in shared if ".inertia." not in n or n == f"mass.inertia.{2 * axis}"]
-    inertia = tuple(n for n in shared if ".inertia." in n)
-    mates = [t for t in flown.terms.values() if t.coefficient == term.coefficient]
-    whole = sum((t.value * (t.flown - t.flown.mean()) for t in mates), np.zeros(len(term.flown)))
-    largest = max([float(np.std(t.value * t.flown)) for t in mates] + [float(np.std(whole))])
-    own, spread, out = float(np.std(term.value * term.flown)), float(np.std(term.flown)), []
-    if not term.variables:
-        out.append(notice("advice-constant"))
-    elif own < MIN_VARIATION * largest or spread == 0.0:  # it varies too little beside the others
-        variables, code = term.variables, "advice-still"
-        if variables == {"V"}:
-            code = "advice-still-airspeed"
-        elif len(variables) == 1 and not term.nonlinear and not variables & {"p", "q", "r"}:
-            code = "advice-still-angle"
-        maneuver = _excitation(variables, term.nonlinear, flown)
-        out.append(notice(code, f"{str(term)[0].upper()}{str(term)[1:]}", amount=spread, maneuver=maneuver))
-    elif tied := _tied(term, flown):
-        maneuver = _separation(term, tied, flown)
-        out.append(notice("advice-tied", str(term), other=str(tied), maneuver=maneuver))
-    elif not shared:  # else numbers stand in for it that are measured on the ground
-        out.append(notice("advice-several", maneuver=_excitation(term.variables, term.nonlinear, flown)))
-    if shared:
-        code = "advice-ratio-to-inertia" if inertia else "advice-shared"
-        out.append(notice(code, " and ".join(inertia or shared)))
-    return tuple(out)
+        `stand_ins` are strongly correlated with it, or change with it along a direction that the data do not see.
+        """
+        term = self.terms.get(name)
+        if term is None:
+            return (_of_vehicle(name, self),)
+        shared = [p for p in stand_ins if p not in self.terms and not p.startswith("sensors.")]
+        # a flight shows moments over one inertia, forces over none
+        _, axis = MOMENT_ARMS.get(term.coefficient, ("", ""))
+        shared = [n for n in shared if ".inertia." not in n or n == f"mass.inertia.{2 * axis}"]
+        inertia = tuple(n for n in shared if ".inertia." in n)
+        mates = [t for t in self.terms.values() if t.coefficient == term.coefficient]
+        whole = sum((t.value * (t.flown - t.flown.mean()) for t in mates), np.zeros(len(term.flown)))
+        largest = max([float(np.std(t.value * t.flown)) for t in mates] + [float(np.std(whole))])
+        own, spread, out = float(np.std(term.value * term.flown)), float(np.std(term.flown)), []
+        if not term.variables:
+            out.append(notice("advice-constant"))
+        elif own < MIN_VARIATION * largest or spread == 0.0:  # it varies too little beside the others
+            variables, code = term.variables, "advice-still"
+            if variables == {"V"}:
+                code = "advice-still-airspeed"
+            elif len(variables) == 1 and not term.nonlinear and not variables & {"p", "q", "r"}:
+                code = "advice-still-angle"
+            maneuver = _excitation(variables, term.nonlinear, self)
+            out.append(
+                notice(code, f"{str(term)[0].upper()}{str(term)[1:]}", amount=spread, maneuver=maneuver)
+            )
+        elif tied := _tied(term, self):
+            maneuver = _separation(term, tied, self)
+            out.append(notice("advice-tied", str(term), other=str(tied), maneuver=maneuver))
+        elif not shared:  # else numbers stand in for it that are measured on the ground
+            out.append(notice("advice-several", maneuver=_excitation(term.variables, term.nonlinear, self)))
+        if shared:
+            code = "advice-ratio-to-inertia" if inertia else "advice-shared"
+            out.append(notice(code, " and ".join(inertia or shared)))
+        return tuple(out)
 
 
 def _tied(term: Term, flown: FlownModel) -> Term | None:
