@@ -24,10 +24,10 @@ FLAG = re.compile(
 )  #: tests whether a vehicle has rotors
 #: package, or room of the core -> lines at most; "stoop" is the whole core
 BUDGETS = {
-    "stoop": 65328,
+    "stoop": 60669,
     "stoop_analysis": 5820,
     "stoop_app": 4014,
-    "stoop_draft": 114,
+    "stoop_draft": 4777,
     "stoop_export": 7347,
     "stoop_fleet": 3666,
     "stoop_plan": 1751,
@@ -35,11 +35,11 @@ BUDGETS = {
     "stoop_tune": 4549,
     "api": 134,
     "assessment": 5151,
-    "base": 2586,
+    "base": 2596,
     "checks": 3050,
-    "cli": 2859,
+    "cli": 2751,
     "estimate": 7302,
-    "flight": 6550,
+    "flight": 5363,
     "input_design": 2380,
     "kernels": 2810,
     "logs": 5150,
@@ -53,7 +53,6 @@ BUDGETS = {
     "simulation": 3117,
     "strategy": 1467,
     "vehicle": 3705,
-    "vehicle_draft": 3380,
     "workflow": 2905,
 }
 #: modules that an allowed import cycle goes through, imports in functions counted: registries that name their entries

@@ -39,13 +39,13 @@ from stoop.strategy.extensions import Trial
 from stoop.vehicle import parse_vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop.vehicle.symbolic import forces, frames
-from stoop.vehicle_draft.handbook import _drag
 from stoop.workflow import outputs
 from stoop_analysis.performance.polar import Polar
 from stoop_analysis.propagation.wing_figures import full_deflection
 from stoop_app.columns import edited, rows_of
 from stoop_app.folder import VEHICLE, Project
 from stoop_app.server import FILE_POLICY, Gate
+from stoop_draft.vehicle_draft.handbook import _drag
 from stoop_export import jsbsim_model
 from stoop_export.bullet_and_isaac import INTERVAL
 from stoop_export.pyflyt import PyFlyt

@@ -13,7 +13,7 @@ from stoop.checks.frames import frame_edits
 from stoop.checks.lines import mapping_edits
 from stoop.cli.main import main
 from stoop.errors import StoopError
-from stoop.flight.mapping_corrections import corrected_mapping, with_changes
+from stoop_draft.mapping_corrections import corrected_mapping, with_changes
 
 MAPPING = "# my own\n" + CLOCK.replace("les]", "les]  # as the manual says")
 MAPPING += lines_of("phi", "theta", "psi", "ax", "ay", "az", "vd", "altitude")

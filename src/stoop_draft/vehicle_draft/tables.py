@@ -15,11 +15,11 @@ from stoop.base.toml import quoted, quoted_key
 from stoop.base.variables import POSITION, SPECIFIC_FORCE
 from stoop.errors import one_line
 from stoop.vehicle.assumptions import USUAL as ASSUMED
-from stoop.vehicle_draft.apriori import Apriori
-from stoop.vehicle_draft.controls import Controls, recorded
-from stoop.vehicle_draft.power import USUAL, Lift, hover_level, thrust_law
-from stoop.vehicle_draft.request import Evidence, Request
-from stoop.vehicle_draft.steady import Steady, steady_flight
+from stoop_draft.vehicle_draft.apriori import Apriori
+from stoop_draft.vehicle_draft.controls import Controls, recorded
+from stoop_draft.vehicle_draft.power import USUAL, Lift, hover_level, thrust_law
+from stoop_draft.vehicle_draft.request import Evidence, Request
+from stoop_draft.vehicle_draft.steady import Steady, steady_flight
 
 CAPTURE_NOISE: Final = 0.002  #: m, usual of motion capture
 MEANINGS: Final[Mapping[str, str]] = {

@@ -16,10 +16,10 @@ from stoop.base.variables import MOTORS, OUTPUT_PINS, ROTORS
 from stoop.flight import Flight
 from stoop.flight.airborne import FLYING, flying, rotor_pulses
 from stoop.vehicle.builtin import builtin_vehicle
-from stoop.vehicle_draft.apriori import Apriori
-from stoop.vehicle_draft.autopilot import DEFAULT_PULSES, Motor, Scale, Setup
-from stoop.vehicle_draft.controls import ENOUGH, recorded
-from stoop.vehicle_draft.steady import Steady
+from stoop_draft.vehicle_draft.apriori import Apriori
+from stoop_draft.vehicle_draft.autopilot import DEFAULT_PULSES, Motor, Scale, Setup
+from stoop_draft.vehicle_draft.controls import ENOUGH, recorded
+from stoop_draft.vehicle_draft.steady import Steady
 
 ENGINES: Final = ("electric", "piston", "jet", "none")
 FRAMES_BY_COUNT: Final = {4: "quad-x", 6: "hexa-x", 8: "octo-x"}

@@ -11,11 +11,11 @@ from stoop.base.notices import Notice, notice
 from stoop.base.units import STANDARD_GRAVITY
 from stoop.flight.airborne import carried_by_rotors
 from stoop.flight.maneuvers import find_maneuvers
-from stoop.vehicle_draft.controls import AXES, Controls
-from stoop.vehicle_draft.geometry import WINGED, Geometry
-from stoop.vehicle_draft.power import Lift, running_rotors
-from stoop.vehicle_draft.request import MASS_BY_FRAME, ROTORCRAFT, Evidence
-from stoop.vehicle_draft.steady import STEADY, Steady, turning
+from stoop_draft.vehicle_draft.controls import AXES, Controls
+from stoop_draft.vehicle_draft.geometry import WINGED, Geometry
+from stoop_draft.vehicle_draft.power import Lift, running_rotors
+from stoop_draft.vehicle_draft.request import MASS_BY_FRAME, ROTORCRAFT, Evidence
+from stoop_draft.vehicle_draft.steady import STEADY, Steady, turning
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,6 @@
 """A priori derivatives of an airplane from its geometry, by textbook formulas, with standard deviations.
 
-Lifting surfaces by strip theory (`stoop.vehicle_draft.strips`); downwash, tail efficiency, sidewash, fuselage and drag by the
+Lifting surfaces by strip theory (`vehicle_draft.strips`); downwash, tail efficiency, sidewash, fuselage and drag by the
 formulas of DATCOM, Roskam (Airplane Design, part VI), Raymer (Aircraft Design: A Conceptual Approach, 6th ed.) and NACA reports,
 named where they stand. Subsonic and incompressible, without propeller stream and flexibility.
 """
@@ -18,11 +18,11 @@ from stoop.base.arrays import FloatArray
 from stoop.base.atmosphere import SEA_LEVEL_DENSITY
 from stoop.base.units import STANDARD_GRAVITY
 from stoop.vehicle.defaults import EQUATION_1
-from stoop.vehicle_draft.apriori import METHOD, Apriori, typical_std
-from stoop.vehicle_draft.geometry import Geometry
-from stoop.vehicle_draft.parts import Fin, Surface, Tail
-from stoop.vehicle_draft.proportions import flaps, mean_chord, quarter_chord
-from stoop.vehicle_draft.strips import MOTIONS, Response, Strips, lift_slope, strips, to_flap, to_motion
+from stoop_draft.vehicle_draft.apriori import METHOD, Apriori, typical_std
+from stoop_draft.vehicle_draft.geometry import Geometry
+from stoop_draft.vehicle_draft.parts import Fin, Surface, Tail
+from stoop_draft.vehicle_draft.proportions import flaps, mean_chord, quarter_chord
+from stoop_draft.vehicle_draft.strips import MOTIONS, Response, Strips, lift_slope, strips, to_flap, to_motion
 
 VISCOSITY: Final = 1.46e-5  #: kinematic, of air at sea level, m2/s
 #: lift slope of airfoils, per rad (Raymer, section 12.4: 0.95 of theory)

@@ -2,7 +2,7 @@
 
 In order of trust: deflections that were recorded; outputs whose mixers the parameters tell; moments that the autopilot
 asked for; outputs by what they turn. Among these the one that was logged fast enough is taken. Deflections have the signs
-of :mod:`stoop.vehicle_draft`: elevator trailing edge down, aileron right wing down, rudder trailing edge left.
+of :mod:`stoop_draft.vehicle_draft`: elevator trailing edge down, aileron right wing down, rudder trailing edge left.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from stoop.base.arrays import FloatArray
 from stoop.base.units import DEGREE
 from stoop.flight import Flight
 from stoop.flight.maneuvers import directions, output_families
-from stoop.vehicle_draft.autopilot import Scale, Setup
-from stoop.vehicle_draft.steady import STEADY, turning
+from stoop_draft.vehicle_draft.autopilot import Scale, Setup
+from stoop_draft.vehicle_draft.steady import STEADY, turning
 
 #: control -> axis of the shares, its command, its rate, and its sign for a positive moment
 AXES: Final[Mapping[str, tuple[int, str, str, float]]] = {

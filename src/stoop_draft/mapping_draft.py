@@ -25,13 +25,13 @@ from stoop.checks.units import PAIRS, STATISTICS, growth, largest_size
 from stoop.errors import one_line
 from stoop.flight.airborne import rotor_pulses
 from stoop.flight.apply_mapping import apply_mapping
-from stoop.flight.column_guesses import DraftLine, recognized, with_units, without_unit
 from stoop.flight.conversion import rotate_axes
 from stoop.flight.flight import from_columns, with_other_form
-from stoop.flight.log_columns import read_unmapped
 from stoop.flight.mapping import READY, ready
 from stoop.logs import Recording, Stream
 from stoop.logs.csv_tables import guess_clock
+from stoop_draft.column_guesses import DraftLine, recognized, with_units, without_unit
+from stoop_draft.log_columns import read_unmapped
 
 CLOCK_STEPS: Final = (
     ("s", 5e-5, 2.0),

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Final
 
-from stoop.vehicle_draft.geometry import Geometry
+from stoop_draft.vehicle_draft.geometry import Geometry
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,6 @@
 """What a column of any log may hold: which variable by its name, which unit and sign by what it reads.
 
-The names are in ``data/column_names.toml``. Numbers are judged by the edits of `stoop.checks.units`, applied to a guess.
+The names are in ``column_names.toml``. Numbers are judged by the edits of `stoop.checks.units`, applied to a guess.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import numpy as np
 
 from stoop.base.arrays import FloatArray
 from stoop.base.text import enumerated
-from stoop.base.units import FACTORS, KINDS, PULSE_FACTORS, ZEROS
+from stoop.base.units import FACTORS, KINDS, PULSE_FACTORS, ZEROS, written_units
 from stoop.base.variables import EULER, RATES, SPECIFIC_FORCE, VARIABLES
 from stoop.checks.engine import LIMITS, Edit, Finding, Range, not_excluded, search
 from stoop.checks.entries import Line
@@ -114,7 +114,6 @@ class _Guess(NamedTuple):
 
 
 class _Names(NamedTuple):
-    units: Mapping[str, str]  #: as files and people write them -> as stoop does
     suffix: re.Pattern[str]
     title: re.Pattern[str]  #: of a unit as the last of joined words, as in ElevatorDeg
     rules: tuple[_Rule, ...]
@@ -124,9 +123,9 @@ class _Names(NamedTuple):
 @functools.cache
 def _names() -> _Names:
     """Read the names."""
-    content = tomllib.loads((files("stoop.data") / "column_names.toml").read_text("utf-8"))
-    units = {text: unit for unit, texts in content["units"].items() for text in texts}
-    longest = sorted(map(re.escape, units.keys() - {"1", "-"}), key=len, reverse=True)  # motor_1 is a number
+    content = tomllib.loads((files("stoop_draft") / "column_names.toml").read_text("utf-8"))
+    units = written_units().keys() - {"1", "-"}  # motor_1 is a number
+    longest = sorted(map(re.escape, units), key=len, reverse=True)
     rules = []
     for row in content["rules"]:
         scale, doubts = row.get("scale", 1.0), (row["doubt"],) if "doubt" in row else ()
@@ -143,7 +142,7 @@ def _names() -> _Names:
     words = "|".join(text.title() for text in longest if text.isalpha() and len(text) > 1)
     title = re.compile(rf"(?<=[a-z])({words})(\d*)$")
     qualifiers = {kind: frozenset(words.split("|")) for kind, words in content["qualifiers"].items()}
-    return _Names(units, suffix, title, tuple(rules), qualifiers)
+    return _Names(suffix, title, tuple(rules), qualifiers)
 
 
 def recognized(column: str, stated: str = "", stream: str = "") -> DraftLine | None:
@@ -151,7 +150,7 @@ def recognized(column: str, stated: str = "", stream: str = "") -> DraftLine | N
     if len(column) > LONGEST_NAME:
         return None
     bare, ending = without_unit(column)
-    said = written_unit(stated)
+    said = written_units().get(stated.strip().lower(), "")
     # an ending of one letter may be no unit; one of several may name the quantity, as rpm does
     for name, unit in ((bare, said or ending), (column, said or (ending if len(ending) > 1 else ""))):
         found = _by_words(name)
@@ -211,14 +210,9 @@ def _by_rules(text: str) -> _Guess | None:
     return None
 
 
-def written_unit(text: str) -> str:
-    """Return a unit as stoop writes it, of one as files and people do; empty where it is unknown."""
-    return _names().units.get(text.strip().lower(), "")
-
-
 def without_unit(column: str) -> tuple[str, str]:
     """Split a unit off a name, whether in brackets or as an ending; the unit is empty when there is none."""
-    units = _names().units
+    units = written_units()
     if len(column) > LONGEST_NAME:
         return column, ""
     found = _BRACKETS.search(column)

@@ -14,7 +14,7 @@ from typing import Final
 
 from stoop.base.autopilots import Point
 from stoop.base.units import FOOT, POUND_FORCE, SLUG, STANDARD_GRAVITY
-from stoop.vehicle_draft.apriori import Apriori
+from stoop_draft.vehicle_draft.apriori import Apriori
 
 
 @dataclass(frozen=True)

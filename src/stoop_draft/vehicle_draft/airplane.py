@@ -14,16 +14,16 @@ from stoop.flight import Flight
 from stoop.vehicle.assumptions import USUAL as ASSUMED
 from stoop.vehicle.defaults import COEFFICIENTS, EQUATION_1, MOMENT_ARMS
 from stoop.vehicle.load import STANDARD_CONTROLS
-from stoop.vehicle_draft import inertia, plausibility
-from stoop.vehicle_draft.apriori import Apriori
-from stoop.vehicle_draft.autopilot import Scale
-from stoop.vehicle_draft.controls import AXES, default_controls, find_controls, recorded
-from stoop.vehicle_draft.geometry import Geometry
-from stoop.vehicle_draft.handbook import with_curved_path
-from stoop.vehicle_draft.power import USUAL, Drive, find_drive, speed_gain
-from stoop.vehicle_draft.request import AERODYNAMICS, Evidence, Request
-from stoop.vehicle_draft.steady import steady_flight
-from stoop.vehicle_draft.tables import (
+from stoop_draft.vehicle_draft import inertia, plausibility
+from stoop_draft.vehicle_draft.apriori import Apriori
+from stoop_draft.vehicle_draft.autopilot import Scale
+from stoop_draft.vehicle_draft.controls import AXES, default_controls, find_controls, recorded
+from stoop_draft.vehicle_draft.geometry import Geometry
+from stoop_draft.vehicle_draft.handbook import with_curved_path
+from stoop_draft.vehicle_draft.power import USUAL, Drive, find_drive, speed_gain
+from stoop_draft.vehicle_draft.request import AERODYNAMICS, Evidence, Request
+from stoop_draft.vehicle_draft.steady import steady_flight
+from stoop_draft.vehicle_draft.tables import (
     MEANINGS,
     PRIORS,
     FileText,

@@ -16,7 +16,7 @@ from stoop.cli.page import page
 from stoop.cli.progress import LiveLine
 
 if TYPE_CHECKING:
-    from stoop.vehicle_draft.request import Evidence, Question, Request
+    from stoop_draft.vehicle_draft.request import Evidence, Question, Request
 
 NUMBERS = ("mass", "span", "chord", "area")
 
@@ -25,9 +25,9 @@ def run(arguments: argparse.Namespace) -> int:
     """Draft, print what speaks against it and what comes next."""
     from stoop.flight.load import load_several
     from stoop.problem.layout import Layout
-    from stoop.vehicle_draft.draft import draft
-    from stoop.vehicle_draft.geometry import Geometry
-    from stoop.vehicle_draft.request import Request, evidence, with_geometry
+    from stoop_draft.vehicle_draft.draft import draft
+    from stoop_draft.vehicle_draft.geometry import Geometry
+    from stoop_draft.vehicle_draft.request import Request, evidence, with_geometry
 
     output: Path = arguments.output
     geometry = None if arguments.geometry is None else Geometry.load(arguments.geometry)
@@ -69,7 +69,7 @@ def asked(
     tell : callable
         Shows a line, as `print`.
     """
-    from stoop.vehicle_draft.request import TEMPLATES, Question, questions
+    from stoop_draft.vehicle_draft.request import TEMPLATES, Question, questions
 
     usual = known.template()
     if request.template is None:
@@ -84,8 +84,8 @@ def asked(
 
 
 def _answer(question: Question, ask: Callable[[str], str], tell: Callable[[str], Any]) -> Any:
-    from stoop.vehicle_draft.power import ENGINES
-    from stoop.vehicle_draft.request import TEMPLATES
+    from stoop_draft.vehicle_draft.power import ENGINES
+    from stoop_draft.vehicle_draft.request import TEMPLATES
 
     choices = {"template": TEMPLATES, "engine": ENGINES}.get(question.key)
     usual = f" (usual: {question.usual})" if question.usual else ""

@@ -1,6 +1,6 @@
 """A priori derivatives by the vortex lattice of AeroSandbox, in the place of the strip theory of the handbook.
 
-The lattice gives what lifting surfaces do to each other. What it does not have is that of `stoop.vehicle_draft.handbook`:
+The lattice gives what lifting surfaces do to each other. What it does not have is that of `stoop_draft.vehicle_draft.handbook`:
 fuselage, drag, the lag of downwash, and the efficiency of control surfaces in a viscous flow.
 """
 
@@ -17,9 +17,9 @@ import numpy as np
 from stoop.base.arrays import FloatArray
 from stoop.base.extras import install
 from stoop.errors import VehicleError
-from stoop.vehicle_draft import handbook
-from stoop.vehicle_draft.geometry import Geometry
-from stoop.vehicle_draft.parts import Flap, Surface
+from stoop_draft.vehicle_draft import handbook
+from stoop_draft.vehicle_draft.geometry import Geometry
+from stoop_draft.vehicle_draft.parts import Flap, Surface
 
 STATIONS: Final = 9  #: of a half, beside those at the ends of control surfaces
 CHORDWISE: Final = 6

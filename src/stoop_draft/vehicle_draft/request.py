@@ -11,12 +11,12 @@ from stoop.errors import VehicleError
 from stoop.flight import Flight
 from stoop.flight.airborne import carried_by_rotors
 from stoop.vehicle.usual import ASPECT_RATIOS, MASS_BY_SPAN
-from stoop.vehicle_draft import aerosandbox, handbook
-from stoop.vehicle_draft.apriori import Apriori
-from stoop.vehicle_draft.autopilot import Setup, read_setup
-from stoop.vehicle_draft.controls import recorded
-from stoop.vehicle_draft.geometry import WINGED, Geometry
-from stoop.vehicle_draft.power import ENGINES, Lift, find_drive, find_rotors, running_rotors
+from stoop_draft.vehicle_draft import aerosandbox, handbook
+from stoop_draft.vehicle_draft.apriori import Apriori
+from stoop_draft.vehicle_draft.autopilot import Setup, read_setup
+from stoop_draft.vehicle_draft.controls import recorded
+from stoop_draft.vehicle_draft.geometry import WINGED, Geometry
+from stoop_draft.vehicle_draft.power import ENGINES, Lift, find_drive, find_rotors, running_rotors
 
 ROTORCRAFT: Final = {"quad": 4, "hexa": 6, "octo": 8}  #: template -> rotors
 TEMPLATES: Final = (*WINGED, *ROTORCRAFT)

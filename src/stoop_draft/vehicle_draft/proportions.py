@@ -12,10 +12,10 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Final
 
 from stoop.errors import VehicleError
-from stoop.vehicle_draft.parts import Fin, Flap, Fuselage, Part, Surface, Tail, Wing
+from stoop_draft.vehicle_draft.parts import Fin, Flap, Fuselage, Part, Surface, Tail, Wing
 
 if TYPE_CHECKING:
-    from stoop.vehicle_draft.geometry import Geometry
+    from stoop_draft.vehicle_draft.geometry import Geometry
 
 Usual = tuple[float, float]  #: value, standard deviation
 

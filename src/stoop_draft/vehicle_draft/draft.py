@@ -11,13 +11,13 @@ from stoop.errors import VehicleError
 from stoop.flight import Flight
 from stoop.vehicle.load import parse_vehicle
 from stoop.vehicle.vehicle import Vehicle
-from stoop.vehicle_draft import inertia, plausibility
-from stoop.vehicle_draft.airplane import Airplane
-from stoop.vehicle_draft.geometry import WINGED
-from stoop.vehicle_draft.power import USUAL, Lift, running_rotors
-from stoop.vehicle_draft.request import ROTORCRAFT, Request, completed, evidence
-from stoop.vehicle_draft.steady import steady_flight
-from stoop.vehicle_draft.tables import PRIORS, FileText, body_drag, rotor_tables
+from stoop_draft.vehicle_draft import inertia, plausibility
+from stoop_draft.vehicle_draft.airplane import Airplane
+from stoop_draft.vehicle_draft.geometry import WINGED
+from stoop_draft.vehicle_draft.power import USUAL, Lift, running_rotors
+from stoop_draft.vehicle_draft.request import ROTORCRAFT, Request, completed, evidence
+from stoop_draft.vehicle_draft.steady import steady_flight
+from stoop_draft.vehicle_draft.tables import PRIORS, FileText, body_drag, rotor_tables
 
 
 class Multirotor(FileText):

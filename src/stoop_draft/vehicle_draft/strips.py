@@ -18,7 +18,7 @@ from typing import Final
 import numpy as np
 
 from stoop.base.arrays import FloatArray
-from stoop.vehicle_draft.parts import Flap, Surface
+from stoop_draft.vehicle_draft.parts import Flap, Surface
 
 COUNT: Final = 24  #: strips of a half
 #: of the strips of a half, over its length

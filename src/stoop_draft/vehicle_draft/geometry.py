@@ -17,8 +17,8 @@ from stoop.base.schema_errors import first_complaint
 from stoop.base.toml import parse_source, read_source
 from stoop.errors import VehicleError
 from stoop.vehicle.schema import Number
-from stoop.vehicle_draft import proportions
-from stoop.vehicle_draft.parts import NOWHERE, Fin, Fuselage, Part, Point, Tail, Wing
+from stoop_draft.vehicle_draft import proportions
+from stoop_draft.vehicle_draft.parts import NOWHERE, Fin, Fuselage, Part, Point, Tail, Wing
 
 Template = Literal["conventional", "v-tail", "flying-wing", "glider", "quadplane"]
 WINGED: Final[tuple[str, ...]] = get_args(Template)

@@ -29,7 +29,7 @@ from stoop.base.autopilots import (
     Spin,
 )
 from stoop.base.variables import MOTORS, OUTPUT_PINS, SERVOS
-from stoop.flight.mapping_draft import RANGES
+from stoop_draft.mapping_draft import RANGES
 
 UP: Final[Point] = (0.0, 0.0, -1.0)
 PULSE_RANGE: Final = (500.0, 2500.0)  #: us, that a servo or a motor controller may understand
