@@ -1,6 +1,6 @@
 """What a column of any log may hold: which variable by its name, which unit and sign by what it reads.
 
-The names are in ``column_names.toml``. Numbers are judged by the edits of `stoop.checks.units`, applied to a guess.
+The names are in ``column_names.toml``. Numbers are judged by the edits of `stoop_draft.checks.units`, applied to a guess.
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ from stoop.base.arrays import FloatArray
 from stoop.base.text import enumerated
 from stoop.base.units import FACTORS, KINDS, PULSE_FACTORS, ZEROS, written_units
 from stoop.base.variables import EULER, RATES, SPECIFIC_FORCE, VARIABLES
-from stoop.checks.engine import LIMITS, Edit, Finding, Range, not_excluded, search
-from stoop.checks.entries import Line
-from stoop.checks.lines import EAST, SURFACES, VANES, Assignment, Signal
-from stoop.checks.mapping import SHOWN, Model, on_grid
-from stoop.checks.units import LARGEST, MEDIANS, MIN_ANGLE, PULSES, largest_size, median_size
 from stoop.flight.airborne import in_flight
 from stoop.flight.flight import from_columns
 from stoop.flight.gridding import Channels
 from stoop.flight.repeated_readings import at_own_rates
+from stoop_draft.checks.engine import LIMITS, Edit, Finding, Range, not_excluded, search
+from stoop_draft.checks.entries import Line
+from stoop_draft.checks.lines import EAST, SURFACES, VANES, Assignment, Signal
+from stoop_draft.checks.mapping import SHOWN, Model, on_grid
+from stoop_draft.checks.units import LARGEST, MEDIANS, MIN_ANGLE, PULSES, largest_size, median_size
 
 LONGEST_NAME: Final = 200  #: letters; no longer name tells anything, and matching takes the square of it
 #: command by which pulses of what moves a surface are recorded

@@ -17,8 +17,9 @@ from stoop.base.files import write_text_atomic
 from stoop.base.notices import Notice, Value
 from stoop.base.toml import read_source
 from stoop.errors import LogError, StoopError
-from stoop.flight.load import ContradictedError, load
+from stoop.flight.load import load
 from stoop.flight.mapping import read_flight_mapping
+from stoop_draft.checks.mapping import ContradictedError
 
 MOST: Final = 32  #: changes of one mapping
 _PLACE: Final = re.compile(r"(?P<tables>.+)\.(?P<key>\w+)")

@@ -20,8 +20,6 @@ from stoop.base.autopilots import MOTOR_FUNCTIONS
 from stoop.base.toml import quoted, quoted_key
 from stoop.base.units import FACTORS
 from stoop.base.variables import OUTPUT_PINS, POSITION, QUATERNION, RATES, SPECIFIC_FORCE, VARIABLES, VELOCITY
-from stoop.checks.lines import Signal
-from stoop.checks.units import PAIRS, STATISTICS, growth, largest_size
 from stoop.errors import one_line
 from stoop.flight.airborne import rotor_pulses
 from stoop.flight.apply_mapping import apply_mapping
@@ -30,6 +28,8 @@ from stoop.flight.flight import from_columns, with_other_form
 from stoop.flight.mapping import READY, ready
 from stoop.logs import Recording, Stream
 from stoop.logs.csv_tables import guess_clock
+from stoop_draft.checks.lines import Signal
+from stoop_draft.checks.units import PAIRS, STATISTICS, growth, largest_size
 from stoop_draft.column_guesses import DraftLine, recognized, with_units, without_unit
 from stoop_draft.log_columns import read_unmapped
 

@@ -149,11 +149,7 @@ class Airplane(FileText):
             sheet.word("kind", "channel", "thrust in proportion to the command, without regard to airspeed")
             sheet.word("channel", drive.channel, drive.comment)
             thrust = USUAL.jet * self.mass * STANDARD_GRAVITY
-            sheet.entry(
-                "scale",
-                quantity(thrust, USUAL.spread * thrust),
-                f"N, {USUAL.jet:g} of the weight",
-            )
+            sheet.entry("scale", quantity(thrust, USUAL.spread * thrust), f"N, {USUAL.jet:g} of the weight")
             return
         self._propeller(drive)
 

@@ -13,11 +13,11 @@ from stoop.base.arrays import BoolArray, FloatArray
 from stoop.base.atmosphere import SEA_LEVEL_DENSITY
 from stoop.base.units import STANDARD_GRAVITY
 from stoop.base.variables import RATES, VELOCITY
-from stoop.checks.lines import AIRSPEEDS
 from stoop.flight import Flight
 from stoop.flight.airborne import FLYING, airborne, flying
 from stoop.flight.airspeed import PLAUSIBLE, density_of
 from stoop.flight.maneuvers import band_pass
+from stoop_draft.checks.lines import AIRSPEEDS
 
 
 @dataclass(frozen=True)

@@ -151,10 +151,13 @@ from stoop.base.verbs import verbs
 from stoop.cli.main import main
 print(sorted({verb.run.partition(".")[0] for verb in verbs().values()}), [main([*n.split(), "--help"]) for n in verbs()])
 simulate = ["simulate", "quad-x", "--maneuver", "m.toml", "-o"]
-print(main(["demo", "-o", "made"]), main(["linearize", "made"]), main([*simulate, "f.nc"]))
+print(main(["demo", "-o", "made"]), main(["linearize", "made"]), main([*simulate, "f.nc"]), main(["info", "p.csv"]))
 print(main([*simulate, "g.nc", "--autopilot", "m.toml"]), main(["tune", "made", "x"]))
 """
     (tmp_path / "m.toml").write_text("duration = 2.0\n")
+    (tmp_path / "p.csv").write_text("t,p\n" + "".join(f"{0.02 * k},{k % 7}\n" for k in range(200)))
+    lines = "[time]\ncolumn = 't'\nunit = 's'\n[variables]\np = {column = 'p', unit = 'deg/s'}\n"
+    (tmp_path / "p.csv.toml").write_text(lines)
     (tmp_path / "libraries").mkdir()
     for one in Path(np.__file__).parents[1].iterdir():
         if not one.name.startswith("stoop") or one.suffix == ".dist-info":
@@ -167,7 +170,8 @@ print(main([*simulate, "g.nc", "--autopilot", "m.toml"]), main(["tune", "made", 
     answers = [line for line in done.stdout.splitlines() if line.startswith(("['stoop", "0 ", "2 "))]
     assert answers[0].startswith("['stoop', 'stoop_analysis'] [0, 0")
     assert not set(answers[0].partition("] [")[2]) - set("0, ]")
-    assert answers[1:] == ["0 0 0", "2 2"], done.stderr
+    assert answers[1:] == ["0 0 0 0", "2 2"], done.stderr
+    assert "signs, units and axes were not compared" in done.stdout
     first, second = done.stderr.splitlines()[-2:]
     assert "the law of an autopilot needs a package that this installation lacks" in first
     assert "there is no verb 'tune'" in second

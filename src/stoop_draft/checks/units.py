@@ -15,8 +15,8 @@ import numpy as np
 from stoop.base.arrays import FloatArray
 from stoop.base.units import DEGREE
 from stoop.base.variables import EULER, SPECIFIC_FORCE, VARIABLES, WRAPPED
-from stoop.checks.engine import Key, Range, Residuals
-from stoop.checks.lines import EAST, TWICE, Assignment, Signal, reading
+from stoop_draft.checks.engine import Key, Range, Residuals
+from stoop_draft.checks.lines import EAST, TWICE, Assignment, Signal, reading
 
 #: rad, rad/s: sizes that no flight exceeds; gyros of drones end at 35 rad/s
 LARGEST: Final = {
@@ -27,8 +27,6 @@ LARGEST: Final = {
 MIN_ANGLE: Final = 3.0 * DEGREE  #: rad; hardly any flight stays below
 #: angle, and nearly its derivative
 PAIRS: Final[tuple[tuple[str, str], ...]] = (("phi", "p"), ("theta", "q"), ("psi", "r"), ("alpha", "q"))
-
-
 #: registry variable -> its median sizes in use, SI
 MEDIANS: Final[Mapping[str, tuple[float, float]]] = {
     "az": (2.0, 60.0), "voltage": (2.0, 900.0), "pressure": (1.0e4, 1.2e5), "temperature": (180.0, 340.0),

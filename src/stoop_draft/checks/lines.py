@@ -27,8 +27,8 @@ from stoop.base.variables import (
     VARIABLES,
     VELOCITY,
 )
-from stoop.checks.engine import Edit
-from stoop.checks.entries import TABLE, Change, Lines, told, where
+from stoop_draft.checks.engine import Edit
+from stoop_draft.checks.entries import TABLE, Change, Lines, told, where
 
 Signal: TypeAlias = tuple[FloatArray, FloatArray]  #: time (n,) s and values (n,)
 #: variable -> variable whose column it takes, and by what that is multiplied; as mapped where it is not named

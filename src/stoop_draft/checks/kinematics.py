@@ -20,9 +20,9 @@ from stoop.base.robust import MAD
 from stoop.base.rotations import conjugate, euler_angles, product, quaternions_of, to_ground, vectors_of
 from stoop.base.units import DEGREE, STANDARD_GRAVITY
 from stoop.base.variables import EULER, QUATERNION, RATES, SPECIFIC_FORCE, VELOCITY
-from stoop.checks.engine import Evidence, Key, Range, Residual, Residuals
-from stoop.checks.entries import Lines, where
-from stoop.checks.lines import AIRSPEEDS, VANES, Assignment, reading
+from stoop_draft.checks.engine import Evidence, Key, Range, Residual, Residuals
+from stoop_draft.checks.entries import Lines, where
+from stoop_draft.checks.lines import AIRSPEEDS, VANES, Assignment, reading
 
 MOVED_BY: Final = {"pn": "vn", "pe": "ve", "pd": "vd", "altitude": "vd"}  #: position <- its rate of change
 

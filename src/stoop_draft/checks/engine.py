@@ -22,7 +22,7 @@ import numpy as np
 
 from stoop.base.arrays import FloatArray, IntArray
 from stoop.base.robust import white_noise
-from stoop.checks.entries import Change, Lines, where
+from stoop_draft.checks.entries import Change, Lines, where
 
 State = TypeVar("State")
 

@@ -12,9 +12,9 @@ from collections.abc import Callable, Iterator
 from typing import Final, TypeAlias
 
 from stoop.base.variables import EULER, POSITION, RATES, SPECIFIC_FORCE, VELOCITY
-from stoop.checks.engine import Edit
-from stoop.checks.entries import Lines
-from stoop.checks.lines import ODDS, Assignment, LineEdit, counted_from_east, exchanged, multiplied
+from stoop_draft.checks.engine import Edit
+from stoop_draft.checks.entries import Lines
+from stoop_draft.checks.lines import ODDS, Assignment, LineEdit, counted_from_east, exchanged, multiplied
 
 Apply: TypeAlias = Callable[[Assignment], Assignment]
 _BODY: Final = (RATES, SPECIFIC_FORCE)

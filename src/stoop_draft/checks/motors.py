@@ -21,13 +21,14 @@ from stoop.base.arrays import BoolArray, FloatArray, runs
 from stoop.base.notices import Notice, notice
 from stoop.base.text import enumerated
 from stoop.base.variables import RATES
-from stoop.checks.engine import Edit, Evidence, Key, Residual, Residuals, search
 from stoop.flight import Flight
 from stoop.flight.airborne import flying
 from stoop.problem.windows import Window, within
 from stoop.simulation.delays import delayed, first_order_lag
 from stoop.simulation.rotors import Range, channel_range, effects
 from stoop.vehicle import Vehicle
+from stoop.vehicle.vehicle import GROUND_FRAME
+from stoop_draft.checks.engine import Edit, Evidence, Key, Residual, Residuals, search
 
 AXES: Final = ("roll", "pitch", "yaw")
 #: Hz, by axis: slower is the air's doing, quicker is noise
@@ -120,11 +121,13 @@ def check_motors(vehicle: Vehicle, flight: Flight, windows: Sequence[Window]) ->
     Parameters
     ----------
     vehicle : Vehicle
-        With rotors.
+        Wings make moments too: only a multirotor is checked.
     flight : Flight
     windows : sequence of Window
         Of this flight; only where it flies.
     """
+    if vehicle.frame != GROUND_FRAME:
+        return []
     area = channel_range(vehicle)
     motions = _motions(vehicle, flight, windows, area)
     if motions is None:

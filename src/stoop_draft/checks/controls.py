@@ -12,17 +12,11 @@ from typing import Final
 import numpy as np
 
 from stoop.base.arrays import FloatArray, runs
-from stoop.base.variables import RATES
-from stoop.checks.engine import Evidence, Key, Residual, Residuals
-from stoop.checks.kinematics import Columns
-from stoop.checks.lines import Assignment, reading
+from stoop.base.variables import EFFECTS, RATES
+from stoop_draft.checks.engine import Evidence, Key, Residual, Residuals
+from stoop_draft.checks.kinematics import Columns
+from stoop_draft.checks.lines import Assignment, reading
 
-#: axis -> rate that a control changes, and the controls with the sign of that by `base.variables`
-EFFECTS: Final = {
-    "roll": ("p", (("aileron", 1.0), ("control_roll", 1.0))),
-    "pitch": ("q", (("elevator", -1.0), ("control_pitch", 1.0))),
-    "yaw": ("r", (("rudder", -1.0), ("control_yaw", 1.0))),
-}
 #: of what moments depend on besides rates and controls, or readings that follow it (Klein and Morelli, section 5.1)
 FLOW: Final = ("alpha", "beta", "ay", "az")
 

@@ -17,10 +17,10 @@ from stoop.base.robust import robust_std
 from stoop.base.rotations import to_body, to_ground
 from stoop.base.units import DEGREE
 from stoop.base.variables import EULER, VELOCITY
-from stoop.checks.engine import Evidence, Key, Penalty, Range, Residual, Residuals
-from stoop.checks.kinematics import LIMITS as AGREEMENT
-from stoop.checks.kinematics import Columns, Motion
-from stoop.checks.lines import AIRSPEEDS, VANES, Assignment, reading
+from stoop_draft.checks.engine import Evidence, Key, Penalty, Range, Residual, Residuals
+from stoop_draft.checks.kinematics import LIMITS as AGREEMENT
+from stoop_draft.checks.kinematics import Columns, Motion
+from stoop_draft.checks.lines import AIRSPEEDS, VANES, Assignment, reading
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,9 @@ from typing import Any, Final, NamedTuple, TypeAlias
 from stoop.base.files import utf8_text
 from stoop.base.text import enumerated
 from stoop.base.toml import quoted
+from stoop.base.units import FACTORS, MICROSECOND, PULSE_FACTORS, ZEROS
+from stoop.base.variables import VARIABLES
+from stoop.flight.mapping import Source
 
 TABLE: Final = "the table"  #: file of lines that are columns in memory
 _SOURCE: Final = re.compile(r"group\.(?P<group>.+)\.sources\[(?P<index>\d+)\]")
@@ -125,6 +128,26 @@ def _line(file: str, key: str, name: str, content: Mapping[str, Any]) -> Line:
         return Line(file, key)
     line = Line(file, key, "", entry, names.index(name), len(names))
     return replace(line, unit=str(line.value("unit", "")))
+
+
+def ready_line(source: Source, stream: str, name: str) -> Line:
+    """Return the line of [variables] that takes a variable as a source of a ready mapping does."""
+    i, unit = source.variables.index(name), VARIABLES[name].unit
+    column, *others = source.columns[i]
+    entry: dict[str, Any] = {"stream": stream, "column": column, "unit": source.units[i] or unit}
+    factors = PULSE_FACTORS if name.startswith("pwm_") else FACTORS
+    scale, offset = (
+        source.factors[i] / factors[entry["unit"]],
+        source.offsets[i] - ZEROS.get(entry["unit"], 0.0),
+    )
+    entry |= {"scale": scale} if scale != 1.0 else {}
+    entry |= {"offset": offset} if offset != 0.0 else {}
+    entry |= {"valid": source.valid[i]} if source.valid[i] else {}
+    entry |= {"stamp": source.stamp} if source.stamp else {}
+    if others or source.columns[i][column] != 1.0 or source.frame or source.stamp_factor != MICROSECOND:
+        entry["column"] = dict(source.columns[i])  # advice that is no line
+    place = f'a mapping that says extends = "{source.place.partition(":")[0]}"'
+    return Line(place, f"variables.{name}", entry["unit"], entry, ready=True)
 
 
 def written(value: Any) -> str:

@@ -15,10 +15,10 @@ import numpy as np
 from stoop.base.arrays import FloatArray
 from stoop.base.units import STANDARD_GRAVITY
 from stoop.base.variables import EULER, POSITION, SPECIFIC_FORCE, VELOCITY
-from stoop.checks.engine import Evidence, Key, Range, Residual, Residuals
-from stoop.checks.kinematics import LIMITS as AGREEMENT
-from stoop.checks.kinematics import Columns
-from stoop.checks.lines import Assignment, reading
+from stoop_draft.checks.engine import Evidence, Key, Range, Residual, Residuals
+from stoop_draft.checks.kinematics import LIMITS as AGREEMENT
+from stoop_draft.checks.kinematics import Columns
+from stoop_draft.checks.lines import Assignment, reading
 
 
 @dataclass(frozen=True)

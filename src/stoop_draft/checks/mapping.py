@@ -2,24 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
-from stoop.base.arrays import FloatArray
-from stoop.base.notices import Notice, notice
-from stoop.base.variables import VARIABLES
-from stoop.checks.air import Air
-from stoop.checks.controls import Controls
-from stoop.checks.engine import Edit, Finding, Range, Residuals, search
-from stoop.checks.entries import Lines, where
-from stoop.checks.flight_path import FlightPath
-from stoop.checks.frames import frame_edits
-from stoop.checks.kinematics import Columns, Motion, thinned
-from stoop.checks.lines import EAST, Assignment, Signal, corrected, mapping_edits, reading, with_east
-from stoop.checks.units import LARGEST, Sizes, without_jumps
+from stoop.base.arrays import BoolArray, FloatArray, empty_columns
+from stoop.base.notices import Notice, Value, attempt, notice
+from stoop.base.variables import EULER, RATES, VARIABLES
+from stoop.errors import FlightError
+from stoop.flight import Flight
+from stoop.flight.alignment import attitude_delay
+from stoop.flight.apply_mapping import Mapped
+from stoop.flight.faults import INCONSISTENT, Fault, without_faulty
+from stoop.flight.gridding import Channels
+from stoop.flight.load import SUSPECT_CLOCK
+from stoop_draft.checks.air import Air
+from stoop_draft.checks.controls import Controls
+from stoop_draft.checks.engine import Edit, Finding, Range, Residuals, search
+from stoop_draft.checks.entries import TABLE, Line, Lines, read_lines, ready_line, where
+from stoop_draft.checks.flight_path import FlightPath
+from stoop_draft.checks.frames import frame_edits
+from stoop_draft.checks.kinematics import Columns, Motion, check_rates, thinned
+from stoop_draft.checks.lines import EAST, Assignment, Signal, corrected, mapping_edits, reading, with_east
+from stoop_draft.checks.units import LARGEST, Sizes, full_turn, without_jumps
 
 #: statistic -> code of the notice
 _CODES: Final = {
@@ -164,3 +171,67 @@ def on_grid(signals: Mapping[str, Signal], rate: float) -> tuple[FloatArray, dic
             else np.full(time.size, np.nan)
         )
     return time, out
+
+
+class ContradictedError(FlightError):
+    """Angles or rates are in degrees where radians belong; `notices` hold all that contradicts the mapping."""
+
+    def __init__(self, text: str, notices: Sequence[Notice] = ()) -> None:
+        super().__init__(text)
+        self.notices = tuple(notices)
+
+
+def judge_mapping(
+    flight: Flight,
+    up: BoolArray,
+    channels: Sequence[Channels],
+    faults: Sequence[Fault],
+    failed: list[Notice],
+    mapped: Mapped | None,
+) -> list[Notice]:
+    """Return what contradicts the units, signs and axes of a flight's columns, from samples in the air (`up`).
+
+    Columns without a number are left out; clipped and stuck samples are not judged. Columns of a table in memory have no mapping.
+    Raises `ContradictedError` for angles in degrees.
+    """
+    lines = {name: Line(TABLE, f"'{name}'") for name in flight.sources}
+    if mapped is not None:
+        lines = {name: ready_line(*source, name) for name, source in mapped.ready.items()}
+        lines |= read_lines(mapped.places)
+    time, rate = flight.time, flight.rate
+    data = {name: flight.column(name) for name in flight.channels}
+    # copies count: a sparse log may be gigabytes on its grid
+    in_air = data if up.all() else {name: np.where(up, x, np.nan) for name, x in data.items()}
+    signals = {
+        name: (group.time, np.where(np.interp(group.time, time, up) > 0.5, x, np.nan))
+        for group in channels
+        for name, x in group.values.items()
+    }
+    empty = empty_columns(in_air) | empty_columns({name: x for name, (_, x) in signals.items()})
+    in_air = {name: x for name, x in in_air.items() if name not in empty}
+    signals = {name: one for name, one in signals.items() if name not in empty}
+    angles = signals.keys() & set(EULER)
+    # the grid took other units than radians for turns, and those of one angle of an attitude turned all of them
+    strange = any(full_turn(name, signals[name][1]) != 2.0 * np.pi for name in angles)
+    for name in angles if strange else ():
+        t, x = signals[name]
+        in_air[name] = x[np.rint(np.interp(time, t, np.arange(t.size))).astype(int)]
+    judged: dict[str, FloatArray] = {}
+    # slower body rates are those of a wrong clock
+    if not any(0.0 < flight.sources[name].rate < SUSPECT_CLOCK for name in RATES if name in flight.sources):
+        judged = {
+            name: without_faulty(time, x, [fault for fault in faults if fault.variable == name])
+            for name, x in in_air.items()
+        }
+    found = attempt(failed, Judgment((), (), {}), check_mapping, signals, judged, rate, lines)
+    of_rates = attempt(failed, [], check_rates, found.corrected(in_air), rate, lines)
+    named: set[Value] = {one.subject for one in found.notices}
+    named.update(*(own for one in found.notices if isinstance(own := one.values.get("lines"), tuple)))
+    of_rates = [one for one in of_rates if one.subject not in named]
+    if found.refused:
+        said, every = str(found.refused[0]).removesuffix("."), (*found.refused, *found.notices, *of_rates)
+        raise ContradictedError(f"{flight.path or flight.name}: {said}", every)
+    if any(one.code.startswith(INCONSISTENT) for one in (*found.notices, *of_rates)):
+        # a late attitude explains one unlike its rates
+        of_rates = attempt(failed, [], attitude_delay, channels) or of_rates
+    return [*found.notices, *of_rates]
