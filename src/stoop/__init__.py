@@ -13,7 +13,7 @@ from __future__ import annotations
 from typing import Any
 
 _MODULES = {
-    "stoop.api": "assess check look reconstruct",
+    "stoop.api": "assess look reconstruct",
     "stoop.assessment.bootstrap": "Bootstrap",
     "stoop.assessment.profile": "Profile",
     "stoop.base.notices": "Notice",

@@ -2,7 +2,6 @@
 
 from stoop import errors
 from stoop.api import assess as assess
-from stoop.api import check as check
 from stoop.api import look as look
 from stoop.api import reconstruct as reconstruct
 from stoop.assessment.bootstrap import Bootstrap as Bootstrap
@@ -31,6 +30,7 @@ from stoop_analysis.workflow.derivatives import derivatives as derivatives
 from stoop_analysis.workflow.frequency import frequency as frequency
 from stoop_analysis.workflow.frequency import frequency_responses as frequency_responses
 from stoop_analysis.workflow.propagation import propagate as propagate
+from stoop_draft.check import check as check
 from stoop_draft.vehicles import new_vehicle as new_vehicle
 from stoop_export.export import export as export
 from stoop_export.jsbsim_autopilot import fly_in_jsbsim as fly_in_jsbsim

@@ -8,15 +8,12 @@ from typing import TYPE_CHECKING
 
 from stoop.flight import Flight
 from stoop.problem.windows import Windows, as_windows
-from stoop.vehicle import Vehicle
-from stoop.vehicle.builtin import resolve_vehicle as load_vehicle
 from stoop.workflow.fitted_model import FittedModel
 from stoop.workflow.flights import OneFlight, as_flight
 from stoop.workflow.load import fitted_model
 
 if TYPE_CHECKING:
     from stoop.assessment.assessment import Assessment
-    from stoop.base.notices import Notice
     from stoop.reconstruction.compatibility import Compatibility
     from stoop.report.sheet import Page
 
@@ -53,26 +50,6 @@ def assess(
         Gets a line of progress now and then.
     """
     return fitted_model(model).assess(*assessments, watch=watch)
-
-
-def check(flight: OneFlight, vehicle: Vehicle | str | Path | None = None) -> tuple[Notice, ...]:
-    """Return which lines of the mapping, or of a vehicle file, contradict the data of a flight.
-
-    Parameters
-    ----------
-    flight : Flight, path of a log, or xarray.Dataset
-    vehicle : Vehicle, str or Path, optional
-        Or the name of a built-in one, or a vehicle file.
-
-    Raises
-    ------
-    StoopError
-        The flight lacks a channel that the vehicle needs.
-    """
-    from stoop.checks.vehicle import check as checked
-
-    model = vehicle if vehicle is None or isinstance(vehicle, Vehicle) else load_vehicle(vehicle)
-    return checked(as_flight(flight), model)
 
 
 def reconstruct(flight: OneFlight, windows: Windows = ()) -> tuple[Compatibility, Flight]:

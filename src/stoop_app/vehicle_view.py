@@ -17,13 +17,13 @@ from stoop.problem.layout import Layout
 from stoop.report.sheet import mathml
 from stoop.vehicle.builtin import BUILT_IN, builtin_text, builtin_title
 from stoop.vehicle.load import load_vehicle, parse_vehicle
-from stoop.vehicle_draft.power import ENGINES
-from stoop.vehicle_draft.request import TEMPLATES
 from stoop_app import numbers, parts
 from stoop_app.folder import VEHICLE, ChangedError, modified, version
 from stoop_app.numbers import WHERE, Row
 from stoop_app.steps import COMMAND
 from stoop_app.view import View
+from stoop_draft.vehicle_draft.power import ENGINES
+from stoop_draft.vehicle_draft.request import TEMPLATES
 
 BY_LOG: Final = "by the log"
 ELSEWHERE: Final = (

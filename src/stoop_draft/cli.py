@@ -32,14 +32,14 @@ def map_log(arguments: argparse.Namespace) -> int:
 
 def _columns(log: Path, text: str, lines: list[str]) -> str:
     """Return a mapping, what is said of it, and the columns of its log, as JSON."""
-    from stoop.flight.log_columns import columns_of, read_unmapped
+    from stoop_draft.log_columns import columns_of, read_unmapped
 
     return to_json({"mapping": text, "said": lines, "columns": [*columns_of(read_unmapped(log))]})
 
 
 def _drafted(log: Path) -> tuple[str, list[str]]:
     """Return a draft, and what is said of it."""
-    from stoop.flight.mapping_draft import draft
+    from stoop_draft.mapping_draft import draft
 
     made = draft(log)
     unknown = [f"not recognized: {listed(made.unknown)}"] if made.unknown else []
@@ -48,7 +48,7 @@ def _drafted(log: Path) -> tuple[str, list[str]]:
 
 def _corrected(log: Path, mapping: Path) -> tuple[str, list[str]]:
     """Return a mapping with the advice of the checks applied, and what is said of it."""
-    from stoop.flight.mapping_corrections import corrected_mapping
+    from stoop_draft.mapping_corrections import corrected_mapping
 
     made = corrected_mapping(log, mapping)
     said = [f"applied: {one}" for one in made.applied] + [f"left to you: {one}" for one in made.left]

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from stoop.vehicle_draft.draft import Drafted, draft
-from stoop.vehicle_draft.geometry import Geometry
-from stoop.vehicle_draft.request import Request
 from stoop.workflow.flights import Flights, as_flights
+from stoop_draft.vehicle_draft.draft import Drafted, draft
+from stoop_draft.vehicle_draft.geometry import Geometry
+from stoop_draft.vehicle_draft.request import Request
 
 
 def new_vehicle(

@@ -21,9 +21,9 @@ from stoop.simulation.rotors import channel_range
 from stoop.simulation.steady_flight import neighbors, trim
 from stoop.simulation.trim import Trim
 from stoop.vehicle import Vehicle
-from stoop.vehicle_draft.autopilot import read_setup
 from stoop_analysis.draws import Draws
 from stoop_analysis.handling import attitude_figures
+from stoop_draft.vehicle_draft.autopilot import read_setup
 from stoop_tune.control_laws.rate_law import AXES
 from stoop_tune.control_laws.table import Firmware
 from stoop_tune.loops import (

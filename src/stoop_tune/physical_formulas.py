@@ -38,8 +38,8 @@ from stoop.simulation.steady_flight import TOLERANCE, OnWings
 from stoop.simulation.trim import Trims
 from stoop.vehicle import Vehicle
 from stoop.vehicle.schema import Propeller
-from stoop.vehicle_draft.autopilot import read_setup
 from stoop_analysis.propagation.wing_figures import Domain
+from stoop_draft.vehicle_draft.autopilot import read_setup
 from stoop_tune.control_laws import ardupilot, px4
 from stoop_tune.control_laws.mixing import thrust_of
 from stoop_tune.control_laws.parameters import Parameters

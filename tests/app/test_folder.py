@@ -11,8 +11,6 @@ from app.conftest import RECORDED
 from stoop.base.units import KINDS
 from stoop.base.variables import VARIABLES
 from stoop.errors import LogError, StoopError, VehicleError
-from stoop.flight.log_columns import columns_of, read_unmapped
-from stoop.flight.mapping_draft import draft
 from stoop.vehicle.builtin import builtin_text
 from stoop.vehicle.load import parse_vehicle
 from stoop_app import columns, numbers, places, server
@@ -20,6 +18,8 @@ from stoop_app.columns import edited, rows_of, units_of
 from stoop_app.folder import ChangedError, Project, version
 from stoop_app.steps import COMMAND, LOCK, PROCESS, Step
 from stoop_app.uploads import safe_name
+from stoop_draft.log_columns import columns_of, read_unmapped
+from stoop_draft.mapping_draft import draft
 from stoop_plan.input_design.windows_file import Entry
 
 VTAIL = (Path(__file__).parents[2] / "examples" / "vtail.toml").read_text("utf-8")

@@ -22,8 +22,8 @@ from stoop.vehicle import parse_vehicle, schema
 from stoop.vehicle.defaults import EQUATION_1
 from stoop.vehicle.schema import Quantity
 from stoop.vehicle.terms import STATE_VARIABLES
-from stoop.vehicle_draft import geometry
-from stoop.vehicle_draft.geometry import Geometry
+from stoop_draft.vehicle_draft import geometry
+from stoop_draft.vehicle_draft.geometry import Geometry
 
 INPUTS = [getattr(maneuver, n) for n in ("Steps", "Levels", "Pulse", "Multisine", "Harmonics", "Sweep")]
 FLIGHTS, MANEUVERS, GEOMETRY = (DOCS / f"{n}.md" for n in ("flight-files", "maneuver-file", "geometry"))

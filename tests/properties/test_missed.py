@@ -16,8 +16,6 @@ from tornado.httputil import HTTPHeaders
 from stoop.assessment.covariance import NEIGHBORS, window_scatter
 from stoop.base.html import table
 from stoop.base.robust import white_noise
-from stoop.checks.kinematics import Motion
-from stoop.checks.motors import rotor_edits
 from stoop.cli.options import windows
 from stoop.estimate.filter_gains import Gains
 from stoop.estimate.filter_likelihood import Innovations
@@ -37,13 +35,15 @@ from stoop.strategy.extensions import Trial
 from stoop.vehicle import parse_vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop.vehicle.symbolic import forces, frames
-from stoop.vehicle_draft.handbook import _drag
 from stoop.workflow import outputs
 from stoop_analysis.performance.polar import Polar
 from stoop_analysis.propagation.wing_figures import full_deflection
 from stoop_app.columns import edited, rows_of
 from stoop_app.folder import VEHICLE, Project
 from stoop_app.server import FILE_POLICY, Gate
+from stoop_draft.checks.kinematics import Motion
+from stoop_draft.checks.motors import rotor_edits
+from stoop_draft.vehicle_draft.handbook import _drag
 from stoop_export import jsbsim_model
 from stoop_export.bullet_and_isaac import INTERVAL
 from stoop_export.pyflyt import PyFlyt

@@ -34,8 +34,8 @@ from stoop.results.result import ParameterEstimate
 from stoop.simulation import initial_states, parameter_rows
 from stoop.vehicle import parse_vehicle
 from stoop.vehicle.builtin import resolve_vehicle
-from stoop.vehicle_draft.autopilot import read_setup
-from stoop.vehicle_draft.strips import strips, to_flap
+from stoop_draft.vehicle_draft.autopilot import read_setup
+from stoop_draft.vehicle_draft.strips import strips, to_flap
 from stoop_export.ardupilot_parameters import frame
 from stoop_export.fmu import Quantity, Unit, description
 from stoop_export.jsbsim_loads import _LOADS

@@ -7,8 +7,6 @@ import numpy as np
 import pytest
 from real import simulated
 
-from stoop.checks.kinematics import check_rates
-from stoop.checks.mapping import check_mapping
 from stoop.errors import FlightError
 from stoop.estimate.fit import Options
 from stoop.flight import OUTPUTS, Flight, find_maneuvers, load, segments, without_faults
@@ -20,6 +18,8 @@ from stoop.vehicle import load_vehicle
 from stoop.vehicle.load import parse_vehicle
 from stoop.workflow import identify
 from stoop.workflow.reconstruction import check_compatibility, write_compatibility
+from stoop_draft.checks.kinematics import check_rates
+from stoop_draft.checks.mapping import check_mapping
 from stoop_plan.input_design.windows import find_windows
 
 BUDGET = Options(budget=400.0)

@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 
 from stoop import optimize
-from stoop.checks.motors import check_motors
 from stoop.flight import Flight, load
 from stoop.problem.windows import parse_window, whole
 from stoop.strategy.run import choose_method
 from stoop.vehicle.load import load_vehicle
+from stoop_draft.checks.motors import check_motors
 from stoop_plan.input_design.windows import find_windows
 from stoop_studies.problems import hexacopter, pose
 

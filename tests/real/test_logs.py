@@ -13,9 +13,9 @@ from naive.dataflash import same_as_pymavlink
 
 from stoop.errors import LogError
 from stoop.flight import load
-from stoop.flight.mapping_draft import draft_of
 from stoop.logs import Recording, read, ulog
 from stoop.logs.dataflash import parse_dataflash
+from stoop_draft.mapping_draft import draft_of
 
 SAMPLES = ("sample_log_small.ulg", "sample_appended_multiple.ulg")
 HEALTHY = {"normal_flight__E8": (44.2e3, 44.8e3), "normal_flight__E9": (44.5e3, 46.8e3)}

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import functools
 import math
+import tomllib
+from importlib.resources import files
 from typing import Final
 
 DEGREE: Final = math.pi / 180.0  #: rad
@@ -59,3 +62,10 @@ _OF_KIND: Final[dict[str, str]] = {
 KINDS: Final[dict[str, str]] = {
     unit.replace("_", " "): kind for kind, units in _OF_KIND.items() for unit in units.split()
 }
+
+
+@functools.cache
+def written_units() -> dict[str, str]:
+    """Return units as files and people write them, in small letters -> as stoop does."""
+    content = tomllib.loads((files("stoop.data") / "units.toml").read_text("utf-8"))
+    return {text: unit for unit, texts in content.items() for text in texts}

@@ -128,6 +128,12 @@ SPECIFIC_FORCE: Final = ("ax", "ay", "az")
 VELOCITY: Final = ("vn", "ve", "vd")  #: over ground
 POSITION: Final = ("pn", "pe", "pd")
 WRAPPED: Final = frozenset({"phi", "psi"})  #: angles that live on a circle
+#: axis -> rate that a control changes, and the controls with the sign of that
+EFFECTS: Final = {
+    "roll": ("p", (("aileron", 1.0), ("control_roll", 1.0))),
+    "pitch": ("q", (("elevator", -1.0), ("control_pitch", 1.0))),
+    "yaw": ("r", (("rudder", -1.0), ("control_yaw", 1.0))),
+}
 
 
 def variable(name: str, place: str = "") -> Variable:

@@ -1,1 +1,1 @@
-"""Which line of a mapping or of a vehicle file contradicts the data: one hypothesis test over all residuals."""
+"""Whether flights are of the vehicle of a file, and show what is estimated."""

@@ -11,7 +11,6 @@ import numpy as np
 from stoop.base.arrays import BoolArray, FloatArray
 from stoop.base.notices import Notice, notice
 from stoop.base.variables import RATES
-from stoop.checks.motors import check_motors
 from stoop.errors import IdentificationError
 from stoop.flight import Flight
 from stoop.flight.airborne import carried_by_speed, flying, lift_command, require_motors_ran
@@ -205,7 +204,7 @@ KINDS: Final = {
     GROUND_FRAME: KindChecks(
         _other_rotors,
         _lift_differs,
-        motors=(foreign_motors, check_motors),
+        motors=(foreign_motors,),
         flight=(require_motors_ran,),
         data=(_require_flight,),
     ),

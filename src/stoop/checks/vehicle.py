@@ -8,14 +8,12 @@ from typing import Final
 
 import numpy as np
 
-from stoop.base.arrays import empty_columns
 from stoop.base.notices import Notice, attempt, notice
-from stoop.checks.kinematics import check_rates
-from stoop.checks.mapping import Judgment, check_mapping
+from stoop.base.packages import hooks
 from stoop.checks.rotors import KINDS
 from stoop.errors import FlightError
 from stoop.flight import Flight
-from stoop.flight.airborne import carried_by_rotors, in_flight
+from stoop.flight.airborne import carried_by_rotors
 from stoop.problem import Piece
 from stoop.problem.windows import Window, whole
 from stoop.vehicle import Vehicle
@@ -27,36 +25,6 @@ DRIVES: Final = (
     "elevator", "aileron", "rudder", "flap", "control_", "motor_", "servo_", "pwm_", "rotor_", "thr",
 )  # fmt: skip
 ROUNDING: Final = 1e-9
-
-
-def check(flight: Flight, vehicle: Vehicle | None = None) -> tuple[Notice, ...]:
-    """Return what contradicts a flight, its mapping or the file of its vehicle.
-
-    Parameters
-    ----------
-    flight : Flight
-    vehicle : Vehicle, optional
-        Also held against the flight, all of it.
-
-    Raises
-    ------
-    FlightError
-        The flight lacks what drives the vehicle.
-    """
-    up = in_flight(flight)
-    columns = {str(name): np.where(up, flight.column(str(name)), np.nan) for name in flight.channels}
-    empty, failed = empty_columns(columns), list[Notice]()
-    data = {name: x for name, x in columns.items() if name not in empty}
-    judged = attempt(failed, Judgment((), (), {}), check_mapping, {}, data, flight.rate, {})
-    known = {fault.variable for fault in flight.faults}
-    rates = attempt(failed, [], check_rates, judged.corrected(data), flight.rate, {})
-    found = [one for one in (*judged.notices, *rates) if one.subject not in known]
-    out = [*(fault.notice for fault in flight.faults), *found, *failed]
-    if vehicle is not None:
-        flights = {flight.name: flight}
-        out += [one for one in check_vehicle(vehicle, flights) if one not in out]
-        out += attempt(out, [], inertia_notices, vehicle)
-    return tuple(out)
 
 
 def check_vehicle(
@@ -84,7 +52,7 @@ def check_rotors(vehicle: Vehicle, flights: Mapping[str, Flight], windows: Seque
     """Return what the motors of flights, and the windows that were chosen, say against a vehicle file."""
     taken, kind = windows or whole(flights), KINDS[vehicle.frame]
     by_flight = {w.flight: [x for x in taken if x.flight == w.flight] for w in taken}
-    checks = (*kind.motors, *(kind.windows if windows else ()))
+    checks = (*kind.motors, *hooks("check_motors"), *(kind.windows if windows else ()))
     found: list[Notice] = []
     for detector in checks:
         for name, own in by_flight.items():

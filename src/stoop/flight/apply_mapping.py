@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
@@ -13,9 +13,8 @@ from stoop import logs
 from stoop.base.arrays import FloatArray
 from stoop.base.notices import Notice, notice
 from stoop.base.text import likely
-from stoop.base.units import FACTORS, KINDS, MICROSECOND, PULSE_FACTORS, ZEROS
-from stoop.base.variables import EULER, VARIABLES
-from stoop.checks.entries import Line
+from stoop.base.units import FACTORS, KINDS
+from stoop.base.variables import EULER
 from stoop.errors import FlightError, LogError, listed
 from stoop.flight.alignment import align, suggest_alignments
 from stoop.flight.conversion import rotate_axes
@@ -41,8 +40,8 @@ class Mapped:
     unmapped: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     #: variable -> file and key of the mapping, for advice
     places: Mapping[str, str] = field(default_factory=dict)
-    #: variable of a ready mapping -> the line that says the same in one that extends it
-    ready_lines: Mapping[str, Line] = field(default_factory=dict)
+    #: variable of a ready mapping -> its source there, and the stream that supplied it
+    ready: Mapping[str, tuple[Source, str]] = field(default_factory=dict)
 
 
 def read_mapped(
@@ -131,7 +130,7 @@ def apply_mapping(mapping: FlightMapping, recording: Recording) -> Mapped:
         timed, aligned = align(mapping.place, mapping.alignments, timed, lambda log, n: _all(mapping, log, n))
     channels: list[Channels] = []
     places: dict[str, str] = {}
-    ready_lines: dict[str, Line] = {}
+    of_ready: dict[str, tuple[Source, str]] = {}
     named: dict[str, set[str]] = {}  # columns, flags and stamps that the mapping names of each stream
     for group in mapping.groups.values():
         without = group.without | with_other_form({name for known in channels for name in known.values})
@@ -161,9 +160,7 @@ def apply_mapping(mapping: FlightMapping, recording: Recording) -> Mapped:
             channels.append(best)
             (source,) = (own for own, one in zip(suppliers, supplied, strict=True) if one is best)
             places |= {name: source.place for name in best.values if not _of_ready(source)}
-            ready_lines |= {
-                name: _line(source, best.source, name) for name in best.values if _of_ready(source)
-            }
+            of_ready |= {name: (source, best.source) for name in best.values if _of_ready(source)}
     channels = _join_lines(timed.format, channels)
     if mapping.surfaces.mixes:
         surfaces, beyond = mapping.surfaces.deflections(channels)
@@ -175,31 +172,11 @@ def apply_mapping(mapping: FlightMapping, recording: Recording) -> Mapped:
         used = named.get(name, named.get(name.partition("/")[0], set())) | clocks
         columns_left = tuple(c for c in stream.columns if c not in used and not c.startswith("timestamp"))
         left |= {name: columns_left} if columns_left else {}
-    return Mapped(channels, [*notices, *aligned, *contradicted, *beyond], left, places, ready_lines)
+    return Mapped(channels, [*notices, *aligned, *contradicted, *beyond], left, places, of_ready)
 
 
 def _of_ready(source: Source) -> bool:
     return source.place.partition(":")[0] in READY.values()
-
-
-def _line(source: Source, stream: str, name: str) -> Line:
-    """Return the line of [variables] that takes a variable as a source of a ready mapping does."""
-    i, unit = source.variables.index(name), VARIABLES[name].unit
-    column, *others = source.columns[i]
-    entry: dict[str, Any] = {"stream": stream, "column": column, "unit": source.units[i] or unit}
-    factors = PULSE_FACTORS if name.startswith("pwm_") else FACTORS
-    scale, offset = (
-        source.factors[i] / factors[entry["unit"]],
-        source.offsets[i] - ZEROS.get(entry["unit"], 0.0),
-    )
-    entry |= {"scale": scale} if scale != 1.0 else {}
-    entry |= {"offset": offset} if offset != 0.0 else {}
-    entry |= {"valid": source.valid[i]} if source.valid[i] else {}
-    entry |= {"stamp": source.stamp} if source.stamp else {}
-    if others or source.columns[i][column] != 1.0 or source.frame or source.stamp_factor != MICROSECOND:
-        entry["column"] = dict(source.columns[i])  # advice that is no line
-    place = f'a mapping that says extends = "{source.place.partition(":")[0]}"'
-    return Line(place, f"variables.{name}", entry["unit"], entry, ready=True)
 
 
 def _best(supplied: Sequence[Channels], fastest: bool, named: bool) -> Channels | None:

@@ -12,30 +12,19 @@ from typing import Any, Final
 
 import numpy as np
 
-from stoop.base.arrays import BoolArray, FloatArray, empty_columns
+from stoop.base.arrays import BoolArray, FloatArray
 from stoop.base.files import write_bytes_atomic
-from stoop.base.notices import Notice, Value, attempt, from_dict, notice
+from stoop.base.notices import Notice, attempt, from_dict, notice
 from stoop.base.numbers import MAX_NUMBER
+from stoop.base.packages import hooks
 from stoop.base.toml import parse_json
 from stoop.base.variables import EULER, QUATERNION, RATES, VARIABLES
-from stoop.checks.entries import TABLE, Line, Lines, read_lines
-from stoop.checks.kinematics import check_rates
-from stoop.checks.mapping import Judgment, check_mapping
-from stoop.checks.units import full_turn
 from stoop.errors import FlightError, LogError
 from stoop.flight.air_data import with_air
 from stoop.flight.airborne import carried_by_rotors, in_flight
 from stoop.flight.airspeed import EQUIVALENT, TRUE, with_true_airspeed
-from stoop.flight.alignment import attitude_delay
 from stoop.flight.apply_mapping import Mapped, read_mapped
-from stoop.flight.faults import (
-    INCONSISTENT,
-    Fault,
-    contradiction,
-    recorded_faults,
-    rest_faults,
-    without_faulty,
-)
+from stoop.flight.faults import Fault, contradiction, recorded_faults, rest_faults, without_faulty
 from stoop.flight.flight import AirData, Flight, Gridded, flight_name, on_circle, with_attitude
 from stoop.flight.gridding import (
     Channels,
@@ -53,14 +42,6 @@ from stoop.logs.netcdf import AIR, FORMAT, STREAM
 SUSPECT_CLOCK: Final = 5.0  #: Hz; body rates are hardly ever logged more slowly
 SLOW_RATES: Final = 25.0  #: Hz; body rates below this do not show the fast modes
 NOTICES: Final = "notices"  #: attribute; files of older versions hold sentences as "notes"
-
-
-class ContradictedError(FlightError):
-    """Angles or rates are in degrees where radians belong; `notices` hold all that contradicts the mapping."""
-
-    def __init__(self, text: str, notices: Sequence[Notice] = ()) -> None:
-        super().__init__(text)
-        self.notices = tuple(notices)
 
 
 def load(path: str | Path, mapping: str | Path | None = None, rate: float | None = None) -> Flight:
@@ -127,10 +108,7 @@ def of_recording(
         if fault.variable in data
         and (fault.kind != "stuck" or up[(grid.time >= fault.start) & (grid.time <= fault.stop)].any())
     ]
-    lines = {**mapped.ready_lines, **read_lines(mapped.places)}
-    contradictions = _contradictions(gridded, up, channels, recorded, lines, failed)
-    span = float(grid.time[0]), float(grid.time[-1])
-    of_mapping = [contradiction(one, *span) for one in contradictions]
+    of_mapping = _contradictions(gridded, up, channels, recorded, failed, mapped)
     faults = (*recorded, *attempt(failed, [], rest_faults, grid.time, data, rate), *of_mapping)
     attitude: list[Notice] = []
     if not any(fault.kind == "inconsistent" for fault in of_mapping):
@@ -200,53 +178,14 @@ def _contradictions(
     up: BoolArray,
     channels: Sequence[Channels],
     faults: Sequence[Fault],
-    lines: Lines,
     failed: list[Notice],
-) -> list[Notice]:
-    """Return what contradicts the units, signs and axes of a flight's columns, from samples in the air (`up`).
-
-    Columns without a number are left out; clipped and stuck samples are not judged. Raises `FlightError` for angles in degrees.
-    """
-    time, rate = flight.time, flight.rate
-    data = {name: flight.column(name) for name in flight.channels}
-    # copies count: a sparse log may be gigabytes on its grid
-    in_air = data if up.all() else {name: np.where(up, x, np.nan) for name, x in data.items()}
-    signals = {
-        name: (group.time, np.where(np.interp(group.time, time, up) > 0.5, x, np.nan))
-        for group in channels
-        for name, x in group.values.items()
-    }
-    empty = empty_columns(in_air) | empty_columns({name: x for name, (_, x) in signals.items()})
-    in_air = {name: x for name, x in in_air.items() if name not in empty}
-    signals = {name: one for name, one in signals.items() if name not in empty}
-    angles = signals.keys() & set(EULER)
-    # the grid took other units than radians for turns, and those of one angle of an attitude turned all of them
-    strange = any(full_turn(name, signals[name][1]) != 2.0 * np.pi for name in angles)
-    for name in angles if strange else ():
-        t, x = signals[name]
-        in_air[name] = x[np.rint(np.interp(time, t, np.arange(t.size))).astype(int)]
-    judged: dict[str, FloatArray] = {}
-    # slower body rates are those of a wrong clock
-    if not any(0.0 < flight.sources[name].rate < SUSPECT_CLOCK for name in RATES if name in flight.sources):
-        judged = {
-            name: without_faulty(time, x, [fault for fault in faults if fault.variable == name])
-            for name, x in in_air.items()
-        }
-    found = attempt(failed, Judgment((), (), {}), check_mapping, signals, judged, rate, lines)
-    of_rates = attempt(failed, [], check_rates, found.corrected(in_air), rate, lines)
-    named = {name for one in found.notices for name in (one.subject, *_names(one.values.get("lines")))}
-    of_rates = [one for one in of_rates if one.subject not in named]
-    if found.refused:
-        said, every = str(found.refused[0]).removesuffix("."), (*found.refused, *found.notices, *of_rates)
-        raise ContradictedError(f"{flight.path or flight.name}: {said}", every)
-    if any(one.code.startswith(INCONSISTENT) for one in (*found.notices, *of_rates)):
-        # a late attitude explains one unlike its rates
-        of_rates = attempt(failed, [], attitude_delay, channels) or of_rates
-    return [*found.notices, *of_rates]
-
-
-def _names(lines: Value | None) -> tuple[str, ...]:
-    return tuple(map(str, lines)) if isinstance(lines, tuple) else ()
+    mapped: Mapped | None = None,
+) -> tuple[Fault, ...]:
+    """Return what packages find that contradicts units, signs and axes of a flight's columns, from samples in the air (`up`)."""
+    judges, span = hooks("judge_mapping"), flight.time[[0, -1]].tolist()
+    failed += [] if judges else [notice("mapping-not-judged")]
+    found = (one for judge in judges for one in judge(flight, up, channels, faults, failed, mapped))
+    return tuple(contradiction(one, *span) for one in found)
 
 
 def with_contradictions(flight: Flight) -> Flight:
@@ -258,18 +197,12 @@ def with_contradictions(flight: Flight) -> Flight:
         When angles or rates are in degrees.
     """
     failed: list[Notice] = []
-    channels = [
-        Channels(TABLE, flight.time, {name: flight.column(name) for name in flight.sources}),
-    ]
+    channels = [Channels("the table", flight.time, {name: flight.column(name) for name in flight.sources})]
     up = attempt(failed, np.ones(flight.time.size, dtype=bool), in_flight, flight)
     recorded = attempt(failed, [], recorded_faults, channels)
-    lines = {name: Line(TABLE, f"'{name}'") for name in flight.sources}
-    found = _contradictions(flight, up, channels, recorded, lines, failed)
-    span = float(flight.time[0]), float(flight.time[-1])
-    faults = tuple(contradiction(one, *span) for one in found)
-    return replace(
-        flight, data=vars(flight)["data"], faults=faults, notices=(*flight.notices, *found, *failed)
-    )
+    faults = _contradictions(flight, up, channels, recorded, failed)
+    notices = (*flight.notices, *(fault.notice for fault in faults), *failed)
+    return replace(flight, data=vars(flight)["data"], faults=faults, notices=notices)
 
 
 def without_faults(flight: Flight) -> Flight:

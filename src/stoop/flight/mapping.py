@@ -21,11 +21,10 @@ from pydantic import Field, ValidationError, model_validator
 from stoop.base.schema_errors import first_complaint
 from stoop.base.text import nearest
 from stoop.base.toml import parse_source, read_source
-from stoop.base.units import FACTORS, KINDS, PULSE_FACTORS, ZEROS
+from stoop.base.units import FACTORS, KINDS, PULSE_FACTORS, ZEROS, written_units
 from stoop.base.variables import VARIABLES
 from stoop.errors import FlightError, LogError, listed
 from stoop.flight.alignment import Alignment
-from stoop.flight.column_guesses import written_unit
 from stoop.flight.conversion import (
     CalibrationTable,
     Frame,
@@ -328,7 +327,8 @@ def _unit_factor(at: str, variable: str, unit: str) -> float:
     factors = PULSE_FACTORS if variable.startswith("pwm_") else FACTORS
     known = VARIABLES[variable].unit
     if unit not in factors:
-        meant, alike = written_unit(unit), [u for u in factors if KINDS[u] == KINDS[known]]
+        meant = written_units().get(unit.strip().lower())
+        alike = [u for u in factors if KINDS[u] == KINDS[known]]
         advice = f'write "{meant}"' if meant in alike else nearest(unit, alike)
         raise LogError(f"{at}.unit = '{unit}' is unknown; {advice}")
     if unit != "1" and KINDS[unit] != KINDS[known]:

@@ -25,11 +25,11 @@ from stoop.base.units import DEGREE
 from stoop.base.variables import EULER, VELOCITY
 from stoop.errors import StoopError
 from stoop.flight import Flight, load
-from stoop.flight.mapping_draft import draft as draft_mapping
 from stoop.vehicle import Vehicle
 from stoop.vehicle.load import parse_vehicle
-from stoop.vehicle_draft.draft import draft
-from stoop.vehicle_draft.request import Request
+from stoop_draft.mapping_draft import draft as draft_mapping
+from stoop_draft.vehicle_draft.draft import draft
+from stoop_draft.vehicle_draft.request import Request
 from stoop_studies.findings import Claim, Findings, Setting, holds
 from stoop_studies.verify import defaults, instruments, pilots, study
 from stoop_studies.verify.defects import edited

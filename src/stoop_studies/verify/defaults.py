@@ -19,10 +19,10 @@ from stoop.base.variables import VARIABLES, WRAPPED
 from stoop.errors import StoopError
 from stoop.flight import Flight, load, without_faults
 from stoop.vehicle import Vehicle, parse_vehicle
-from stoop.vehicle_draft.draft import draft
-from stoop.vehicle_draft.request import Request
 from stoop.workflow.fitted_model import FittedModel
 from stoop.workflow.identification import identify
+from stoop_draft.vehicle_draft.draft import draft
+from stoop_draft.vehicle_draft.request import Request
 from stoop_plan.input_design.windows import find_windows
 from stoop_studies.findings import Claim, Findings, Setting, counted, holds
 from stoop_studies.verify import instruments, pilots, study, truths

@@ -14,9 +14,9 @@ from scipy.io import loadmat
 from stoop.base.arrays import FloatArray
 from stoop.errors import StoopError
 from stoop.vehicle.defaults import EQUATION_1
-from stoop.vehicle_draft import aerosandbox, handbook
-from stoop.vehicle_draft.apriori import Apriori
-from stoop.vehicle_draft.geometry import Geometry
+from stoop_draft.vehicle_draft import aerosandbox, handbook
+from stoop_draft.vehicle_draft.apriori import Apriori
+from stoop_draft.vehicle_draft.geometry import Geometry
 from stoop_studies.findings import Claim, Findings, Setting, holds, table_of
 from stoop_studies.verify import study
 

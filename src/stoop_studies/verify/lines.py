@@ -22,19 +22,18 @@ from stoop.base.notices import Notice
 from stoop.base.toml import quoted, quoted_key
 from stoop.base.units import DEGREE, FACTORS, STANDARD_GRAVITY
 from stoop.base.variables import EULER, POSITION, RATES, SPECIFIC_FORCE, VARIABLES, VELOCITY
-from stoop.checks.entries import Line
-from stoop.checks.mapping import check_mapping
 from stoop.errors import StoopError
 from stoop.flight import Flight, load
 from stoop.flight.air_data import RECONSTRUCTED
 from stoop.flight.airborne import in_flight
-from stoop.flight.load import ContradictedError
-from stoop.flight.mapping_corrections import corrected_mapping
-from stoop.flight.mapping_draft import draft
 from stoop.simulation.fly import simulate_flight
 from stoop.simulation.maneuver import Maneuver
 from stoop.vehicle import parse_vehicle
 from stoop.vehicle.builtin import resolve_vehicle
+from stoop_draft.checks.entries import Line
+from stoop_draft.checks.mapping import ContradictedError, check_mapping
+from stoop_draft.mapping_corrections import corrected_mapping
+from stoop_draft.mapping_draft import draft
 from stoop_studies.findings import Findings, Setting, holds
 from stoop_studies.verify import study
 from stoop_studies.verify.scenes import LOG_GRID

@@ -30,11 +30,11 @@ from stoop.base.variables import VARIABLES
 from stoop.checks.vehicle import check_vehicle
 from stoop.errors import StoopError
 from stoop.flight import Flight
-from stoop.flight.mapping_corrections import contradictions, corrected_mapping
-from stoop.flight.mapping_draft import draft
 from stoop.vehicle import Vehicle
 from stoop.vehicle.checks import is_body
 from stoop.workflow.fitted_model import FittedModel
+from stoop_draft.mapping_corrections import contradictions, corrected_mapping
+from stoop_draft.mapping_draft import draft
 from stoop_studies.findings import Claim, Findings, Setting, counted, holds
 from stoop_studies.verify import defaults, lines, outside_aircraft, outside_rotors, recorders, study, truths
 from stoop_studies.verify.instruments import Defect

@@ -27,13 +27,13 @@ from stoop.simulation.maneuver import check_maneuver, load_maneuver
 from stoop.vehicle import load_vehicle, parse_vehicle
 from stoop.vehicle.builtin import BUILT_IN, builtin_text
 from stoop.vehicle.symbolic import build_model
-from stoop.vehicle_draft.draft import draft
-from stoop.vehicle_draft.geometry import Geometry
-from stoop.vehicle_draft.request import Request
 from stoop.workflow import summary
 from stoop.workflow.fitted_model import FittedModel
 from stoop.workflow.load import load as load_model
 from stoop.workflow.outputs import with_values
+from stoop_draft.vehicle_draft.draft import draft
+from stoop_draft.vehicle_draft.geometry import Geometry
+from stoop_draft.vehicle_draft.request import Request
 from stoop_export.export import model_data
 from stoop_plan.input_design.windows_file import expanded, read_windows
 from stoop_plan.input_design.windows_file import written as windows_text

@@ -3,8 +3,8 @@ from collections import defaultdict
 import numpy as np
 import pytest
 
-from stoop.vehicle_draft.geometry import Geometry
-from stoop.vehicle_draft.handbook import derivatives
+from stoop_draft.vehicle_draft.geometry import Geometry
+from stoop_draft.vehicle_draft.handbook import derivatives
 from stoop_studies.verify import handbook
 
 

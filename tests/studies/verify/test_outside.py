@@ -8,8 +8,8 @@ import pytest
 from stoop.base.arrays import FloatArray
 from stoop.base.units import FACTORS
 from stoop.flight import load
-from stoop.vehicle_draft.draft import draft
-from stoop.vehicle_draft.request import Request
+from stoop_draft.vehicle_draft.draft import draft
+from stoop_draft.vehicle_draft.request import Request
 from stoop_studies.verify import lines, outside, outside_aircraft, outside_rotors, recorders
 from stoop_studies.verify.outside_aircraft import Airframe, OutsideFlight, State
 

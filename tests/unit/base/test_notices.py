@@ -95,7 +95,8 @@ def _flight_file(folder: Path) -> Path:
     "name", ["recorded_faults", "in_flight", "check_mapping", "check_rates", "rest_faults", "with_air"]
 )
 def test_a_flight_is_read_whatever_detector_fails(name, tmp_path, monkeypatch):
-    monkeypatch.setattr(importlib.import_module("stoop.flight.load"), name, _empty)
+    module = "stoop_draft.checks.mapping" if name.startswith("check") else "stoop.flight.load"
+    monkeypatch.setattr(importlib.import_module(module), name, _empty)
     flight = load(_flight_file(tmp_path))
     assert [one.code for one in flight.notices].count("detector-failed") == 1
     assert {"p", "q", "r"} <= set(flight.names)
@@ -107,8 +108,8 @@ def test_a_flight_is_read_whatever_detector_fails(name, tmp_path, monkeypatch):
 
 def test_detectors_get_no_channel_without_numbers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     given: list[object] = []
-    load_module = importlib.import_module("stoop.flight.load")
-    monkeypatch.setattr(load_module, "check_mapping", lambda *a: given.extend(a) or _empty())
+    checks = importlib.import_module("stoop_draft.checks.mapping")
+    monkeypatch.setattr(checks, "check_mapping", lambda *a: given.extend(a) or _empty())
     load(_flight_file(tmp_path))
     assert [set(table) for table in given[:2]] == [{"p", "q", "r"}] * 2
 

@@ -152,10 +152,13 @@ from stoop.cli.main import main
 print(sorted({verb.run.partition(".")[0] for verb in verbs().values()}), [main([*n.split(), "--help"]) for n in verbs()])
 identify = ["identify", "made/flight.nc", "--vehicle", "made/vehicle.toml", "--maneuver", "0:20"]
 print(main(["demo", "-o", "made"]), main(["linearize", "made"]), main(["info", "made/flight.nc"]),
-      main([*identify, "-o", "again"]),
+      main([*identify, "-o", "again"]), main(["info", "p.csv"]),
       main(["validate", "again", "made/flight.nc", "--maneuver", "20:30", "--open-loop", "-o", "judged"]))
 print(main([*identify, "--posterior", "-o", "x"]), main([*identify, "w.toml", "-o", "x"]), main(["tune", "made", "x"]))
 """
+    (tmp_path / "p.csv").write_text("t,p\n" + "".join(f"{0.02 * k},{k % 7}\n" for k in range(200)))
+    lines = "[time]\ncolumn = 't'\nunit = 's'\n[variables]\np = {column = 'p', unit = 'deg/s'}\n"
+    (tmp_path / "p.csv.toml").write_text(lines)
     (tmp_path / "libraries").mkdir()
     for one in Path(np.__file__).parents[1].iterdir():
         if not one.name.startswith("stoop") or one.suffix == ".dist-info":
@@ -168,7 +171,8 @@ print(main([*identify, "--posterior", "-o", "x"]), main([*identify, "w.toml", "-
     answers = [line for line in done.stdout.splitlines() if line.startswith(("['stoop", "0 ", "2 "))]
     assert answers[0].startswith("['stoop'] [0, 0")
     assert not set(answers[0].partition("] [")[2]) - set("0, ]")
-    assert answers[1:] == ["0 0 0 0 0", "2 2 2"], done.stderr
+    assert answers[1:] == ["0 0 0 0 0 0", "2 2 2"], done.stderr
+    assert "signs, units and axes were not compared" in done.stdout
     first, second = done.stderr.splitlines()[-2:]
     assert "a file of windows needs a package that this installation lacks" in first
     assert "there is no verb 'tune'" in second

@@ -6,11 +6,11 @@ from unit.flown import maneuver
 
 from stoop import check
 from stoop.base.variables import VARIABLES
-from stoop.checks.entries import Line
-from stoop.checks.mapping import check_mapping
 from stoop.simulation.fly import simulate_flight
 from stoop.vehicle import parse_vehicle
 from stoop.vehicle.builtin import resolve_vehicle
+from stoop_draft.checks.entries import Line
+from stoop_draft.checks.mapping import check_mapping
 
 OWN = {name: Line("M.toml", f"variables.{name}", known.unit) for name, known in VARIABLES.items()}
 ROTORS = (("roll", 12, 0.15), ("pitch", 12, 0.15), ("yaw", 1.5, 0.4), ("heave", 2.5, 0.3), ("north", 2, 1.5))

@@ -10,9 +10,9 @@ from stoop.base.notices import Notice
 from stoop.base.rotations import quaternions_of, to_body
 from stoop.base.units import FACTORS
 from stoop.base.variables import EULER, POSITION, QUATERNION, RATES, SPECIFIC_FORCE, VELOCITY
-from stoop.checks.engine import search
-from stoop.checks.kinematics import check_rates
-from stoop.checks.mapping import Model, check_mapping
+from stoop_draft.checks.engine import search
+from stoop_draft.checks.kinematics import check_rates
+from stoop_draft.checks.mapping import Model, check_mapping
 
 RATE, GRAVITY = 100.0, 9.80665
 TIME = np.arange(3000) / RATE

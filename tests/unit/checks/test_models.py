@@ -9,10 +9,10 @@ from hypothesis import strategies as st
 from scipy.signal import StateSpace, lsim
 
 from stoop.base.arrays import FloatArray
-from stoop.checks.air import LIMITS, Air
-from stoop.checks.controls import Controls
-from stoop.checks.engine import LIMITS as THRESHOLDS
-from stoop.checks.engine import Edit, Range, _largest, search
+from stoop_draft.checks.air import LIMITS, Air
+from stoop_draft.checks.controls import Controls
+from stoop_draft.checks.engine import LIMITS as THRESHOLDS
+from stoop_draft.checks.engine import Edit, Range, _largest, search
 
 
 def slope(alpha: np.ndarray, az: np.ndarray) -> float:

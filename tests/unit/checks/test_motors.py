@@ -10,7 +10,6 @@ import pytest
 from unit.flown import Input, maneuver
 
 from stoop.base.notices import Notice
-from stoop.checks.motors import check_motors
 from stoop.checks.rotors import _limited
 from stoop.flight import Flight, from_columns
 from stoop.problem.windows import whole
@@ -18,6 +17,7 @@ from stoop.simulation.fly import simulate_flight
 from stoop.simulation.rotors import channel_range
 from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.vehicle.builtin import resolve_vehicle
+from stoop_draft.checks.motors import check_motors
 
 STEPS = "3-2-1-1"
 INPUTS = (("roll", STEPS, 1, 0.15, 8), ("pitch", STEPS, 4, 0.15, 8), ("yaw", STEPS, 7, 0.4, 1.5))

@@ -9,7 +9,7 @@ from unit.flight.made_logs import csv_log
 from stoop.base.arrays import FloatArray
 from stoop.errors import FlightError
 from stoop.flight import load
-from stoop.flight.mapping_draft import draft
+from stoop_draft.mapping_draft import draft
 from stoop_studies.verify import capture
 
 Columns = dict[str, FloatArray]

@@ -11,11 +11,11 @@ from unit.flight.test_mapping_draft import T, flown
 from stoop.base.arrays import FloatArray
 from stoop.base.notices import Notice
 from stoop.base.rotations import wrap
-from stoop.checks.entries import Line, Lines
-from stoop.checks.mapping import check_mapping
-from stoop.checks.units import Sizes, without_jumps
 from stoop.errors import FlightError
 from stoop.flight import Flight, load
+from stoop_draft.checks.entries import Line, Lines
+from stoop_draft.checks.mapping import check_mapping
+from stoop_draft.checks.units import Sizes, without_jumps
 
 DEG = 180.0 / np.pi
 FORCE = ("ax", "ay", "az")

@@ -13,10 +13,10 @@ from stoop.base.arrays import FloatArray
 from stoop.base.notices import Notice
 from stoop.base.units import DEGREE, FOOT, KNOT
 from stoop.base.variables import SPECIFIC_FORCE
-from stoop.checks.mapping import check_mapping
 from stoop.flight import load
-from stoop.flight.mapping_corrections import corrected_mapping
-from stoop.flight.mapping_draft import draft
+from stoop_draft.checks.mapping import check_mapping
+from stoop_draft.mapping_corrections import corrected_mapping
+from stoop_draft.mapping_draft import draft
 from stoop_studies.verify import lines
 from stoop_studies.verify.lines import CALIBRATED, FRAMES, Mangled, flown, misread, times
 

@@ -16,12 +16,12 @@ from unit.cli.conftest import Done, Refused
 import stoop.data
 from stoop.base.atmosphere import SEA_LEVEL_DENSITY
 from stoop.cli.main import main
-from stoop.cli.vehicle_new import asked
 from stoop.vehicle.builtin import BUILT_IN, resolve_vehicle
-from stoop.vehicle_draft import aerosandbox, handbook
-from stoop.vehicle_draft.geometry import Geometry
-from stoop.vehicle_draft.request import Evidence, Request
 from stoop.workflow import examples as listed
+from stoop_draft.vehicle_draft import aerosandbox, handbook
+from stoop_draft.vehicle_draft.geometry import Geometry
+from stoop_draft.vehicle_draft.request import Evidence, Request
+from stoop_draft.vehicle_new import asked
 
 
 def test_printed_written_and_read(tmp_path: Path, done: Done) -> None:

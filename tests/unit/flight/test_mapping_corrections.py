@@ -8,12 +8,12 @@ from unit.flight.made_logs import CLOCK, csv_log, lines_of
 from unit.flight.test_mapping_draft import T, flown
 
 from stoop.base.arrays import FloatArray
-from stoop.checks.entries import read_lines
-from stoop.checks.frames import frame_edits
-from stoop.checks.lines import mapping_edits
 from stoop.cli.main import main
 from stoop.errors import StoopError
-from stoop.flight.mapping_corrections import corrected_mapping, with_changes
+from stoop_draft.checks.entries import read_lines
+from stoop_draft.checks.frames import frame_edits
+from stoop_draft.checks.lines import mapping_edits
+from stoop_draft.mapping_corrections import corrected_mapping, with_changes
 
 MAPPING = "# my own\n" + CLOCK.replace("les]", "les]  # as the manual says")
 MAPPING += lines_of("phi", "theta", "psi", "ax", "ay", "az", "vd", "altitude")

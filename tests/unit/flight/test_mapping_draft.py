@@ -13,11 +13,11 @@ from unit.flown import maneuver
 from stoop.base.arrays import FloatArray
 from stoop.base.units import FACTORS
 from stoop.flight import VARIABLES, load
-from stoop.flight.column_guesses import recognized
-from stoop.flight.mapping_draft import Draft, Outputs, draft, draft_of
 from stoop.logs import Recording, Stream
 from stoop.simulation.fly import simulate_flight
 from stoop.vehicle.builtin import resolve_vehicle
+from stoop_draft.column_guesses import recognized
+from stoop_draft.mapping_draft import Draft, Outputs, draft, draft_of
 
 T = 0.01 * np.arange(4000)
 DEG, G = 180.0 / np.pi, 1.0 / 9.80665

@@ -14,11 +14,11 @@ from stoop.flight import Flight, load
 from stoop.flight.apply_mapping import apply_mapping
 from stoop.flight.gridding import Channels
 from stoop.flight.mapping import flight_mapping
-from stoop.flight.mapping_draft import draft_of
 from stoop.flight.pose import without_jumps
 from stoop.logs import Recording, Stream
 from stoop.simulation.fly import simulate_flight
 from stoop.vehicle.builtin import resolve_vehicle
+from stoop_draft.mapping_draft import draft_of
 
 RATE = 100.0
 SPEED, RADIUS = 8.0, 20.0

@@ -7,9 +7,9 @@ import pytest
 
 from stoop.errors import LogError
 from stoop.flight import load
-from stoop.flight.mapping_draft import draft
 from stoop.logs.capture_csv import export_of
 from stoop.logs.csv_tables import read_table
+from stoop_draft.mapping_draft import draft
 
 RATE = 100.0  #: Hz
 ABOUT = "Format Version,1.23,Take Name,Take 1,Export Frame Rate,100,Rotation Type,{},Length Units,{},Coordinate Space,Global"

@@ -28,7 +28,7 @@ import sys
 from pathlib import Path
 import stoop, stoop.logs
 from stoop.flight import load
-from stoop.flight.mapping_draft import draft
+from stoop_draft.mapping_draft import draft
 path = Path("a.mat")
 calls = (
     stoop.logs.read, load, draft, stoop.load_flight, stoop.check, stoop.reconstruct, stoop.new_vehicle,

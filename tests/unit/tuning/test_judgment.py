@@ -110,7 +110,10 @@ def test_an_airspeed_is_what_the_pitot_reads() -> None:
     gains = {"FW_RR_P": 0.4, "FW_PR_P": 0.8, "FW_YR_P": 0.3, "FW_AIRSPD_TRIM": 35.0, "FW_AIRSPD_MAX": 50.0}
     throws = {"elevator": ("pitch", -0.35), "aileron": ("roll", 0.35), "rudder": ("yaw", -0.35)}
     entries = {("controls", s, "mix"): {f"control_{axis}": x} for s, (axis, x) in throws.items()}
-    vehicle, none = with_entries(scenes.aircraft(), entries), Draws(("mass.mass",), np.empty((0, 1)), "covariance")
+    vehicle, none = (
+        with_entries(scenes.aircraft(), entries),
+        Draws(("mass.mass",), np.empty((0, 1)), "covariance"),
+    )
     (firmware,) = firmwares(gains)
     (right,), (high,), (other,) = (
         conditions_of(vehicle, firmware, gains, [speed], 200.0, none, reading)

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from stoop.base.autopilots import FRAMES
-from stoop.vehicle_draft.autopilot import Scale, read_setup
+from stoop_draft.vehicle_draft.autopilot import Scale, read_setup
 
 VTAIL_PX4 = {
     "CA_AIRFRAME": 1, "CA_ROTOR_COUNT": 1, "CA_ROTOR0_AX": 1.0, "CA_ROTOR0_AZ": 0.0, "CA_SV_CS_COUNT": 4,

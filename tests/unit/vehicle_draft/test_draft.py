@@ -16,11 +16,11 @@ from stoop.flight.flight import from_columns
 from stoop.simulation import trim
 from stoop.simulation.fly import simulate_flight
 from stoop.vehicle.builtin import builtin_vehicle
-from stoop.vehicle_draft.autopilot import Scale
-from stoop.vehicle_draft.draft import Drafted, draft
-from stoop.vehicle_draft.inertia import PUBLISHED, SPREAD, of_airplane, of_multirotor
-from stoop.vehicle_draft.power import Lift, Rotor, thrust_law
-from stoop.vehicle_draft.request import TEMPLATES, Request
+from stoop_draft.vehicle_draft.autopilot import Scale
+from stoop_draft.vehicle_draft.draft import Drafted, draft
+from stoop_draft.vehicle_draft.inertia import PUBLISHED, SPREAD, of_airplane, of_multirotor
+from stoop_draft.vehicle_draft.power import Lift, Rotor, thrust_law
+from stoop_draft.vehicle_draft.request import TEMPLATES, Request
 from stoop_plan.flight_logs import save_flight_as
 
 MASS, SPAN, CHORD = 189.4, 5.19, 0.55  #: of the twin boom

@@ -7,11 +7,11 @@ import pytest
 from stoop.base.units import STANDARD_GRAVITY
 from stoop.errors import VehicleError
 from stoop.vehicle.defaults import EQUATION_1
-from stoop.vehicle_draft import aerosandbox, handbook
-from stoop.vehicle_draft.apriori import shifted, typical_std
-from stoop.vehicle_draft.geometry import WINGED, Geometry
-from stoop.vehicle_draft.handbook import derivatives, nominal, skin_friction
-from stoop.vehicle_draft.strips import flap_effectiveness, lift_slope
+from stoop_draft.vehicle_draft import aerosandbox, handbook
+from stoop_draft.vehicle_draft.apriori import shifted, typical_std
+from stoop_draft.vehicle_draft.geometry import WINGED, Geometry
+from stoop_draft.vehicle_draft.handbook import derivatives, nominal, skin_friction
+from stoop_draft.vehicle_draft.strips import flap_effectiveness, lift_slope
 
 SIGNS = {
     "CLalpha": 1, "CD0": 1, "CDalpha": 1, "Cmq": -1, "CLelevator": 1, "Cmelevator": -1, "CQbeta": -1, "Clp": -1,

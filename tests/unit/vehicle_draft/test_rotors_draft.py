@@ -16,8 +16,8 @@ from stoop.flight import Flight, load
 from stoop.flight.flight import from_columns
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import builtin_vehicle
-from stoop.vehicle_draft.draft import draft
-from stoop.vehicle_draft.request import Request
+from stoop_draft.vehicle_draft.draft import draft
+from stoop_draft.vehicle_draft.request import Request
 from stoop_plan.flight_logs import save_flight_as
 
 LEVEL = 0.55  #: command at hover

@@ -22,8 +22,7 @@ from scipy.interpolate import CubicSpline
 from scipy.stats import chi2
 
 from stoop.base.arrays import FloatArray, run_slices
-from stoop.base.variables import RATES
-from stoop.checks.controls import EFFECTS
+from stoop.base.variables import EFFECTS, RATES
 from stoop.estimate.noise import correlation_times
 from stoop.estimate.regression.least_squares import TimeDomain
 from stoop.problem import Piece
