@@ -24,7 +24,7 @@ FLAG = re.compile(
 )  #: tests whether a vehicle has rotors
 #: package, or room of the core -> lines at most; "stoop" is the whole core
 BUDGETS = {
-    "stoop": 53770,
+    "stoop": 53777,
     "stoop_analysis": 6455,
     "stoop_app": 4014,
     "stoop_draft": 7326,
@@ -32,7 +32,7 @@ BUDGETS = {
     "stoop_fleet": 3666,
     "stoop_plan": 5285,
     "stoop_studies": 15041,
-    "stoop_tune": 4550,
+    "stoop_tune": 4463,
     "api": 73,
     "assessment": 4708,
     "base": 2603,
@@ -43,13 +43,13 @@ BUDGETS = {
     "kernels": 2802,
     "logs": 5147,
     "optimize": 2766,
-    "parallel": 1241,
+    "parallel": 1254,
     "prediction": 634,
     "problem": 2029,
     "reconstruction": 835,
     "report": 3237,
     "results": 1360,
-    "simulation": 3117,
+    "simulation": 3111,
     "strategy": 1467,
     "vehicle": 3702,
     "workflow": 2423,

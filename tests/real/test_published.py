@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from real.replay import replay_px4
 
 from stoop.errors import FlightError, StoopError
 from stoop.flight import Flight, load
@@ -15,7 +16,6 @@ from stoop_studies.findings import Setting
 from stoop_studies.verify import handbook
 from stoop_studies.verify.propellers import EXPERIMENT, read_flights
 from stoop_tune.control_laws import ardupilot, px4
-from stoop_tune.control_laws.replay import replay_px4
 
 PUBLISHED = {0.5: (0.052, 0.046, 0.063), 1.0: (0.065, 0.056, 0.072)}
 """CL -> CD and its 75 % interval, read off the published figure (SOURCE.md, figures of the repository)."""

@@ -15,7 +15,7 @@ from stoop.estimate.instability import PREDICTED_GROWTH, growth, growth_at_start
 from stoop.problem.prepare import prepare
 from stoop.problem.windows import Window
 from stoop.simulation import parameter_rows
-from stoop.simulation.linearize import state_matrix
+from stoop.simulation.linearize import linear_models
 from stoop.strategy.run import FIT_ALONE, choose_method
 from stoop.strategy.run import fit as fit_by
 from stoop_studies.verify import closed_loop
@@ -43,7 +43,7 @@ def test_growth_is_that_of_the_exact_linear_model(scene: Scene) -> None:
     """Eigenvalues of one sample, by differences at the mean measured state, against the exact Jacobian at trim."""
     known = {n: {"value": v} for n, v in scene.truth.items() if n in scene.start.rows}
     true = scene.start.with_numbers(known)
-    _, A = state_matrix(true, trim(true, None, ALTITUDE))
+    A = linear_models(true, trim(true, None, ALTITUDE).lanes(true))[1][0]
     piece = prepare(true, scene.flights, WINDOW).pieces[0]
     at = growth(true, piece, parameter_rows(true, piece.changes))
     assert at.rate == pytest.approx(float(np.linalg.eigvals(A).real.max()), rel=0.1)

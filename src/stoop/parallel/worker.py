@@ -21,6 +21,7 @@ from types import MappingProxyType
 from typing import Final, TypedDict
 
 from stoop.base.interrupts import reraise_interrupt
+from stoop.base.packages import packages
 from stoop.errors import CampaignError, StoopError
 from stoop.parallel.plan import from_text, to_text
 
@@ -35,6 +36,7 @@ ROOMS: Final = (
 EXCLUDED: Final = frozenset(
     f"stoop.{name}" for name in (*ROOMS, "parallel", "cli", "report", "errors", "base.files")
 )
+BLOCKS: Final = ("body", "orelse", "finalbody", "handlers", "cases")  #: of statements in a statement
 Roots = Mapping[str, list[Path]]  #: top-level package or module -> its folders, or its file
 
 
@@ -87,6 +89,10 @@ def environment() -> Mapping[str, str]:
         with suppress(metadata.PackageNotFoundError):
             found[name] = metadata.version(name)
     found["sources of stoop"] = source_digest(*(Path(__file__).parents[1] / room for room in ROOMS))
+    hooks = [
+        str(place).partition(":")[0] for own in packages().values() for place in own.get("hooks", {}).values()
+    ]
+    found["sources of hooks"] = _hashed(source_files(*hooks))
     return MappingProxyType(found)
 
 
@@ -122,23 +128,27 @@ def work_sources(works: Iterable[str]) -> dict[str, str]:
     """
     found = {}
     for module in sorted({work.partition(":")[0] for work in works}):
-        files = sorted(source_files(module).items())
-        text = "".join(f"{name}\n{hashlib.sha256(content).hexdigest()}\n" for name, content in files)
-        if text:
-            found[f"sources of {module}"] = hashlib.sha256(text.encode()).hexdigest()
+        if files := source_files(module):
+            found[f"sources of {module}"] = _hashed(files)
     return found
+
+
+def _hashed(files: Mapping[str, bytes]) -> str:
+    text = (f"{name}\n{hashlib.sha256(content).hexdigest()}\n" for name, content in sorted(files.items()))
+    return hashlib.sha256("".join(text).encode()).hexdigest()
 
 
 #: hashed once, before the module is imported: those are the sources that a worker runs
 _own_sources: Final = functools.cache(work_sources)
 
 
-def source_files(module: str) -> dict[str, bytes]:
-    """Return name and content of each file of a module and of what it imports."""
+def source_files(*modules: str) -> dict[str, bytes]:
+    """Return name and content of each file of modules and of what they import."""
     beside = (p.parent.name for p in Path(__file__).parents[2].glob("stoop_*/__init__.py"))
-    roots = {top: found for top in (module.partition(".")[0], "stoop", *beside) if (found := _roots(top))}
+    tops = {*(module.partition(".")[0] for module in modules), "stoop", *beside}
+    roots = {top: found for top in tops if (found := _roots(top))}
     files: dict[str, bytes] = {}
-    queue, visited = [module], {*EXCLUDED}
+    queue, visited = [*modules], {*EXCLUDED}
     while queue:
         name = queue.pop()
         if name in visited or any(name.startswith(f"{other}.") for other in EXCLUDED):
@@ -196,7 +206,10 @@ def _imported(key: str, content: bytes, roots: Roots) -> list[str]:
         return []
     package = key.removesuffix(".py").split(".")[:-1]
     found: list[str] = []
-    for node in ast.walk(tree):
+    statements = list[ast.AST](tree.body)
+    while statements:
+        node = statements.pop()
+        statements += (child for block in BLOCKS for child in getattr(node, block, ()))
         if isinstance(node, ast.Import):
             found += [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom):

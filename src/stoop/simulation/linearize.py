@@ -122,12 +122,6 @@ def linearize_lanes(vehicle: Vehicle, points: Trims) -> list[LinearModel]:
     return out
 
 
-def state_matrix(vehicle: Vehicle, point: Trim) -> tuple[tuple[str, ...], FloatArray]:
-    """Return the names of the states of the linear model, and A alone."""
-    names, A, *_ = linear_models(vehicle, point.lanes(vehicle))
-    return names, A[0]
-
-
 def left_out(vehicle: Vehicle) -> tuple[Notice, ...]:
     """Return what of a vehicle x' = A x + B u, y = C x + D u cannot express, with the numbers."""
     servos, delays = held_numbers(vehicle, ("rate_limit", "dead_zone")), held_numbers(vehicle, ("delay",))

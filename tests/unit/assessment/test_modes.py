@@ -19,7 +19,7 @@ from stoop.flight.frequency_responses import Stretch
 from stoop.results.extensions import ResponseMisfit
 from stoop.results.modes import ModeEstimate
 from stoop.results.result import Covariance, NoiseCovariance, ParameterEstimate, Result
-from stoop.simulation.linearize import linearize, modes_of, state_matrix
+from stoop.simulation.linearize import linear_models, linearize, modes_of
 from stoop.simulation.steady_flight import neighbors
 from stoop_analysis.free_response import free_response, measured_mode
 from stoop_analysis.frequency import ModelResponse, transfer, uncertain_model
@@ -100,7 +100,8 @@ def of_aircraft() -> Linearized:
 
 def trimmed(numbers: dict[str, float]) -> tuple[tuple[str, ...], np.ndarray]:
     vehicle = TWIN.with_numbers({name: {"value": value} for name, value in numbers.items()})
-    return state_matrix(vehicle, trim(vehicle, 36.0))
+    names, A, *_ = linear_models(vehicle, trim(vehicle, 36.0).lanes(vehicle))
+    return names, A[0]
 
 
 def test_derivatives_of_the_matrix_against_trims_done_again() -> None:

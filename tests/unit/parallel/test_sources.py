@@ -100,6 +100,13 @@ def test_a_worker_or_a_store_of_other_sources_is_refused(herd: Path) -> None:
         graze(herd, "s")
 
 
+def test_functions_that_stoop_calls_by_name_count(herd: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(worker, "packages", lambda: {"stoop_herd": {"hooks": {"graze": WORK}}})
+    before = environment.__wrapped__()
+    (herd / "grass.py").write_text("GREEN = 2\n")
+    assert differences(before, environment.__wrapped__()) == "sources of hooks"
+
+
 def test_differences_name_what_both_have() -> None:
     assert environment()["numpy"] == np.__version__
     names = {"Python", "stoop", "scipy", "processor", "processor's features", "sources of stoop"}
