@@ -13,7 +13,7 @@ from pathlib import Path
 
 import stoop
 from stoop.base.packages import places
-from stoop.workflow.model_methods import METHODS
+from stoop.base.verbs import table
 
 SOURCE = Path(__file__).parents[1] / "src"
 HEAD = '"""Written by scripts/interface.py."""\n\n'
@@ -43,7 +43,7 @@ def names() -> str:
 def methods() -> str:
     """Return the methods of a fitted model."""
     imported, bodies = set[str](), list[str]()
-    for name, place in sorted(offered("methods", METHODS).items()):
+    for name, place in sorted(offered("methods", table()["methods"]).items()):
         module, _, own = place.partition(":")
         tree = ast.parse((SOURCE / f"{module.replace('.', '/')}.py").read_text("utf-8"))
         function = next(n for n in ast.walk(tree) if isinstance(n, ast.FunctionDef) and n.name == own)
@@ -55,8 +55,7 @@ def methods() -> str:
             f"    def {name}({ast.unparse(function.args)}) -> {ast.unparse(function.returns or ast.Constant(None))}: ..."
         )
     text = (
-        "\n".join(sorted(imported))
-        + "\n\nMETHODS: dict[str, str]\n\ndef add_methods(model: type) -> None: ...\n\nclass ModelMethods:\n"
+        "\n".join(sorted(imported)) + "\n\ndef add_methods(model: type) -> None: ...\n\nclass ModelMethods:\n"
     )
     return HEAD + text + "\n".join(bodies) + "\n"
 

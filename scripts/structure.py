@@ -24,7 +24,7 @@ FLAG = re.compile(
 )  #: tests whether a vehicle has rotors
 #: package, or room of the core -> lines at most; "stoop" is the whole core
 BUDGETS = {
-    "stoop": 53777,
+    "stoop": 53772,
     "stoop_analysis": 6455,
     "stoop_app": 4014,
     "stoop_draft": 7326,
@@ -35,7 +35,7 @@ BUDGETS = {
     "stoop_tune": 4463,
     "api": 73,
     "assessment": 4708,
-    "base": 2603,
+    "base": 2604,
     "checks": 600,
     "cli": 2176,
     "estimate": 7301,
@@ -52,7 +52,7 @@ BUDGETS = {
     "simulation": 3111,
     "strategy": 1467,
     "vehicle": 3702,
-    "workflow": 2423,
+    "workflow": 2417,
 }
 #: modules that an allowed import cycle goes through, imports in functions counted: registries that name their entries
 REGISTRIES = {"stoop.optimize.registry", "stoop.vehicle.vehicle", "stoop.workflow.fitted_model"}

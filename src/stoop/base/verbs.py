@@ -185,13 +185,13 @@ def plain(markdown: str) -> str:
 @functools.cache
 def shared_options() -> dict[str, Option]:
     """Return the options that several verbs share, by the names under which the table has them."""
-    return {name: _option(row, {}) for name, row in _table()["options"].items()}
+    return {name: _option(row, {}) for name, row in table()["options"].items()}
 
 
 @functools.cache
 def verbs() -> dict[str, Verb]:
     """Return all verbs by name, in the order of `GROUPS`, those of stoop before those of packages."""
-    found = read_verbs({"verbs": _table()["verbs"]})
+    found = read_verbs({"verbs": table()["verbs"]})
     for package, name, row in packages.rows("verbs", found):
         with packages.guarded(package, f"its verb '{name}'"):
             found |= read_verbs(
@@ -232,7 +232,8 @@ def _checked(verb: Verb) -> Verb:
 
 
 @functools.cache
-def _table() -> dict[str, Any]:
+def table() -> dict[str, Any]:
+    """Return what stoop offers itself: rows of options and of verbs, and methods of a fitted model."""
     return tomllib.loads((files("stoop.data") / "verbs.toml").read_text("utf-8"))
 
 

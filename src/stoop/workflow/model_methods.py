@@ -4,17 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from types import MethodType
-from typing import Any, Final
+from typing import Any
 
 from stoop.base.packages import places, resolved
-
-#: method -> place ``module:name`` of the function whose first argument is the model; packages add theirs
-METHODS: Final = {
-    "linearize": "stoop.workflow.flying:linearize",
-    "predict": "stoop.workflow.validation:validate",
-    "simulate": "stoop.workflow.flying:simulate",
-    "validate": "stoop.workflow.validation:validate",
-}
+from stoop.base.verbs import table
 
 
 class _Method:
@@ -35,5 +28,6 @@ class ModelMethods:
 def add_methods(model: type) -> None:
     """Give a class the methods of stoop and of packages; names that it has stay its own."""
     own = [*dir(model), *getattr(model, "__dataclass_fields__", ())]
-    for name, place in (METHODS | places("methods", [*METHODS, *own])).items():
+    methods = table()["methods"]
+    for name, place in (methods | places("methods", [*methods, *own])).items():
         setattr(model, name, _Method(place))

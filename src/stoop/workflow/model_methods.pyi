@@ -22,8 +22,6 @@ from typing import Any as Any
 from typing import Literal as Literal
 import xarray as xr
 
-METHODS: dict[str, str]
-
 def add_methods(model: type) -> None: ...
 
 class ModelMethods:
