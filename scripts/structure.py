@@ -32,7 +32,7 @@ BUDGETS = {
     "stoop_fleet": 3666,
     "stoop_plan": 5285,
     "stoop_studies": 15041,
-    "stoop_tune": 4463,
+    "stoop_tune": 4466,
     "api": 73,
     "assessment": 4708,
     "base": 2604,

@@ -71,6 +71,7 @@ class Candidates:
     streams: frozenset[str]  #: of the log, that the airspeed is from
     numbers: Mapping[str, FloatArray]
     count: int
+    reading: float = 1.0  #: of the pitot over the airspeed of the model
     known: dict[tuple[float | None, float | None], Flights] = field(default_factory=dict, init=False)
 
     def number(self, name: str) -> FloatArray:
@@ -116,8 +117,8 @@ class Candidates:
         if not known:
             raise StoopError(f"the parameters have no {names[0][0]}")
         name, unit = known[0]
-        calibrated = unit * self.parameters[name]
-        speed, (low, high) = calibrated / equivalent_over_true(self.domain.density), self.domain.airspeed
+        true = unit * self.parameters[name] / equivalent_over_true(self.domain.density)
+        speed, (low, high) = true / self.reading, self.domain.airspeed
         if not low <= speed <= high:
             raise StoopError(
                 f"{name} is a true airspeed of {speed:.4g} m/s, flown was {low:.4g} to {high:.4g} m/s"

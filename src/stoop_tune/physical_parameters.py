@@ -84,6 +84,7 @@ def physical_parameters(
     domain: Domain,
     draws: Draws,
     streams: frozenset[str] = frozenset(),
+    reading: float = 1.0,
 ) -> PhysicalParameters:
     """Return the parameters of a firmware that a vehicle at its estimates, and at draws of its numbers, determines.
 
@@ -92,6 +93,7 @@ def physical_parameters(
     firmware : title of its law
     parameters : those that flew; a parameter that they do not have is none of this version
     streams : of the log, from which the airspeed is
+    reading : of the pitot over the airspeed of the model
     """
     kept = [i for i, name in enumerate(draws.names) if name in vehicle.rows]
     own = replace(draws, names=tuple(draws.names[i] for i in kept), values=draws.values[:, kept])
@@ -107,7 +109,7 @@ def physical_parameters(
         numbers = {
             n: np.concatenate([[vehicle.value(n)], x]) for n, x in zip(own.names, values.T, strict=True)
         }
-        candidates = Candidates(vehicle, parameters, domain, streams, numbers, 1 + len(values))
+        candidates = Candidates(vehicle, parameters, domain, streams, numbers, 1 + len(values), reading)
         out = []
         for name, row in table.items():
             try:

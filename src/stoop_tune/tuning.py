@@ -147,7 +147,7 @@ def tune(
     against = (*unfit, *lacking, *(one for one in doubts if one.code == "tune-loop-contradicted"))
     notices = (*unfit, *drawn.notices, *lacking, *taken, *doubts)
     streams = frozenset(s.source for f in model.flights for n, s in f.sources.items() if n in ("V", TRUE))
-    physics = physical_parameters(vehicle, firmware.title, values, domain, drawn, streams)
+    physics = physical_parameters(vehicle, firmware.title, values, domain, drawn, streams, float(pitot[0]))
     known = (firmware.title, found, len(drawn.values), drawn.source, notices)
     return JudgedGains(*known, design, against, band, physics, closed)
 

@@ -177,10 +177,15 @@ def aeroplane() -> Vehicle:
 
 
 def of_wings(
-    vehicle: Vehicle, given: Any, firmware: str = "PX4 fixed wing", more: Any = (), stream: str = ""
+    vehicle: Vehicle,
+    given: Any,
+    firmware: str = "PX4 fixed wing",
+    more: Any = (),
+    stream: str = "",
+    reading: float = 1.0,
 ) -> Found:
     domain, draws = Domain((30.0, 42.0), 35.0, HEIGHT, RHO), known(vehicle, (*WING_NUMBERS, *more))
-    return physical_parameters(vehicle, firmware, given, domain, draws, frozenset({stream}))
+    return physical_parameters(vehicle, firmware, given, domain, draws, frozenset({stream}), reading)
 
 
 def glide(vehicle: Vehicle, speed: float, throttle: float) -> tuple[float, float, float]:
@@ -217,6 +222,8 @@ def test_trims_climb_and_sink_of_px4_are_those_by_hand() -> None:
     trims = np.linalg.solve(effect, [-n("Cl0"), -n("Cn0")]) / [0.35, -0.35]
     assert [found["TRIM_ROLL"], found["TRIM_YAW"]] == pytest.approx(trims, rel=1e-3)
     assert found["FW_THR_ASPD_MIN"] > 0.0
+    high = estimates(of_wings(vehicle, PX4_WING | {"FW_AIRSPD_TRIM": 1.08 * 35.0}, reading=1.08))
+    assert high["FW_PSP_OFF"] == pytest.approx(found["FW_PSP_OFF"], rel=1e-9)
 
 
 def test_arduplane_has_percent_and_hundredths_of_a_degree_and_pitots_a_scale() -> None:
