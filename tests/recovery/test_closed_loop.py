@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from unit.estimate.fits import deviations
-from unit.estimate.fits import fit_by as by_name
+from helpers.fits import deviations
+from helpers.fits import fit_by as by_name
 
 from stoop import Options, trim
 from stoop.base.units import KNOT
