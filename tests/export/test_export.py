@@ -2,11 +2,13 @@
 
 import json
 import shutil
+import sys
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from helpers.command_line import Done
 from helpers.flown import with_few_free
 
 from stoop.errors import OutputError
@@ -107,3 +109,16 @@ def test_gusts_that_were_estimated_stay_behind(flight: Flight, tmp_path: Path) -
     assert any("is not exported: the simulator" in note for note in export(model, "state-space").notes)
     assert [m.loaded for m in model.maneuvers] == [False, True]
     assert model.maneuvers[1].vehicle.value("mass.mass") == 190.0
+
+
+def test_a_model_exported_without_jsbsim(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, done: Done) -> None:
+    monkeypatch.setitem(sys.modules, "jsbsim", None)
+    said = done(f"export twin-boom --to jsbsim -o {tmp_path}")
+    assert "pip install '.[jsbsim]'" in said
+    channels = ", ".join(f"stoop/channel/{name} (rad)" for name in ("elevator", "aileron", "rudder"))
+    assert f"To be set in flight: {channels}, stoop/thrust-N (N)." in said
+    written = [p for p in tmp_path.rglob("*") if p.is_file()]
+    assert said.count("wrote ") == len(written) > 0
+    assert all(str(path) in said for path in written)
+    assert list(tmp_path.glob("aircraft/*/*.xml"))
+    assert not (tmp_path / "export.html").exists()

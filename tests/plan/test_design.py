@@ -15,6 +15,8 @@ from stoop.cli.options import with_free
 from stoop.flight import Flight, load
 from stoop.simulation.maneuver import load_maneuver, parse_maneuver
 from stoop.vehicle import load_vehicle
+from stoop.workflow import FittedModel
+from stoop.workflow.load import load as load_model
 from stoop_plan.design import DESIGN_FILES, known_before, maneuver_toml
 from stoop_plan.targets import flown_by
 
@@ -191,3 +193,11 @@ def test_a_quadrotor_is_identified_if_an_input_moves_it(examples: Path, tmp_path
     *_, why, after = done(f"simulate quad-x --maneuver {file} -o {log} --overwrite").splitlines()
     assert why == f"no input moves the vehicle: to identify it, add [[input]] tables to {file}"
     assert after == f"next: stoop info {log}"
+
+
+def test_a_design_asks_for_what_was_estimated(job: FittedModel, blank_page: None, tmp_path: Path) -> None:
+    """The file leaves free what --fix held: the design would chase it, and not what was asked for."""
+    free = {p.name: p for p in known_before(load_model(job.save(tmp_path / "r")))[0].parameters if p.free}
+    estimated = job.result.parameters
+    assert set(free) == set(estimated)
+    assert all((free[n].lower, free[n].upper) == (p.bound_lower, p.bound_upper) for n, p in estimated.items())

@@ -11,12 +11,14 @@ from stoop.base.arrays import FloatArray
 from stoop.errors import FlightError
 from stoop.flight import Flight, Maneuver, from_columns
 from stoop.flight.airborne import carried_by_rotors, flying
+from stoop.flight.windows import Proposed
 from stoop.simulation.fly import simulate_flight
 from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.vehicle.builtin import builtin_vehicle
 from stoop_plan.input_design import windows as stretches
 from stoop_plan.input_design.candidates import Candidate, Excitation, saturated, with_motors
 from stoop_plan.input_design.windows import CandidateInformation, Selection, doubts, find_windows, select
+from stoop_plan.report import information_strip
 
 RATE = 50.0
 TIME = np.arange(0.0, 60.0, 1.0 / RATE)
@@ -165,3 +167,12 @@ def test_no_more_is_held_out_than_the_error_bars_allow() -> None:
     told = [np.diag([1e6, 0.0]), np.diag([0.0, 1e6])] * 2
     choice = chosen([at(10.0 * i, 5.0, ("pitch", "roll")[i % 2]) for i in range(4)], *told)
     assert (len(choice.held_out), len(choice.fitted)) == (1, 3)
+
+
+def test_information_is_drawn_over_its_windows_alone() -> None:
+    spans = ((1.0, 3.0, 2.0), (3.0, 8.0, 0.5))
+    strip = information_strip([Proposed("f", a, b, "roll", "why", x, 0.0, True, "fit") for a, b, x in spans])
+    (series,) = strip.series
+    assert series.x == pytest.approx(np.array([1.0, 3.0, np.nan, 3.0, 8.0, np.nan]), nan_ok=True)
+    assert series.y == pytest.approx(np.array([2.0, 2.0, np.nan, 0.5, 0.5, np.nan]), nan_ok=True)
+    assert strip.zero

@@ -1,5 +1,6 @@
 """The tiers: which line decides, which files are left out, and what breaks the rule of the standard tier."""
 
+import ast
 import os
 import shutil
 import subprocess
@@ -72,6 +73,7 @@ def test_the_rule_fails_a_run_with_a_slow_test_but_for_guards_and_a_first_time(
     tests.mkdir()
     for name in ("conftest.py", "tiers.py", "tier_rule.py"):
         shutil.copy(tiers.HERE / name, tests)
+    (tests / "helpers").symlink_to(tiers.HERE / "helpers")
     (tests / "tiers.txt").write_text("guard tests/test_x.py::test_c\n")
     (tests / "test_x.py").write_text(RUN)
     (tmp_path / "pyproject.toml").write_text('[tool.pytest.ini_options]\npythonpath = ["tests"]\n')
@@ -93,3 +95,14 @@ def test_too_many_guards_break_the_rule() -> None:
 
 def test_the_words_of_the_list_are_known() -> None:
     assert set(tiers.listed().values()) <= set(tiers.WORDS)
+
+
+def test_tests_of_the_core_import_no_package_but_to_write_logs() -> None:
+    """Readers are tested on logs that stoop_plan writes byte by byte."""
+    found = set()
+    for file in (f for folder in ("core", "helpers") for f in (tiers.HERE / folder).rglob("*.py")):
+        for node in ast.walk(ast.parse(file.read_text("utf-8"))):
+            names = [a.name for a in node.names] if isinstance(node, ast.Import | ast.ImportFrom) else []
+            found |= {f"{getattr(node, 'module', '')}.{name}".lstrip(".") for name in names}
+    imported = {name for name in found if name.startswith("stoop_")}
+    assert {name.split(".")[1] for name in imported} == {"log_bytes", "blackbox_bytes"}, imported

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from core.estimate.test_decoupling import OBSERVED
 from helpers.fits import deviations
 from helpers.fits import fit_by as by_name
 
@@ -16,6 +17,7 @@ from stoop.problem.prepare import prepare
 from stoop.problem.windows import Window
 from stoop.simulation import parameter_rows
 from stoop.simulation.linearize import state_matrix
+from stoop.strategy import run
 from stoop.strategy.run import FIT_ALONE, choose_method
 from stoop.strategy.run import fit as fit_by
 from stoop_studies.verify import closed_loop
@@ -105,3 +107,13 @@ def test_large_biases_are_told_with_sign_and_size() -> None:
     ratio = np.array([found[n][0] / errors[n] for n in large])
     assert len(large) > 3
     assert np.all((ratio > 0.5) & (ratio < 2.0))
+
+
+def test_a_lateral_model_in_gusts_under_an_autopilot() -> None:
+    """Filter error, which the gusts call for, with the vertical and axial gusts in the measured V and alpha."""
+    scene = closed_loop.aircraft_scene(30.0 * KNOT, 3)
+    done = run.fit(run.FIT_ALONE, scene.start.reduced("lateral"), scene.flights, scene.windows)
+    found, truth = done.estimate, {n: scene.truth[n] for n in OBSERVED}
+    assert done.setup.options.method == "filter-error"
+    assert np.all(np.abs(deviations(found, truth)) < 3.0)
+    assert max(abs(found.estimates[n] / truth[n] - 1.0) for n in ("Clbeta", "Clp", "Claileron")) < 0.03

@@ -20,6 +20,7 @@ from stoop.flight import Flight
 from stoop.flight.flight import from_columns
 from stoop.problem.prepare import prepare
 from stoop.problem.windows import Window
+from stoop.reconstruction.compatibility import check
 from stoop.results.extensions import ExtensionTest, ExtensionTests
 from stoop.strategy import Strategy, sensor_delays
 from stoop.strategy.command_delays import with_found_delays
@@ -31,6 +32,7 @@ from stoop.vehicle.document import with_entries
 from stoop.vehicle.extensions import catalogue
 from stoop.workflow.identification import search
 from stoop_studies.verify import scenes
+from stoop_studies.verify.delays import WIND, late_sensors
 
 CONTROLS, NAMES = ("elevator", "aileron", "rudder"), ("pitch", "roll")
 NUMBER, WINDOWS = "controls.elevator.delay", [Window(name, 0.0, scenes.DURATION) for name in NAMES]
@@ -254,3 +256,20 @@ def test_a_fit_with_a_delay_that_does_not_end_leaves_the_other(asks_for_a_delay:
     assert found.estimate.outcome.status == ("converged" if ends == "refused" else "interrupted")
     assert (sensor_delays.DOING in found.estimate.outcome.advice) == (ends == "further")
     assert found.estimate.estimates == calm().estimate.estimates
+
+
+@pytest.fixture(scope="module")
+def checked() -> tuple[object, object]:
+    flight, delays = late_sensors(1)
+    return check(flight)[0], delays
+
+
+def test_delays_wind_and_vanes_come_back(checked: tuple[object, object]) -> None:
+    result, delays = checked
+    found = result.findings  # type: ignore[attr-defined]
+    truth = {f"{name}.delay": value for name, value in delays.items()}  # type: ignore[attr-defined]
+    truth |= {"wind.n": WIND[0], "wind.e": WIND[1], "alpha.scale": 1.0, "beta.scale": 1.0, "V.scale": 1.0}
+    for name, value in truth.items():
+        assert abs(found[name].estimate - value) < 4.0 * found[name].std_error, name
+    assert found["velocity.delay"].std_error < 0.003
+    assert not any("inconsistent" in warning for warning in map(str, result.notices))  # type: ignore[attr-defined]

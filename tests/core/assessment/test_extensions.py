@@ -15,7 +15,7 @@ from stoop.assessment.error_bars import error_bars
 from stoop.assessment.extensions import LIMITS, extension_notices, extension_tests, scored
 from stoop.assessment.model_error import LEVEL, lacks_nothing, model_error, variances
 from stoop.base.arrays import FloatArray
-from stoop.estimate import filter_error, multiple_shooting
+from stoop.estimate import multiple_shooting
 from stoop.estimate.estimate import Estimate
 from stoop.estimate.fit import OutputErrorEstimate, fit
 from stoop.estimate.response import simulation_responses
@@ -25,9 +25,8 @@ from stoop.results.extensions import ExtensionTests
 from stoop.strategy import decision
 from stoop.vehicle import parse_vehicle
 from stoop.vehicle.document import with_entries
-from stoop.vehicle.extensions import catalogue, extended
+from stoop.vehicle.extensions import catalogue
 from stoop.workflow import identify
-from stoop_studies.verify import scenes
 
 DURATION = 9.0
 STEPS = {
@@ -173,29 +172,6 @@ def test_defect_of_a_quadrotor_is_named(name: str) -> None:
     (one,) = (e for e in found.found if e.name == name)
     # a large change is more than one linear step
     assert one.value == pytest.approx(value, rel=0.5)
-
-
-def lacking_in_gusts(truth: Vehicle) -> ExtensionTests:
-    rng, flown, names = np.random.default_rng(1), scenes.maneuvers(), ("pitch", "roll")
-    flights = {n: simulate_flight(truth, flown[n], seed=int(rng.integers(2**31)), name=n) for n in names}
-    windows = [Window(n, 0.0, scenes.DURATION) for n in names]
-    done = filter_error.steady(scenes.turbulent_aircraft(), flights, windows, Options(seed=1))
-    return extension_tests(done, error_bars(done))
-
-
-def test_lag_is_named_in_gusts_and_a_right_aircraft_lacks_nothing() -> None:
-    right = scenes.turbulent_aircraft()
-    best = lacking_in_gusts(with_entries(right, {("controls", "aileron", "lag"): 0.04})).found[0]
-    assert best.name in ("controls.aileron.lag", "controls.aileron.delay")
-    assert (best.value, lacking_in_gusts(right).found) == (pytest.approx(0.04, rel=0.3), ())
-
-
-def test_gusts_that_a_method_assumes_are_extended_with_the_vehicle() -> None:
-    """The table is set after the file was read, as the method of gusty flights does."""
-    vehicle = scenes.turbulent_aircraft()
-    wider, _ = extended(vehicle)
-    assert ("turbulence" in vehicle.text, wider.states) == (False, vehicle.states)
-    assert set(vehicle.rows) <= set(wider.rows)
 
 
 def test_variances_of_extensions_that_share_nothing() -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-import stoop_studies
+import stoop
 
 GOOD = """
 interface = 1
@@ -56,7 +56,7 @@ __setattr__ = "m:f"
 [functions]
 fit = "m:f"
 """
-SOURCE = Path(stoop_studies.__file__).parents[1]
+SOURCE = Path(stoop.__file__).parents[1]
 
 
 def written(folder: Path, packages: dict[str, str]) -> None:

@@ -14,7 +14,6 @@ from stoop.base.verbs import verbs
 from stoop.cli.completion import all_parsers
 from stoop.cli.main import parser_for
 from stoop.vehicle.builtin import BUILT_IN
-from stoop_export.targets import TARGETS
 
 #: each line of the input is the words of a command; prints the completions of the last, a line of tabs for each
 BASH = """
@@ -61,7 +60,7 @@ COMPLETED: list[tuple[str, set[str]]] = [
     ("ident", {"identify"}), ("--", {"--help", "--version", "--debug"}), ("--debug tri", {"trim"}),
     ("vehicle ", {"new", *BUILT_IN}), ("vehicle new --geo", {"--geometry"}),
     ("vehicle quad-x --o", {"--output", "--overwrite"}), ("completion ", set(SHELLS)), ("verify cover", {"coverage"}),
-    ("export my.toml --to ", set(TARGETS)), ("identify fl", {"flight.ulg"}),
+    ("export my.toml --to ", set(verbs()["export"].option("target").choices)), ("identify fl", {"flight.ulg"}),
     ("identify flight.ulg --vehicle qu", {"quad-x", "quad-plus", "quadplane"}),
     ("identify flight.ulg --vehicle my", {"my.toml"}),
     ("identify flight.ulg --maneuver 1:2 3:4 --vehicle twin", {"twin-boom"}), ("identify flight.ulg -o ", {"result"}),

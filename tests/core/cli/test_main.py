@@ -4,7 +4,6 @@ import importlib.util
 import re
 import subprocess
 import sys
-import time
 import types
 from collections.abc import Callable
 from pathlib import Path
@@ -114,16 +113,6 @@ def test_an_interrupt_amid_an_import(fake: Callable[..., None], cli: Cli) -> Non
 
     fake(run)
     assert cli("fake") == (130, "", "stoop: interrupted\n")
-
-
-def test_a_step_of_the_app_is_stopped_at_once(tmp_path: Path) -> None:
-    from stoop_app.steps import start
-
-    step = start(tmp_path, "designs", lambda name: ["design", "quad-x", "-o", f"{name}/design.toml"])
-    step.stop()
-    while step.running:
-        time.sleep(0.05)
-    assert step.error == "stopped before there was a result"
 
 
 def test_warnings_of_libraries_do_not_reach_the_user(tmp_path: Path) -> None:

@@ -20,7 +20,6 @@ from stoop.cli import page as pages
 from stoop.cli.options import page_path
 from stoop.cli.page import Page, alike, blocks, fit, fixed, number, numbers, plain, points, to_json, words
 from stoop.cli.progress import LiveLine, Timed, Watch
-from stoop_analysis.report.propagation import shown
 
 NUMBERS = st.floats(-1e300, 1e300)
 TEXTS = st.text(st.characters(codec="utf-8"), max_size=30)
@@ -180,10 +179,3 @@ def test_a_dumb_terminal_and_a_pipe_see_plain_lines(monkeypatch: pytest.MonkeyPa
         line.turn_to("more")
         line.warn("look")
     assert terminal.getvalue() == "stoop: look\n"
-
-
-def test_speeds_of_rotors_are_shown_in_rpm() -> None:
-    for group, unit, factor, text in (
-        ("Hover", "rad/s", 9.549297, "rpm"), ("Hover", "1", 1.0, ""), ("Control authority", "rad/s", 57.29578, "deg/s"),
-    ):  # fmt: skip
-        assert shown(SimpleNamespace(group=group, unit=unit)) == (pytest.approx(factor), text)  # type: ignore[arg-type]

@@ -10,7 +10,6 @@ from helpers.flown import maneuver, with_few_free
 from stoop import Flight, Options, Vehicle, load_vehicle, simulate_flight
 from stoop.assessment.assessment import pack, unpack
 from stoop.base.arrays import FloatArray
-from stoop.base.units import KNOT
 from stoop.errors import FlightError, IdentificationError
 from stoop.estimate.fit import estimation_problem
 from stoop.estimate.refit_problem import SimulationProblem
@@ -21,10 +20,8 @@ from stoop.problem.prepare import prepare
 from stoop.problem.windows import Window
 from stoop.simulation.initial import rigid_states
 from stoop.simulation.maneuver import Maneuver
-from stoop.strategy import run
 from stoop.vehicle import parse_vehicle
 from stoop.vehicle.vehicle import motion_input
-from stoop_studies.verify import closed_loop
 
 SIGMA = dict.fromkeys(("alpha", "beta", "p", "q", "r", "phi", "theta", "psi"), 0.002)
 NOISE = {"V": 0.1, "ax": 0.05, "ay": 0.05, "az": 0.05, **SIGMA}
@@ -112,16 +109,6 @@ def test_readings_become_states_at_the_center_of_gravity_without_errors_of_the_s
     back = recorded_motion(vehicle, inputs, {"beta": true["beta"]})
     for channel in vehicle.measured:
         np.testing.assert_allclose(back[channel][there], true[channel][there], atol=1e-9)
-
-
-def test_a_lateral_model_in_gusts_under_an_autopilot() -> None:
-    """Filter error, which the gusts call for, with the vertical and axial gusts in the measured V and alpha."""
-    scene = closed_loop.aircraft_scene(30.0 * KNOT, 3)
-    done = run.fit(run.FIT_ALONE, scene.start.reduced("lateral"), scene.flights, scene.windows)
-    found, truth = done.estimate, {n: scene.truth[n] for n in OBSERVED}
-    assert done.setup.options.method == "filter-error"
-    assert np.all(np.abs(deviations(found, truth)) < 3.0)
-    assert max(abs(found.estimates[n] / truth[n] - 1.0) for n in ("Clbeta", "Clp", "Claileron")) < 0.03
 
 
 TEN, FLIGHTS = Window("sim", 0.0, 10.0), 10

@@ -28,7 +28,6 @@ from stoop.simulation import START_NAMES
 from stoop.simulation.maneuver import parse_maneuver
 from stoop.vehicle import parse_vehicle
 from stoop.workflow.demo import MANEUVER, TABLE_1
-from stoop_studies.optimizers.compositions import ps_gde
 
 WINDOW, Patch = [Window("sim", 0.0, 30.0)], pytest.MonkeyPatch
 DT = 0.02
@@ -165,7 +164,7 @@ def test_the_truth_and_the_noise_are_recovered_with_the_same_bits_whatever_the_t
 def test_optimizers_of_every_kind_reach_the_same_place(wrong: Vehicle, flight: Flight) -> None:
     best = fit(wrong, {"sim": flight}, WINDOW, Options()).estimates
     # one of each kind; an object does what its name does
-    kinds = ("ps-gde", ps_gde(), "pso", "ordered-shade", "scipy-least-squares")
+    kinds = ("ps-gde", optimize.create("ps-gde"), "pso", "ordered-shade", "scipy-least-squares")
     found = [fit(wrong, {"sim": flight}, WINDOW, Options(optimizer=one, budget=3000.0)) for one in kinds]
     assert np.array_equal(found[0].z, found[1].z)
     assert found[1].outcome.optimizer == "ps-gde"

@@ -1,24 +1,15 @@
 """Motion of a pose: that of paths whose derivatives are known, and what is lost where tracking jumps."""
 
-import tomllib
 from pathlib import Path
 
 import numpy as np
 import pytest
-from helpers.flown import maneuver
 from helpers.made_logs import mapped_log
-from scipy.spatial.transform import Rotation
 
 from stoop.base.arrays import FloatArray
 from stoop.flight import Flight, load
-from stoop.flight.apply_mapping import apply_mapping
 from stoop.flight.gridding import Channels
-from stoop.flight.mapping import flight_mapping
 from stoop.flight.pose import without_jumps
-from stoop.logs import Recording, Stream
-from stoop.simulation.fly import simulate_flight
-from stoop.vehicle.builtin import resolve_vehicle
-from stoop_draft.mapping_draft import draft_of
 
 RATE = 100.0
 SPEED, RADIUS = 8.0, 20.0
@@ -88,29 +79,3 @@ def test_a_receiver_that_is_held_in_fast_rows_does_not_jump(tmp_path: Path, seco
         flight = recorded(tmp_path, shown)
         assert "pose-jumps" not in [n.code for n in flight.notices]
         assert np.isfinite(flight.column("phi")).all()
-
-
-def test_a_pose_in_a_bag_of_ros_comes_out_north_east_down() -> None:
-    """A draft takes the axes of ROS, forward-left-up and east-north-up, unless what it shows speaks against them."""
-    frames = {"body frame": "flu", "world frame": "enu"}
-    enu, flu = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]]), np.diag([1.0, -1.0, -1.0])
-    steps = maneuver(15.0, ("north", "doublet", 1, 2.0, 3), ("east", "doublet", 7, 2.0, 3), rate=100.0)
-    flown = simulate_flight(resolve_vehicle("quad-x"), steps, seed=1, name="f")
-    attitude = Rotation.from_euler("ZYX", np.column_stack([flown.column(n) for n in ("psi", "theta", "phi")]))
-    motors = {f"data[{i}]": flown.column(f"motor_{i + 1}") for i in range(4)}
-    for world, body, framed in ((enu, flu, True), (np.eye(3), np.eye(3), False)):
-        place = np.column_stack([flown.column(n) for n in ("pn", "pe", "pd")]) @ world.T
-        turn = (Rotation.from_matrix(world) * attitude * Rotation.from_matrix(body)).as_quat()
-        columns = {f"pose.position.{axis}": x for axis, x in zip("xyz", place.T, strict=True)}
-        columns |= {f"pose.orientation.{axis}": x for axis, x in zip("xyzw", turn.T, strict=True)}
-        streams = {"/quad/pose": Stream(flown.time, columns), "/motors": Stream(flown.time, motors)}
-        log = Recording(Path("bag"), "rosbag", streams, info=frames)
-        text = draft_of(log).text
-        assert ('frame = ["flu", "enu"]' in text) is framed
-        channels = apply_mapping(flight_mapping("m.toml", tomllib.loads(text)), log).channels
-        found = {name: (group.time, x) for group in channels for name, x in group.values.items()}
-        for name in ("pn", "pe", "pd", "motor_3"):
-            time, x = found[name]
-            np.testing.assert_allclose(x, np.interp(time, flown.time, flown.column(name)), atol=1e-9)
-        ours = Rotation.from_quat(np.column_stack([found[f"q{i}"][1] for i in (1, 2, 3, 0)]))
-        assert np.max((ours * attitude.inv()).magnitude()) < 1e-6

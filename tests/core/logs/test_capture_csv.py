@@ -6,10 +6,8 @@ import numpy as np
 import pytest
 
 from stoop.errors import LogError
-from stoop.flight import load
 from stoop.logs.capture_csv import export_of
 from stoop.logs.csv_tables import read_table
-from stoop_draft.mapping_draft import draft
 
 RATE = 100.0  #: Hz
 ABOUT = "Format Version,1.23,Take Name,Take 1,Export Frame Rate,100,Rotation Type,{},Length Units,{},Coordinate Space,Global"
@@ -57,20 +55,6 @@ def written(folder: Path, text: str) -> Path:
     return path
 
 
-def test_a_pose_comes_out_north_east_down(tmp_path: Path) -> None:
-    metres = motive({"Quad, 1": 0}, unit="Meters")
-    for text in (motive({"Quad": 0}), metres, "\ufeff" + motive({"Q": 0}), vicon()):
-        path, mapping = written(tmp_path, text), tmp_path / "mapping.toml"
-        mapping.write_text(draft(path).text, encoding="utf-8")
-        flight = load(path, mapping, rate=RATE)
-        for name, speed in (("pn", 1.0), ("pe", 3.0), ("pd", -2.0)):
-            known = np.isfinite(flight.column(name))
-            slope = np.polyfit(flight.time[known], flight.column(name)[known], 1)[0]
-            assert slope == pytest.approx(speed, abs=1e-4)
-        assert flight.column("psi")[20] == pytest.approx(np.radians(-30.0), abs=1e-4)
-        assert flight.column("phi")[20] == pytest.approx(0.0, abs=1e-4)
-
-
 def test_each_body_has_its_name(tmp_path: Path) -> None:
     columns, _ = read_table(written(tmp_path, motive({"Quad": 0, "Gate": 5})))
     assert columns["Quad.pos_n [m]"][0] == 0.0
@@ -90,17 +74,6 @@ def test_without_a_quaternion_there_is_no_attitude(tmp_path: Path) -> None:
         assert "\n" not in str(error.value)
     for text in ("", "t,p\n0,1\n", "Objects\n100\n", "a\nx\n\nFrame,Sub Frame,RX\n1,2,3\n", '"' * 9):
         assert export_of(tmp_path / "x.csv", text.encode()) is None  # another table
-
-
-def test_commands_stand_in_a_file_beside_it(tmp_path: Path) -> None:
-    written(tmp_path, motive({"Quad": 0}))
-    rows = [f"{k / 50:.3f},{0.5 + 0.1 * np.sin(k / 9):.4f}" for k in range(150)]
-    (tmp_path / "commands.csv").write_text("t,motor_1\n" + "\n".join(rows) + "\n", encoding="utf-8")
-    mapping = tmp_path / "mapping.toml"
-    mapping.write_text(draft(tmp_path).text, encoding="utf-8")
-    flight = load(tmp_path, mapping, rate=RATE)
-    assert {"pn", "pe", "pd", "psi", "motor_1"} <= flight.names
-    assert np.isfinite(flight.column("motor_1")).mean() > 0.95
 
 
 def test_lines_that_lack_cells_lack_readings(tmp_path: Path) -> None:

@@ -25,7 +25,6 @@ from stoop.problem.misfit import horizon_ladder
 from stoop.problem.windows import Window
 from stoop.simulation.fly import fly
 from stoop.vehicle import parse_vehicle
-from stoop_studies.verify import scenes
 
 TWIN = (files("stoop") / "data" / "twin_boom.toml").read_text()
 
@@ -268,7 +267,7 @@ def test_a_positive_number_has_its_prior_in_the_logarithm() -> None:
     """Half is as likely as twice; the slope is that of differences, and a normal prior about the value pulls alike."""
     name = "mass.inertia.xx"
     free = {name: {"value": 2.0, "prior": 0.8, "free": True, "bounds": [0.2, 20.0]}}
-    layout = Layout.of(scenes.aircraft().with_numbers(free), ())
+    layout = Layout.of(parse_vehicle(TWIN, "twin").with_numbers(free), ())
     place = [p.name for p in layout.parameters].index(name)
     one, own = layout.parameters[place], layout.priors[0].tolist().index(place)
     width = one.upper - one.lower

@@ -19,13 +19,6 @@ from stoop.reconstruction.kinematics import INPUTS, OUTPUTS, PARAMETERS, SCALED,
 from stoop.reconstruction.problem import PIECES, cut_pieces
 from stoop.simulation.fly import simulate_flight
 from stoop.vehicle import load_vehicle
-from stoop_studies.verify.delays import WIND, late_sensors
-
-
-@pytest.fixture(scope="module")
-def checked() -> tuple[object, object]:
-    flight, delays = late_sensors(1)
-    return check(flight)[0], delays
 
 
 def test_a_point_at_rest_in_a_turn_reads_what_geometry_says() -> None:
@@ -41,17 +34,6 @@ def test_a_point_at_rest_in_a_turn_reads_what_geometry_says() -> None:
     assert outputs[OUTPUTS.index("vn"), 0] == pytest.approx(20.0)
     assert rates[STATES.index("w"), 0] == pytest.approx(0.5 * 20.0)
     assert rates[STATES.index("pn"), 0] == pytest.approx(20.0)
-
-
-def test_delays_wind_and_vanes_come_back(checked: tuple[object, object]) -> None:
-    result, delays = checked
-    found = result.findings  # type: ignore[attr-defined]
-    truth = {f"{name}.delay": value for name, value in delays.items()}  # type: ignore[attr-defined]
-    truth |= {"wind.n": WIND[0], "wind.e": WIND[1], "alpha.scale": 1.0, "beta.scale": 1.0, "V.scale": 1.0}
-    for name, value in truth.items():
-        assert abs(found[name].estimate - value) < 4.0 * found[name].std_error, name
-    assert found["velocity.delay"].std_error < 0.003
-    assert not any("inconsistent" in warning for warning in map(str, result.notices))  # type: ignore[attr-defined]
 
 
 def test_without_attitude_nothing_can_be_compared() -> None:

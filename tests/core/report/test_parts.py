@@ -16,7 +16,6 @@ from stoop.assessment.goodness_of_fit import join
 from stoop.base import numbers
 from stoop.base.notices import as_notice, notice
 from stoop.base.numbers import clock, compact, count, factor_and_unit, listed, number, rounded_to_error
-from stoop.flight.windows import Proposed
 from stoop.report.estimates import TITLES
 from stoop.report.extensions import as_toml
 from stoop.report.identification import reasons, verdict
@@ -30,7 +29,6 @@ from stoop.results.result import BaselineFit, GoodnessOfFit, ManeuverResult, Par
 from stoop.results.text import determined, estimate_blocks, undetermined_lines, window_line, with_error
 from stoop.results.uncertainty import IdentifiabilityAnalysis, ParameterIdentifiability
 from stoop.results.verdict import shortened
-from stoop_plan.report import information_strip
 
 
 def test_numbers_and_their_errors() -> None:
@@ -219,12 +217,3 @@ def test_channels_that_are_not_judged_are_named() -> None:
     channels = {"q": good, "alpha": lost, "V": hidden}
     line = window_line(ManeuverResult("flight", 0.0, 1.0, "validation", (), channels))
     assert "better than a first-order lag in 1 of 2 channels (not in alpha; not judged: V)" in line
-
-
-def test_information_is_drawn_over_its_windows_alone() -> None:
-    spans = ((1.0, 3.0, 2.0), (3.0, 8.0, 0.5))
-    strip = information_strip([Proposed("f", a, b, "roll", "why", x, 0.0, True, "fit") for a, b, x in spans])
-    (series,) = strip.series
-    assert series.x == pytest.approx(np.array([1.0, 3.0, np.nan, 3.0, 8.0, np.nan]), nan_ok=True)
-    assert series.y == pytest.approx(np.array([2.0, 2.0, np.nan, 0.5, 0.5, np.nan]), nan_ok=True)
-    assert strip.zero

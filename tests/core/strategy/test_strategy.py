@@ -202,12 +202,3 @@ def test_components_of_the_covariance_are_left_out_beside_any_decisions() -> Non
     assert chosen == default.without_component("model", "held").without("bounds")
     assert default.without("bounds").left_out == frozenset()
     assert repr(default.without_component("model")) == "<Strategy: default, without component model>"
-
-
-def test_the_app_writes_the_switches_that_give_the_checked_decisions() -> None:
-    from stoop_app.fit_view import switches
-
-    default = Strategy.default()
-    for chosen in (default, Strategy.textbook(), default.without("bounds").including("extensions")):
-        words = switches({one.name: one.name in chosen.names for one in DECISIONS})
-        assert switched(" ".join(words)).names == chosen.names, words

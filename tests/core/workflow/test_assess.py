@@ -25,13 +25,10 @@ from stoop.results.result import from_json
 from stoop.results.uncertainty import MethodIntervals, Repeatability, SingleEstimate
 from stoop.simulation import linearize, trim
 from stoop.simulation.fly import simulate_flight
-from stoop.simulation.maneuver import parse_maneuver
 from stoop.vehicle import Vehicle
 from stoop.workflow import Bootstrap, FittedModel, Posterior, Profile
-from stoop.workflow.demo import MANEUVER as DEMO
 from stoop.workflow.identification import finish, search
 from stoop.workflow.summary import repeatability_lines
-from stoop_analysis.free_response import free_response, measured_mode
 
 
 def plan_of(job: FittedModel, count: int) -> Plan:
@@ -234,27 +231,3 @@ def test_intervals_hold_the_truth_as_often_as_they_should(aircraft: Vehicle) -> 
         off.append((short.damping.estimate - truth.damping) / short.damping.std_error)
     assert np.mean(np.abs(off) < 1.96) >= 0.85  # 60 intervals: 95 % less three standard errors
     assert np.std(off) == pytest.approx(1.0, abs=0.3)
-
-
-PULSE = "duration = 40.0\nrate = 50.0\n" + (
-    '[[input]]\ncontrol = "elevator"\nshape = "pulse"\nstart = 1.0\nduration = 3.0\namplitude = 0.1\n'
-)
-
-
-@pytest.mark.parametrize("text", [DEMO, PULSE])
-def test_where_the_model_is_the_truth_the_record_agrees_with_it(aircraft: Vehicle, text: str) -> None:
-    """Phugoids of a tenth of the airspeed, the short period at their start: noise alone was up to seven errors off."""
-    off = []
-    for seed in range(3):
-        flight = simulate_flight(aircraft, parse_maneuver(text, "test"), seed, name="sim")
-        V = float(np.mean(flight.column("V")))
-        controls = np.column_stack([flight.column(c) for c in aircraft.controls])
-        free = free_response(flight.time, controls, {c: flight.column(c) for c in aircraft.outputs})
-        for mode in linearize(aircraft, trim(aircraft, V, 200.0)).modes:
-            seen = measured_mode(mode.name, 0, free, mode.frequency, V)
-            if not seen.remark:
-                off.append((seen.frequency.estimate - mode.frequency) / seen.frequency.std_error)
-                off.append((seen.damping.estimate - mode.damping) / seen.damping.std_error)
-    assert len(off) >= 6
-    assert np.max(np.abs(off)) < 3.5  # the greatest of a dozen
-    assert np.sqrt(np.mean(np.square(off))) < 1.7

@@ -24,7 +24,6 @@ from stoop.vehicle.load import parse_vehicle
 from stoop.workflow import FittedModel, outputs
 from stoop.workflow.load import load, model_or_vehicle
 from stoop.workflow.outputs import ARCHIVES, check_folder, file_hashes, place_outputs, with_values
-from stoop_plan.design import known_before
 
 NAMES = ("vehicle.toml", "flight.nc", "estimate.npz", "traces.npz", "report.html", "result.json")
 
@@ -268,11 +267,3 @@ def test_damaged_and_missing_files_are_one_line(job: FittedModel, folder: Path, 
     mixed = replace(load(folder), result=replace(job.result, parameters=parameters))
     with pytest.raises(StoopError, match=r"holds another fit than result\.json beside it"):
         _ = mixed.estimate
-
-
-def test_a_design_asks_for_what_was_estimated(job: FittedModel, folder: Path) -> None:
-    """The file leaves free what --fix held: the design would chase it, and not what was asked for."""
-    free = {p.name: p for p in known_before(load(folder))[0].parameters if p.free}
-    estimated = job.result.parameters
-    assert set(free) == set(estimated)
-    assert all((free[n].lower, free[n].upper) == (p.bound_lower, p.bound_upper) for n, p in estimated.items())

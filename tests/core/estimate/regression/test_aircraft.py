@@ -8,6 +8,8 @@ from helpers.fits import posed
 from helpers.flown import with_few_free
 
 from stoop import Flight, Vehicle, load_vehicle
+from stoop.base.rotations import matrices_of_angles
+from stoop.base.variables import RATES, SPECIFIC_FORCE
 from stoop.estimate.regression.aircraft import History, Motion, balance, histories
 from stoop.estimate.regression.least_squares import Estimates, TimeDomain, estimate
 from stoop.estimate.regression.rotors import MOMENTS, RotorEquations
@@ -16,7 +18,6 @@ from stoop.simulation import initial_states, parameter_rows
 from stoop.simulation.delays import first_order_lag
 from stoop.vehicle import parse_vehicle
 from stoop.vehicle.document import with_entries
-from stoop_studies.verify.defects import turned
 
 
 def of(vehicle: Vehicle, flight: Flight) -> History:
@@ -61,7 +62,11 @@ def test_instruments_are_undone_and_terms_of_the_file_do_not_count(full: Vehicle
     fewer = full.text.replace("CL0 = 0.385", "CL0 = false").replace("Cmq = -47.6", "Cmq = false")
     thrust = {"propulsion.thrust": {"value": full.value("propulsion.thrust")}}
     bare, plain = parse_vehicle(fewer, "bare").with_numbers(thrust), of(full, noisy)
-    for vehicle, flight in ((aligned, turned(*angles)(noisy)), (crooked, off), (bare, noisy)):
+    groups = [np.column_stack([noisy.column(c) for c in axes]) for axes in (RATES, SPECIFIC_FORCE)]
+    read = np.hstack([x @ matrices_of_angles(np.array(angles)) for x in groups]).T
+    named = {c: ("time", x) for c, x in zip((*RATES, *SPECIFIC_FORCE), read, strict=True)}
+    turned = replace(noisy, data=noisy.data.assign(named))
+    for vehicle, flight in ((aligned, turned), (crooked, off), (bare, noisy)):
         found = of(vehicle, flight)
         for coefficient, flown in plain.coefficients.items():
             np.testing.assert_allclose(found.coefficients[coefficient], flown, rtol=1e-8, atol=1e-9)
