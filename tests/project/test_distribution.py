@@ -1,5 +1,6 @@
 """What is published: the content of sdist and wheel, the page that a package index shows, and one address everywhere."""
 
+import json
 import os
 import re
 import subprocess
@@ -7,14 +8,17 @@ import sys
 import tarfile
 import tomllib
 import zipfile
+from collections.abc import Collection
 from email import message_from_bytes
 from email.message import Message
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 ROOT = Path(__file__).parents[2]
-PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+PYPROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+PROJECT = PYPROJECT["project"]
 URLS = PROJECT["urls"]
 AT_TOP = {
     *("src", "tests", "docs", "examples", "benchmarks", "scripts", "README.md", "LICENSE", "CHANGELOG.md"),
@@ -71,10 +75,15 @@ def test_wheel_holds_the_packages_and_nothing_else(wheel: dict[str, bytes]) -> N
     assert "stoop = stoop.cli.main:main" in entry_points
 
 
-def test_a_wheel_copies_its_examples(wheel: dict[str, bytes], tmp_path: Path) -> None:
+def install(wheel: dict[str, bytes], folder: Path, absent: Collection[str] = ()) -> None:
     for name, content in wheel.items():
-        (tmp_path / "installed" / name).parent.mkdir(parents=True, exist_ok=True)
-        (tmp_path / "installed" / name).write_bytes(content)
+        if name.partition("/")[0] not in absent:
+            (folder / name).parent.mkdir(parents=True, exist_ok=True)
+            (folder / name).write_bytes(content)
+
+
+def test_a_wheel_copies_its_examples(wheel: dict[str, bytes], tmp_path: Path) -> None:
+    install(wheel, tmp_path / "installed")
     command = [sys.executable, "-m", "stoop", "example", "vtail", "-o", "copied"]
     environment = {**os.environ, "PYTHONPATH": str(tmp_path / "installed")}
     done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
@@ -92,3 +101,64 @@ def test_page_of_the_package_has_no_relative_links(metadata: Message) -> None:
     links = re.findall(r"\]\(([^)\s]+)", payload.decode("utf-8"))
     assert any(f"{URLS['Source']}/blob/v{PROJECT['version']}/" in link for link in links)
     assert [link for link in links if not link.startswith(("https://", "#"))] == []
+
+
+PACKAGES = [Path(p).name for p in PYPROJECT["tool"]["hatch"]["build"]["targets"]["wheel"]["packages"][1:]]
+IDENTIFY = "identify made/flight.nc --vehicle made/vehicle.toml"
+WORK = (
+    "demo -o made", "linearize made", "info made/flight.nc", "info p.csv", f"{IDENTIFY} --maneuver 0:20 -o again",
+    "validate again made/flight.nc --maneuver 20:30 --open-loop -o judged",
+)  # fmt: skip
+#: what else is refused without a package
+NEEDED = {
+    "stoop_analysis": f"{IDENTIFY} --maneuver 0:20 --posterior -o x",
+    "stoop_plan": f"{IDENTIFY} w.toml -o x",
+}
+CODE = """
+import contextlib, io, json, sys
+sys.path[:0] = PLACES
+from stoop.base.verbs import verbs
+from stoop.cli.main import main
+def refused(words):
+    with contextlib.redirect_stderr(io.StringIO()) as said:
+        return main(words.split()), said.getvalue()
+codes = [main([*name.split(), "--help"]) for name in verbs()], [main(words.split()) for words in WORK]
+json.dump([list(verbs()), codes, [refused(words) for words in REFUSED]], open("answers.json", "w"))
+"""
+
+
+@pytest.fixture(scope="module")
+def libraries(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the libraries of this environment without stoop."""
+    folder = tmp_path_factory.mktemp("libraries")
+    for one in Path(np.__file__).parents[1].iterdir():
+        if not one.name.startswith(("stoop", "_stoop", "__editable__.stoop")):
+            (folder / one.name).symlink_to(one)
+    return folder
+
+
+@pytest.mark.parametrize("absent", [*PACKAGES, "all"])
+def test_without_a_package_its_verbs_are_absent_and_the_rest_works(
+    absent: str, wheel: dict[str, bytes], libraries: Path, tmp_path: Path
+) -> None:
+    gone = PACKAGES if absent == "all" else [absent]
+    install(wheel, tmp_path / "installed", gone)
+    (tmp_path / "p.csv").write_text("t,p\n" + "".join(f"{0.02 * k},{k % 7}\n" for k in range(200)))
+    lines = "[time]\ncolumn = 't'\nunit = 's'\n[variables]\np = {column = 'p', unit = 'deg/s'}\n"
+    (tmp_path / "p.csv.toml").write_text(lines)
+    verbs = {p: list(tomllib.loads(wheel[f"{p}/stoop.toml"].decode()).get("verbs", ())) for p in PACKAGES}
+    asked = [*(verb for p in gone for verb in verbs[p]), *(NEEDED[p] for p in gone if p in NEEDED)]
+    given = {"PLACES": [str(tmp_path / "installed"), str(libraries)], "WORK": WORK, "REFUSED": asked}
+    code = "".join(f"{name} = {value}\n" for name, value in given.items()) + CODE
+    command = [sys.executable, "-I", "-S", "-c", code]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    names, (helped, worked), refused = json.loads((tmp_path / "answers.json").read_text())
+    every = {name for own in verbs.values() for name in own}
+    assert every - set(names) == {name for p in gone for name in verbs[p]}
+    assert set(helped) == {0}
+    assert worked == [0] * len(WORK), done.stderr
+    assert ("signs, units and axes were not compared" in done.stdout) == ("stoop_draft" in gone)
+    for words, (status, said) in zip(asked, refused, strict=True):
+        assert (status, said.count("\n"), said[:14]) == (2, 1, "stoop: error: "), (words, said)
+        assert " " in words or f"there is no verb '{words}'" in said

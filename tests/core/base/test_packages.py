@@ -1,10 +1,9 @@
 """Packages beside stoop: what they offer is found without an import, and what is wrong with one costs a line and that part."""
 
+import os
 import subprocess
 import sys
 from pathlib import Path
-
-import numpy as np
 
 import stoop
 
@@ -142,37 +141,16 @@ def test_an_unknown_name_is_answered_with_the_nearest(tmp_path: Path) -> None:
     assert out == "module 'stoop' has no attribute 'lineariz'; did you mean linearize?\n"
 
 
-def test_the_core_works_without_packages_that_are_removed(tmp_path: Path) -> None:
-    (tmp_path / "stoop").symlink_to(SOURCE / "stoop")
-    code = """
-import sys
-sys.path[:] = [FOLDER, *(p for p in sys.path if p != SOURCE), LIBRARIES]
-from stoop.base.verbs import verbs
-from stoop.cli.main import main
-print(sorted({verb.run.partition(".")[0] for verb in verbs().values()}), [main([*n.split(), "--help"]) for n in verbs()])
-identify = ["identify", "made/flight.nc", "--vehicle", "made/vehicle.toml", "--maneuver", "0:20"]
-print(main(["demo", "-o", "made"]), main(["linearize", "made"]), main(["info", "made/flight.nc"]),
-      main([*identify, "-o", "again"]), main(["info", "p.csv"]),
-      main(["validate", "again", "made/flight.nc", "--maneuver", "20:30", "--open-loop", "-o", "judged"]))
-print(main([*identify, "--posterior", "-o", "x"]), main([*identify, "w.toml", "-o", "x"]), main(["tune", "made", "x"]))
-"""
-    (tmp_path / "p.csv").write_text("t,p\n" + "".join(f"{0.02 * k},{k % 7}\n" for k in range(200)))
-    lines = "[time]\ncolumn = 't'\nunit = 's'\n[variables]\np = {column = 'p', unit = 'deg/s'}\n"
-    (tmp_path / "p.csv.toml").write_text(lines)
-    (tmp_path / "libraries").mkdir()
-    for one in Path(np.__file__).parents[1].iterdir():
-        if not one.name.startswith("stoop") or one.suffix == ".dist-info":
-            (tmp_path / "libraries" / one.name).symlink_to(one)
-    places = [str(tmp_path), str(SOURCE), str(tmp_path / "libraries")]
-    given = f"FOLDER, SOURCE, LIBRARIES = {places}\n{code}"
-    done = subprocess.run(
-        [sys.executable, "-S", "-c", given], capture_output=True, text=True, check=False, cwd=tmp_path
-    )
-    answers = [line for line in done.stdout.splitlines() if line.startswith(("['stoop", "0 ", "2 "))]
-    assert answers[0].startswith("['stoop'] [0, 0")
-    assert not set(answers[0].partition("] [")[2]) - set("0, ]")
-    assert answers[1:] == ["0 0 0 0 0 0", "2 2 2"], done.stderr
-    assert "signs, units and axes were not compared" in done.stdout
-    first, second = done.stderr.splitlines()[-2:]
-    assert "a file of windows needs a package that this installation lacks" in first
-    assert "there is no verb 'tune'" in second
+def test_a_function_that_cannot_be_imported_is_left_out_of_all(tmp_path: Path) -> None:
+    written(tmp_path, {"stoop_lost": "interface = 1\n[functions]\nlost = 'stoop_lost.f:f'\n"})
+    out, err = output(tmp_path, "from stoop import *\nprint(fit.__name__, errors.__name__)")
+    assert out == "identify stoop.errors\n"
+    assert "stoop_lost: 'lost' is left out: stoop_lost: 'stoop_lost.f:f' cannot be imported" in err
+
+
+def test_packages_in_the_folder_of_a_call_are_not_read(tmp_path: Path) -> None:
+    written(tmp_path, {"stoop_hum": GOOD})
+    quiet = os.environ | {"PYTHONPATH": str(SOURCE)}
+    words = [sys.executable, "-m", "stoop", "--help"]
+    done = subprocess.run(words, capture_output=True, text=True, check=True, cwd=tmp_path, env=quiet)
+    assert "hum a tune" not in done.stdout
