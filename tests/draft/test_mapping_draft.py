@@ -1,10 +1,12 @@
 """Drafted mappings: a flight written with other names, units and signs comes back; pulses are motors or surfaces."""
 
+import json
 import tomllib
 from pathlib import Path
 
 import numpy as np
 import pytest
+from helpers.command_line import Done
 from helpers.flown import maneuver
 from helpers.made_logs import body_rates, csv_log
 from hypothesis import given, settings
@@ -12,6 +14,7 @@ from hypothesis import strategies as st
 
 from stoop.base.arrays import FloatArray
 from stoop.base.units import FACTORS
+from stoop.cli.main import main
 from stoop.flight import VARIABLES, load
 from stoop.logs import Recording, Stream
 from stoop.simulation.fly import simulate_flight
@@ -323,3 +326,22 @@ def test_strange_parameters_tell_nothing(strange: float) -> None:
     names = ("FUNCTION", "MIN", "TRIM", "MAX")
     told = {f"SERVO{n}_{name}": strange for n in range(1, 5) for name in names}
     assert draft_of(logged(waves(4), told)).text == draft_of(logged(waves(4), {})).text
+
+
+def test_printed_written_and_read(tmp_path: Path, done: Done) -> None:
+    t, log, target = 0.02 * np.arange(500), tmp_path / "f.csv", tmp_path / "m.toml"
+    rows = np.column_stack([t, 20.0 * np.sin(t), 20.0 * np.cos(t)])
+    np.savetxt(log, rows, delimiter=",", header="t_s,roll,roll_rate", comments="")
+    mapping = tomllib.loads(done(["map", log]))
+    assert mapping["time"] == {"column": "t_s", "unit": "s"}
+    assert mapping["variables"]["p"] == {"column": "roll_rate", "unit": "deg/s"}
+    assert "m.toml: 2 variables, 0 of them unsure" in done(["map", log, "-o", target])
+    assert main(["map", str(log), "-o", str(target)]) == 2
+    found = json.loads(done(["map", log, "--json", "-o", target, "--overwrite"]))
+    assert found["mapping"] == target.read_text("utf-8")
+    time, roll, _ = found["columns"]
+    assert (time["column"], time["low"], time["high"]) == ("t_s", 0.0, 9.98)
+    assert time["samples"] == sorted(time["samples"])
+    assert (roll["stream"], roll["unit"]) == ("f.csv", "")
+    assert roll["high"] == pytest.approx(20.0, abs=0.01)
+    done(["info", log, "--mapping", target])

@@ -116,7 +116,7 @@ NEEDED = {
 }
 CODE = """
 import contextlib, io, json, sys
-sys.path[:0] = PLACES
+sys.path.insert(0, PLACE)
 from stoop.base.verbs import verbs
 from stoop.cli.main import main
 def refused(words):
@@ -127,29 +127,21 @@ json.dump([list(verbs()), codes, [refused(words) for words in REFUSED]], open("a
 """
 
 
-@pytest.fixture(scope="module")
-def libraries(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return the libraries of this environment without stoop."""
-    folder = tmp_path_factory.mktemp("libraries")
-    for one in Path(np.__file__).parents[1].iterdir():
-        if not one.name.startswith(("stoop", "_stoop", "__editable__.stoop")):
-            (folder / one.name).symlink_to(one)
-    return folder
-
-
 @pytest.mark.parametrize("absent", [*PACKAGES, "all"])
 def test_without_a_package_its_verbs_are_absent_and_the_rest_works(
-    absent: str, wheel: dict[str, bytes], libraries: Path, tmp_path: Path
+    absent: str, wheel: dict[str, bytes], tmp_path: Path
 ) -> None:
     gone = PACKAGES if absent == "all" else [absent]
     install(wheel, tmp_path / "installed", gone)
+    for library in Path(np.__file__).parents[1].iterdir():
+        if "stoop" not in library.name:
+            (tmp_path / "installed" / library.name).symlink_to(library)
     (tmp_path / "p.csv").write_text("t,p\n" + "".join(f"{0.02 * k},{k % 7}\n" for k in range(200)))
     lines = "[time]\ncolumn = 't'\nunit = 's'\n[variables]\np = {column = 'p', unit = 'deg/s'}\n"
     (tmp_path / "p.csv.toml").write_text(lines)
     verbs = {p: list(tomllib.loads(wheel[f"{p}/stoop.toml"].decode()).get("verbs", ())) for p in PACKAGES}
     asked = [*(verb for p in gone for verb in verbs[p]), *(NEEDED[p] for p in gone if p in NEEDED)]
-    given = {"PLACES": [str(tmp_path / "installed"), str(libraries)], "WORK": WORK, "REFUSED": asked}
-    code = "".join(f"{name} = {value}\n" for name, value in given.items()) + CODE
+    code = f"PLACE, WORK, REFUSED = {str(tmp_path / 'installed')!r}, {WORK}, {asked}\n{CODE}"
     command = [sys.executable, "-I", "-S", "-c", code]
     done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=tmp_path)
     assert done.returncode == 0, done.stderr

@@ -1,17 +1,25 @@
 import math
 import sys
+from pathlib import Path
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
+from helpers.command_line import Done, Refused
 
+from stoop.base.atmosphere import SEA_LEVEL_DENSITY
 from stoop.base.units import STANDARD_GRAVITY
+from stoop.cli.main import main
 from stoop.errors import VehicleError
+from stoop.vehicle.builtin import resolve_vehicle
 from stoop.vehicle.defaults import EQUATION_1
 from stoop_draft.vehicle_draft import aerosandbox, handbook
 from stoop_draft.vehicle_draft.apriori import shifted, typical_std
 from stoop_draft.vehicle_draft.geometry import WINGED, Geometry
 from stoop_draft.vehicle_draft.handbook import derivatives, nominal, skin_friction
+from stoop_draft.vehicle_draft.request import Evidence, Request
 from stoop_draft.vehicle_draft.strips import flap_effectiveness, lift_slope
+from stoop_draft.vehicle_new import asked
 
 SIGNS = {
     "CLalpha": 1, "CD0": 1, "CDalpha": 1, "Cmq": -1, "CLelevator": 1, "Cmelevator": -1, "CQbeta": -1, "Clp": -1,
@@ -238,3 +246,57 @@ def test_contradictions_are_one_line():
             Geometry.parse(GIVEN.replace(old, new, 1), "g.toml")
         assert str(caught.value).startswith(f"g.toml: {message}")
         assert "\n" not in str(caught.value)
+
+
+DIMENSIONS = ["--template", "glider", "--mass", "2.1", "--span", "2.5", "--area", "0.4"]
+
+
+def geometry(folder: Path) -> Path:
+    path = folder / "g.toml"
+    path.write_text('template = "conventional"\nmass = 3.0\n[wing]\nspan = 2.0\nchord = 0.25\n', "utf-8")
+    return path
+
+
+def test_from_dimensions_or_a_geometry(tmp_path: Path, done: Done) -> None:
+    target = tmp_path / "glider.toml"
+    assert f"stoop trim {target}" in done(["vehicle", "new", *DIMENSIONS, "-o", target])
+    vehicle = resolve_vehicle(target)
+    assert vehicle.file.propulsion is None
+    assert vehicle.value("reference.chord") == pytest.approx(0.16)
+    assert main(["vehicle", "new", *DIMENSIONS, "-o", str(target)]) == 2
+    done(["vehicle", "new", "--geometry", geometry(tmp_path), "-o", tmp_path / "v.toml"])
+    assert resolve_vehicle(tmp_path / "v.toml").value("mass.mass") == 3.0
+
+
+def test_derivatives_of_a_geometry_by_the_vortex_lattice(here: Path, done: Done) -> None:
+    pytest.importorskip("aerosandbox")
+    path = geometry(here)
+    done(f"vehicle new -o v.toml --aerodynamics aerosandbox --geometry {path}")
+    assert Path("v.toml").read_text("utf-8").count(aerosandbox.SOURCE) == 1
+    vehicle, table = resolve_vehicle("v.toml"), Geometry.load(path)
+    found = aerosandbox.derivatives(table, vehicle.value("reference.airspeed"))
+    expected = handbook.with_curved_path(table, SEA_LEVEL_DENSITY, found)
+    for name in ("CLalpha", "Cmq", "Clp", "Cnbeta"):
+        assert vehicle.value(name) == pytest.approx(expected[name].value, rel=1e-3)
+
+
+def test_without_the_vortex_lattice(here: Path, monkeypatch: pytest.MonkeyPatch, refused: Refused) -> None:
+    monkeypatch.setitem(sys.modules, "aerosandbox", None)
+    command = f"vehicle new --geometry {geometry(here)} --aerodynamics aerosandbox -o v.toml"
+    assert "pip install '.[geometry]'" in refused(command)
+
+
+def test_questions() -> None:
+    answers = iter(["kite", "conventional", "eight", "8.5", "2.3", "0.28", ""])
+    shown: list[str] = []
+    told: list[str] = []
+    found = asked(Request(), Evidence(), lambda text: shown.append(text) or next(answers), told.append)
+    assert (found.template, found.mass, found.span, found.chord) == ("conventional", 8.5, 2.3, 0.28)
+    assert (found.engine, len(told)) == ("electric", 2)
+    assert "usual" in shown[4]  # a span for this mass
+    assert list(answers) == []
+
+
+def test_the_end_of_the_answers_is_an_interruption() -> None:
+    with pytest.raises(KeyboardInterrupt):
+        asked(Request(), Evidence(), Mock(side_effect=EOFError), print)
