@@ -3,7 +3,7 @@
     pip install atheris
     python3 scripts/fuzz_readers.py ulog -atheris_runs=20000
 
-What libFuzzer takes may follow (-max_total_time=60). Its bytes are the choices by which tests/studies/robustness
+What libFuzzer takes may follow (-max_total_time=60). Its bytes are the choices by which tests/robustness
 damages the files of its corpus. What ends in anything but an error of ours, or a reading, is left in the working folder
 as crash-*.
 """
@@ -23,9 +23,9 @@ with atheris.instrument_imports(
     include=["stoop.logs", "stoop.flight", "stoop.vehicle", "stoop.simulation.maneuver"]
 ):
     from hypothesis import HealthCheck, given, settings
-    from studies.robustness.documents import read_document
-    from studies.robustness.readers import GUARDED, OURS, read_case
-    from studies.robustness.test_fuzzing import damaged_documents, damaged_logs
+    from robustness.documents import read_document
+    from robustness.readers import GUARDED, OURS, read_case
+    from robustness.test_fuzzing import damaged_documents, damaged_logs
 
     from stoop.errors import StoopError
 

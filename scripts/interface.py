@@ -22,17 +22,21 @@ HEAD = '"""Written by scripts/interface.py."""\n\n'
 def offered(kind: str, core: Mapping[str, str]) -> dict[str, str]:
     """Return the places of functions or methods of the core and of the packages of this repository."""
     known = dict(core) | places(kind, core)
-    return {name: place for name, place in known.items() if (SOURCE / place.partition(".")[0]).is_dir()}
+    return {
+        name: place
+        for name, place in known.items()
+        if (SOURCE / place.replace(":", ".").partition(".")[0]).is_dir()
+    }
 
 
 def names() -> str:
     """Return the names of `import stoop`."""
     known = offered("functions", stoop.PLACES)
-    lines = ["from stoop import errors"]
+    lines = []
     for name, place in known.items():
         module, _, own = place.partition(":")
         lines.append(f"from {module} import {own} as {name}")
-    listed = "".join(f'    "{name}",\n' for name in sorted([*known, "errors"]))
+    listed = "".join(f'    "{name}",\n' for name in sorted(known))
     return (
         HEAD
         + "\n".join(sorted(lines))

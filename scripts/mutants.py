@@ -50,9 +50,9 @@ class Mutant:
 
     @property
     def room(self) -> str:
-        """Return the folder of the tests of its room, or an empty text."""
+        """Return the folder of the tests of its room, or of its package, or an empty text."""
         package, room, *_ = Path(self.file).parts[1:]
-        folder = f"tests/unit/{room}" if package == "stoop" else "tests/studies"
+        folder = f"tests/core/{room}" if package == "stoop" else f"tests/{package.removeprefix('stoop_')}"
         return folder if (ROOT / folder).is_dir() else ""
 
     @property

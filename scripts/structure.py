@@ -24,7 +24,7 @@ FLAG = re.compile(
 )  #: tests whether a vehicle has rotors
 #: package, or room of the core -> lines at most; "stoop" is the whole core
 BUDGETS = {
-    "stoop": 53772,
+    "stoop": 53770,
     "stoop_analysis": 6455,
     "stoop_app": 4014,
     "stoop_draft": 7326,

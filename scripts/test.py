@@ -1,6 +1,7 @@
 """Run the tests of the project, or its checks: ``python3 scripts/test.py [--environment DIR] [WHAT ...]``.
 
-Without words the standard tests run: what protects correctness. ``checks`` are the style, types, layers, structure and
+Without words the standard tests run: what protects correctness; the name of a package (``core``, ``tune``; of the studies
+``stoop_studies``) runs those in its folder alone. ``checks`` are the style, types, layers, structure and
 documentation, each by its name too; ``full`` are the tests that take longer or need more packages; ``studies`` campaigns
 and distributions at full power; ``mutants`` plants defects and prints which tier kills each. The environment is made if it
 is not there, and what the chosen words need is installed into it from this folder: Python 3.11 is all that is needed. A
@@ -42,9 +43,14 @@ CHECKS = {
 }
 TESTS = {tier: _tests(tier) for tier in ("standard", "full", "studies")}
 TESTS["mutants"] = ["python", "scripts/mutants.py", "--tier", "full"]
-COMMANDS = TESTS | CHECKS
+#: word -> standard tests of that package; "studies" is a tier
+PACKAGES = {
+    f"stoop_{name}" if name in TESTS else name: [*_tests("standard"), f"tests/{name}"]
+    for name in ("core", "draft", "plan", "analysis", "export", "tune", "fleet", "app", "studies")
+}
+COMMANDS = TESTS | PACKAGES | CHECKS
 #: command -> extras that it needs
-EXTRAS = {"standard": "test", "mutants": "test,full", "full": "test,full", "studies": "test,full"}
+EXTRAS = {n: "test" if n in PACKAGES or n == "standard" else "test,full" for n in TESTS | PACKAGES}
 # PyFlyt asks for NumPy below 2, and flies with 2, which drone-models asks for.
 PYFLYT = ["--no-deps", "pyflyt>=0.29", "pybullet>=3.2.6"]
 
@@ -68,7 +74,7 @@ def _arguments() -> argparse.Namespace:
     if sys.version_info < OLDEST:
         sys.exit("stoop needs Python 3.11 or later; run this with python3.11")
     parser = argparse.ArgumentParser(description="Run the tests or the checks of the project.")
-    known = [*TESTS, "checks", *CHECKS]
+    known = [*TESTS, *PACKAGES, "checks", *CHECKS]
     parser.add_argument("what", metavar="WHAT", nargs="*", help=f"{', '.join(known)} (default: standard)")
     parser.add_argument("--environment", metavar="DIR", type=Path, default=ROOT / ".venv-test")
     arguments = parser.parse_args()

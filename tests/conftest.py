@@ -19,6 +19,7 @@ from stoop.base import notices
 if TYPE_CHECKING:
     from playwright.sync_api import Browser
 
+pytest_plugins = ["helpers.aircraft", "helpers.command_line"]
 SHARED = Path(os.environ.get("STOOP_SHARED", Path(__file__).parents[2] / "shared"))
 LONG_TEXT = 4000  #: characters
 WORDS = tiers.listed()

@@ -31,6 +31,7 @@ _MODULES = {
     "stoop.workflow.validation": "validate",
 }
 PLACES = {name: f"{module}:{name}" for module, names in _MODULES.items() for name in names.split()} | {
+    "errors": "stoop:errors",
     "fit": "stoop.workflow.identification:identify",
     "load_flight": "stoop.flight.load:load",
     "load_vehicle": "stoop.vehicle.builtin:resolve_vehicle",
@@ -43,11 +44,11 @@ PLACES = {name: f"{module}:{name}" for module, names in _MODULES.items() for nam
 def _public() -> dict[str, str]:
     from stoop.base.packages import places
 
-    return PLACES | places("functions", [*PLACES, "errors"])
+    return PLACES | places("functions", PLACES)
 
 
 def __dir__() -> list[str]:
-    return sorted([*_public(), "errors", "__version__"])
+    return sorted([*_public(), "__version__"])
 
 
 def __getattr__(name: str) -> Any:
@@ -55,18 +56,14 @@ def __getattr__(name: str) -> Any:
         from importlib.metadata import version
 
         return version("stoop")
+    from stoop.base.packages import found, resolved
+
     if name == "__all__":
-        return sorted([*_public(), "errors"])
-    if name == "errors":
-        import stoop.errors as found
-    elif name.startswith("_") or (place := PLACES.get(name) or _public().get(name)) is None:
+        return sorted(n for n, place in _public().items() if found(place.partition(".")[0], f"'{n}'", place))
+    if name.startswith("_") or (place := PLACES.get(name) or _public().get(name)) is None:
         from stoop.base.text import nearest
 
         advice = "" if name.startswith("_") else f"; {nearest(name, _public())}"
         raise AttributeError(f"module 'stoop' has no attribute '{name}'{advice}")
-    else:
-        from stoop.base.packages import resolved
-
-        found = resolved(place)
-    globals()[name] = found
-    return found
+    globals()[name] = resolved(place)
+    return globals()[name]

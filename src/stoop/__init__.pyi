@@ -1,6 +1,6 @@
 """Written by scripts/interface.py."""
 
-from stoop import errors
+from stoop import errors as errors
 from stoop.api import assess as assess
 from stoop.api import look as look
 from stoop.api import reconstruct as reconstruct

@@ -2,15 +2,18 @@
 
 import os
 import signal
+import time
 from pathlib import Path
 
 import pytest
+from core.strategy.test_strategy import switched
 from tornado import httputil
 
 from app.conftest import RECORDED
 from stoop.base.units import KINDS
 from stoop.base.variables import VARIABLES
 from stoop.errors import LogError, StoopError, VehicleError
+from stoop.strategy import DECISIONS, Strategy
 from stoop.vehicle.builtin import builtin_text
 from stoop.vehicle.load import parse_vehicle
 from stoop_app import columns, numbers, places, server
@@ -208,3 +211,22 @@ def test_odd_addresses_and_the_policy_of_files() -> None:
     sandbox, *others = server.FILE_POLICY.split("; ")
     assert sandbox.split() == ["sandbox", "allow-scripts", "allow-downloads"], "a page reaches not the app"
     assert {"connect-src 'none'", "form-action 'none'", "base-uri 'none'"} <= set(others)
+
+
+def test_a_step_of_the_app_is_stopped_at_once(tmp_path: Path) -> None:
+    from stoop_app.steps import start
+
+    step = start(tmp_path, "designs", lambda name: ["design", "quad-x", "-o", f"{name}/design.toml"])
+    step.stop()
+    while step.running:
+        time.sleep(0.05)
+    assert step.error == "stopped before there was a result"
+
+
+def test_the_app_writes_the_switches_that_give_the_checked_decisions() -> None:
+    from stoop_app.fit_view import switches
+
+    default = Strategy.default()
+    for chosen in (default, Strategy.textbook(), default.without("bounds").including("extensions")):
+        words = switches({one.name: one.name in chosen.names for one in DECISIONS})
+        assert switched(" ".join(words)).names == chosen.names, words

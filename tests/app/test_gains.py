@@ -5,7 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from unit.cli.test_tune import FLOWN, moved_by_commands
+from tune.test_tune import FLOWN, moved_by_commands
 
 from app.conftest import ended
 from stoop.cli.main import main

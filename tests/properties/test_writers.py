@@ -11,8 +11,8 @@ from tempfile import NamedTemporaryFile
 from typing import Any
 
 import pytest
-from studies.robustness.small_runs import files_of_a_flight
-from studies.robustness.trials import lay_out
+from robustness.small_runs import files_of_a_flight
+from robustness.trials import lay_out
 
 import stoop
 from stoop.base.files import SCRATCH, write_files

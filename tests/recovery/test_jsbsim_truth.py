@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from unit.flown import maneuver
+from helpers.flown import maneuver
 
 from stoop import load_maneuver, load_vehicle
 from stoop.cli.main import main

@@ -12,8 +12,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from unit.estimate.fits import deviations
-from unit.flown import maneuver
+from helpers.fits import deviations
+from helpers.flown import maneuver
 
 from stoop import Options, Vehicle, load_vehicle, simulate_flight, trim
 from stoop.assessment.covariance import NORMAL_95

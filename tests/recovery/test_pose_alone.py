@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from unit.flown import maneuver
+from helpers.flown import maneuver
 
 import stoop
 from stoop import Vehicle, load_vehicle

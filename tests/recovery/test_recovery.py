@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from unit.estimate.fits import deviations, fit_by
-from unit.flown import maneuver
+from helpers.fits import deviations, fit_by
+from helpers.flown import maneuver
 
 from stoop import Flight, Options, Vehicle, load_vehicle, simulate_flight, trim
 from stoop.errors import IdentificationError, VehicleError

@@ -8,8 +8,8 @@ vehicle seems to answer less.
 from dataclasses import dataclass
 
 import pytest
-from unit.estimate.fits import fit_by
-from unit.flown import maneuver
+from helpers.fits import fit_by
+from helpers.flown import maneuver
 
 from stoop import Flight, Vehicle, load_vehicle, simulate_flight
 from stoop.flight.flight import dataset

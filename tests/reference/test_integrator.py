@@ -9,8 +9,8 @@ import math
 
 import numpy as np
 import pytest
+from helpers.flown import maneuver
 from scipy.integrate import DOP853
-from unit.flown import maneuver
 
 from stoop.kernels import Kernel
 from stoop.simulation import initial_states, parameter_rows, trim

@@ -42,7 +42,7 @@ INPUTS: Final = {"alpha": "pitch", "beta": "yaw", "p": "roll", "q": "pitch", "r"
 
 @dataclass(frozen=True)
 class Limits:
-    """Limits of excitation, calibrated on simulated flights (`tests/unit/assessment/test_contributions.py`)."""
+    """Limits of excitation, calibrated on simulated flights (`tests/core/assessment/test_contributions.py`)."""
 
     #: noise and systematic residuals over a contribution, from which it is in doubt: derivatives were wrong by 0.2 to 2.2 of
     #: their values there, in gusts that a method ignores; in calm air, and with gusts in the model, both stay below 0.2

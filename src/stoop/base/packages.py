@@ -75,29 +75,29 @@ def rows(kind: str, taken: Iterable[str] = ()) -> Iterator[tuple[str, str, Any]]
 
 def places(kind: str, taken: Iterable[str] = ()) -> dict[str, str]:
     """Return the places of all functions, or methods, that packages offer, by name; see `rows`."""
-    offered = rows(kind, taken)
-    return {name: str(place) for _, name, place in offered if name.isidentifier() and name[0] != "_"}
+    return {n: str(place) for _, n, place in rows(kind, taken) if n.isidentifier() and n[0] != "_"}
 
 
 def hooks(name: str) -> list[Callable[..., Any]]:
     """Return the functions of all packages that stoop calls under a name; one that cannot be imported costs a warning."""
-    found = []
-    for package, content in packages().items():
-        table = content.get("hooks")
-        if isinstance(table, Mapping) and name in table:
-            try:
-                found.append(resolved(table[name]))
-            except (StoopError, ImportError) as error:
-                warn(package, f"its hook '{name}' is left out: {error}")
-    return found
+    tables = [(p, t) for p, content in packages().items() if isinstance(t := content.get("hooks"), Mapping)]
+    return [one for p, t in tables if name in t for one in found(p, f"its hook '{name}'", t[name])]
+
+
+def found(package: str, what: str, place: str) -> list[Any]:
+    """Return the object of a place; nothing, with a warning, where it cannot be imported."""
+    try:
+        return [resolved(place)]
+    except (StoopError, ImportError) as error:
+        warn(package, f"{what} is left out: {error}")
+        return []
 
 
 def hook(name: str, needed_by: str) -> Callable[..., Any]:
     """Return the first function that stoop calls under a name; raises `StoopError` where no package has one."""
-    found = hooks(name)
-    if not found:
-        raise StoopError(f"{needed_by} needs a package that this installation lacks; install stoop anew")
-    return found[0]
+    if known := hooks(name):
+        return known[0]
+    raise StoopError(f"{needed_by} needs a package that this installation lacks; install stoop anew")
 
 
 def resolved(place: str) -> Any:

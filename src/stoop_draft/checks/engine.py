@@ -29,7 +29,7 @@ State = TypeVar("State")
 
 @dataclass(frozen=True)
 class Thresholds:
-    """Limits of the test, chosen so that no clean simulated flight is accused (tests/unit/checks/test_clean_flights.py)."""
+    """Limits of the test, chosen so that no clean simulated flight is accused (tests/draft/checks/test_clean_flights.py)."""
 
     #: log-likelihood gained by an edit that is believed; about a hundred edits are tried, each of which a right file would
     #: gain so much less than once in 3,000

@@ -1,3 +1,3 @@
-from unit.optimize.conftest import least, near, oscillation
+from core.optimize.conftest import least, near, oscillation
 
 __all__ = ["least", "near", "oscillation"]
