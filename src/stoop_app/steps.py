@@ -19,10 +19,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any, Final, Literal
 
-from stoop.base.files import write_text_atomic
-from stoop.base.interrupts import blocked_interrupts
-from stoop.base.text import printable
-from stoop.errors import OutputError, StoopError
+from stoop.extend.errors import OutputError, StoopError
+from stoop.extend.files import blocked_interrupts, write_text_atomic
+from stoop.extend.text import printable
 from stoop_app.places import inside, recalled, remember, tail_of, text_of
 
 State = Literal["running", "done", "failed"]

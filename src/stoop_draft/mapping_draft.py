@@ -15,19 +15,22 @@ from typing import Final
 
 import numpy as np
 
-from stoop.base.arrays import within_range
-from stoop.base.autopilots import MOTOR_FUNCTIONS
-from stoop.base.toml import quoted, quoted_key
-from stoop.base.units import FACTORS
-from stoop.base.variables import OUTPUT_PINS, POSITION, QUATERNION, RATES, SPECIFIC_FORCE, VARIABLES, VELOCITY
-from stoop.errors import one_line
-from stoop.flight.airborne import rotor_pulses
-from stoop.flight.apply_mapping import apply_mapping
-from stoop.flight.conversion import rotate_axes
-from stoop.flight.flight import from_columns, with_other_form
-from stoop.flight.mapping import READY, ready
-from stoop.logs import Recording, Stream
-from stoop.logs.csv_tables import guess_clock
+from stoop.extend import flights
+from stoop.extend.arrays import within_range
+from stoop.extend.errors import one_line
+from stoop.extend.files import quoted, quoted_key
+from stoop.extend.recordings import Recording, Stream, guess_clock
+from stoop.extend.units import FACTORS
+from stoop.extend.variables import (
+    MOTOR_FUNCTIONS,
+    OUTPUT_PINS,
+    POSITION,
+    QUATERNION,
+    RATES,
+    SPECIFIC_FORCE,
+    VARIABLES,
+    VELOCITY,
+)
 from stoop_draft.checks.lines import Signal
 from stoop_draft.checks.units import PAIRS, STATISTICS, growth, largest_size
 from stoop_draft.column_guesses import DraftLine, recognized, with_units, without_unit
@@ -104,16 +107,16 @@ def draft_of(recording: Recording) -> Draft:
         for name, stream in recording.streams.items()
     }
     recording = replace(recording, streams=streams)
-    return _of_ready(recording) if recording.format in READY else _of_any(recording)
+    return _of_ready(recording) if recording.format in flights.READY else _of_any(recording)
 
 
 def _of_ready(recording: Recording) -> Draft:
     """Start from the ready mapping: say what it takes, and what else looks as if it were of use."""
-    name = READY[recording.format]
-    found = apply_mapping(ready(name), recording)
+    name = flights.READY[recording.format]
+    found = flights.apply_mapping(flights.ready(name), recording)
     signals = {variable: (group.time, x) for group in found.channels for variable, x in group.values.items()}
     rest = replace(recording, streams={s: recording.streams[s] for s in found.unmapped})
-    taken = with_other_form(signals.keys())
+    taken = flights.with_other_form(signals.keys())
     lines = [
         line
         for line in _lines(rest)
@@ -246,7 +249,7 @@ def _in_our_axes(recording: Recording, groups: Sequence[Group]) -> dict[str, Sig
     out: dict[str, Signal] = {}
     for group in groups:
         signals = {line.variable: _signal(recording, line) for line in group.lines}
-        turned = rotate_axes({name: x for name, (_, x) in signals.items()}, group.frame)
+        turned = flights.rotate_axes({name: x for name, (_, x) in signals.items()}, group.frame)
         out |= {name: (signals[name][0], x) for name, x in turned.items()}
     return out
 
@@ -482,7 +485,7 @@ class Outputs:
             return []
         time = np.arange(count) / LIMITS.rate
         columns = {name: np.interp(start + time, t, x) for name, (t, x) in used.items()}
-        return rotor_pulses(from_columns("drafted", time, columns))
+        return flights.rotor_pulses(flights.from_columns("drafted", time, columns))
 
     def surface_lines(self) -> list[str]:
         """Give outputs that may move a surface something to start a calibration from, as comments."""

@@ -8,14 +8,12 @@ from typing import Final
 
 import numpy as np
 
-from stoop.base.arrays import FloatArray
-from stoop.base.numbers import NOTHING, ROUNDING, compact, factor_and_unit, number, without_rounding
-from stoop.base.variables import VARIABLES, WRAPPED
-from stoop.report.sheet import Bullets, Prose, Section, Sheet, Table, render_sheet
-from stoop.simulation import parameter_rows
-from stoop.simulation.delays import late_inputs
-from stoop.simulation.loads import body_loads, motion_loads
-from stoop.vehicle import Vehicle
+from stoop import Vehicle
+from stoop.extend.arrays import FloatArray
+from stoop.extend.motion import body_loads, late_inputs, motion_loads, parameter_rows
+from stoop.extend.reports import Bullets, Prose, Section, Sheet, Table, render_sheet
+from stoop.extend.text import NOTHING, ROUNDING, compact, factor_and_unit, number, without_rounding
+from stoop.extend.variables import VARIABLES, WRAPPED
 from stoop_export.jsbsim_flight import Record, differences, relative_differences
 from stoop_export.reference_flight import ReferenceFlight
 

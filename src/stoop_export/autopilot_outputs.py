@@ -6,12 +6,11 @@ import math
 from dataclasses import dataclass
 from typing import Final
 
-from stoop.base.atmosphere import equivalent_over_true
-from stoop.base.autopilots import Point, Spin
-from stoop.errors import VehicleError
-from stoop.simulation import Trim
-from stoop.simulation.loads import air_density
-from stoop.vehicle import Vehicle
+from stoop import Vehicle
+from stoop.extend.errors import VehicleError
+from stoop.extend.motion import Trim, air_density
+from stoop.extend.units import equivalent_over_true
+from stoop.extend.variables import Point, Spin
 
 MIXED_SURFACE_SHARE: Final = 0.5  #: of the largest moments about two axes, beyond which a surface serves both
 SLOWEST: Final = 0.75  #: of V*, the least airspeed that an autopilot commands

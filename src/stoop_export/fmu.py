@@ -31,12 +31,10 @@ from xml.etree.ElementTree import Element, SubElement
 import numpy as np
 import sympy as sp
 
-from stoop.errors import StoopError, one_line
-from stoop.kernels.emit import scalar_text
-from stoop.simulation import Trim, initial_states, parameter_rows
-from stoop.vehicle import Vehicle
-from stoop.vehicle.symbolic import build_model, frames
-from stoop.vehicle.vehicle import slope_input
+from stoop import Vehicle
+from stoop.extend.errors import StoopError, one_line
+from stoop.extend.motion import Trim, initial_states, parameter_rows, scalar_text
+from stoop.extend.vehicles import build_model, frames, slope_input
 from stoop_analysis.derivatives import ParameterCovariance
 from stoop_export.matlab import identifier, unit
 

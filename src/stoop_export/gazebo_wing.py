@@ -14,13 +14,11 @@ from typing import Final
 
 import numpy as np
 
-from stoop.base.arrays import FloatArray
-from stoop.errors import SimulationError
-from stoop.simulation import Trim, initial_states, parameter_rows
-from stoop.simulation.loads import air_density, body_loads
-from stoop.simulation.trim import neutral_inputs
-from stoop.vehicle import Vehicle, terms
-from stoop.vehicle.defaults import FULL_DEFLECTION, full_deflection
+from stoop import Vehicle
+from stoop.extend.arrays import FloatArray
+from stoop.extend.errors import SimulationError
+from stoop.extend.motion import Trim, air_density, body_loads, initial_states, neutral_inputs, parameter_rows
+from stoop.extend.vehicles import FULL_DEFLECTION, full_deflection, terms
 from stoop_export.gazebo_plugins import (
     CONSTANT_JOINT_ANGLE,
     EFFECTS,

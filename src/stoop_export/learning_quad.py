@@ -19,12 +19,10 @@ from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 import numpy as np
 
-from stoop.base.arrays import FloatArray
-from stoop.base.rotations import FLIP
-from stoop.errors import SimulationError
-from stoop.simulation import Trim
-from stoop.simulation.loads import inertia_tensor
-from stoop.vehicle import Vehicle
+from stoop import Vehicle
+from stoop.extend.arrays import FLIP, FloatArray
+from stoop.extend.errors import SimulationError
+from stoop.extend.motion import Trim, inertia_tensor
 from stoop_analysis.derivatives import derivatives
 from stoop_export.agreement import omission, omitted_shares
 from stoop_export.autopilot_outputs import check_rotor_channels

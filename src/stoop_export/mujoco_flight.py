@@ -7,13 +7,10 @@ from typing import Any, Final
 
 import numpy as np
 
-from stoop.base.arrays import FloatArray
-from stoop.base.extras import install
-from stoop.base.rotations import FLIP, euler_angles, normalized, to_body
-from stoop.simulation import parameter_rows
-from stoop.simulation.initial import commanded
-from stoop.simulation.loads import rigid_loads
-from stoop.vehicle import Vehicle
+from stoop import Vehicle
+from stoop.extend.arrays import FLIP, FloatArray, euler_angles, normalized, to_body
+from stoop.extend.motion import commanded, parameter_rows, rigid_loads
+from stoop.extend.verbs import install
 from stoop_export.agreement import AXES, Compared, loads_along
 from stoop_export.exporter import Exported, encoded, installed, load_script, written
 from stoop_export.mujoco_model import mujoco_model

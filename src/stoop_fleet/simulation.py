@@ -34,20 +34,23 @@ from typing import Annotated, Final, Literal
 import numpy as np
 from pydantic import Field, ValidationError, model_validator
 
-from stoop.base.arrays import FloatArray
-from stoop.base.csv_text import csv_text
-from stoop.base.files import check_targets, make_folder, write_files, write_text_atomic
-from stoop.base.schema_errors import first_complaint
-from stoop.base.text import nearest
-from stoop.base.toml import parse_source, read_source
-from stoop.errors import SimulationError, StoopError
-from stoop.logs.csv_tables import mapping_beside
-from stoop.simulation.fly import fly_together, recorded
-from stoop.simulation.maneuver import Maneuver
-from stoop.vehicle import Vehicle
-from stoop.vehicle.extensions import with_free_number
-from stoop.vehicle.schema import Number, Table, Turbulence
-from stoop.vehicle.vehicle import leaves
+from stoop import Vehicle
+from stoop.extend.arrays import FloatArray
+from stoop.extend.errors import SimulationError, StoopError
+from stoop.extend.files import (
+    check_targets,
+    csv_text,
+    first_complaint,
+    make_folder,
+    parse_source,
+    read_source,
+    write_files,
+    write_text_atomic,
+)
+from stoop.extend.motion import Maneuver, fly_together, recorded
+from stoop.extend.recordings import mapping_beside
+from stoop.extend.text import nearest
+from stoop.extend.vehicles import Number, Table, Turbulence, leaves, with_free_number
 from stoop_fleet.changes import Kind
 from stoop_fleet.parts import COLUMNS, Fitting
 from stoop_plan.flight_logs import px4_log

@@ -20,8 +20,7 @@ from typing import Final, Generic, Protocol, TypeAlias, TypeVar
 
 import numpy as np
 
-from stoop.base.arrays import FloatArray, IntArray
-from stoop.base.robust import white_noise
+from stoop.extend.arrays import FloatArray, IntArray, white_noise
 from stoop_draft.checks.entries import Change, Lines, where
 
 State = TypeVar("State")

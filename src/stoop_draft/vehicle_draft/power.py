@@ -10,12 +10,11 @@ from typing import Final
 
 import numpy as np
 
-from stoop.base.autopilots import Point, Spin
-from stoop.base.units import STANDARD_GRAVITY
-from stoop.base.variables import MOTORS, OUTPUT_PINS, ROTORS
-from stoop.flight import Flight
-from stoop.flight.airborne import FLYING, flying, rotor_pulses
-from stoop.vehicle.builtin import builtin_vehicle
+from stoop import Flight
+from stoop.extend.flights import FLYING, flying, rotor_pulses
+from stoop.extend.units import STANDARD_GRAVITY
+from stoop.extend.variables import MOTORS, OUTPUT_PINS, ROTORS, Point, Spin
+from stoop.extend.vehicles import builtin_vehicle
 from stoop_draft.vehicle_draft.apriori import Apriori
 from stoop_draft.vehicle_draft.autopilot import DEFAULT_PULSES, Motor, Scale, Setup
 from stoop_draft.vehicle_draft.controls import ENOUGH, recorded
