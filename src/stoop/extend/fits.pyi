@@ -29,6 +29,7 @@ from stoop.estimate.regression.least_squares import TimeDomain as TimeDomain
 from stoop.estimate.regression.least_squares import estimate as estimate
 from stoop.estimate.shooting_windows import WINDOW_LENGTH as WINDOW_LENGTH
 from stoop.optimize.ledger import inner as inner
+from stoop.optimize.libraries import Library as Library
 from stoop.optimize.normal_equations import TallMatrix as TallMatrix
 from stoop.optimize.normal_equations import dense as dense
 from stoop.optimize.problem import ScalarProblem as ScalarProblem
@@ -62,6 +63,8 @@ from stoop.results.uncertainty import Interval as Interval
 from stoop.results.uncertainty import MethodIntervals as MethodIntervals
 from stoop.strategy.assumptions import assume as assume
 from stoop.strategy.bounds import BOUNDS as BOUNDS
+from stoop.strategy.decision import Change as Change
+from stoop.strategy.decision import Setup as Setup
 from stoop.strategy.gusts import GUSTS as GUSTS
 from stoop.strategy.run import FIT_ALONE as FIT_ALONE
 from stoop.strategy.run import fit as fit
