@@ -32,7 +32,7 @@ from stoop.extend.fits import histories
 from stoop.extend.flights import Window
 from stoop.extend.notices import notice
 from stoop.extend.text import nearest
-from stoop.extend.vehicles import defaults, terms
+from stoop.extend.vehicles import COEFFICIENTS, terms
 
 MAX_STEPS: Final = 200
 MIN_TOLERANCE: Final = 0.01  #: share of a candidate that is new (variance inflation of 100)
@@ -312,7 +312,7 @@ def standard_candidates(vehicle: Vehicle) -> dict[str, tuple[str, ...]]:
     even = ("beta^2",) if vehicle.reduce == "full" else ()
     longitudinal = ("alpha", "q", "V", *controls, "alpha^2", "alpha^3", "alpha*q", *products, *even)
     lateral = ("beta", "p", "r", *controls, "alpha*beta", "alpha*p", "alpha*r", "beta^3", *products)
-    return {c: longitudinal if c in ("CL", "CD", "Cm") else lateral for c in defaults.COEFFICIENTS}
+    return {c: longitudinal if c in ("CL", "CD", "Cm") else lateral for c in COEFFICIENTS}
 
 
 def parse_candidates(lines: Iterable[str], vehicle: Vehicle, where: str) -> dict[str, tuple[str, ...]]:
@@ -327,7 +327,7 @@ def parse_candidates(lines: Iterable[str], vehicle: Vehicle, where: str) -> dict
         if not text:
             continue
         coefficient, colon, rest = (part.strip() for part in text.partition(":"))
-        if not colon or coefficient not in defaults.COEFFICIENTS:
+        if not colon or coefficient not in COEFFICIENTS:
             raise IdentificationError(
                 f"{where}: cannot read '{text[:60]}'; write a line per coefficient, e.g. Cm: alpha, q, elevator, alpha^2"
             )

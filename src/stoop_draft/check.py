@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 
 from stoop import Notice, Vehicle, load_vehicle
-from stoop.extend.arrays import empty_columns
 from stoop.extend.flights import OneFlight, as_flight, in_flight
 from stoop.extend.notices import attempt
 from stoop.extend.vehicles import check_vehicle, inertia_notices
+from stoop_draft.checks.engine import empty_columns
 from stoop_draft.checks.kinematics import check_rates
 from stoop_draft.checks.mapping import Judgment, check_mapping
 

@@ -31,7 +31,7 @@ def read_unmapped(path: Path) -> recordings.Recording:
     if path.is_file() and (known := recordings.kind(path)):
         return recordings.read_as(known, path)
     table = path.is_file() and path.name.lower().endswith((".csv", ".csv.gz", ".txt"))
-    return recordings.read_raw_csv(path) if table else recordings.logs.read(path)
+    return recordings.read_raw_csv(path) if table else recordings.read(path)
 
 
 def columns_of(recording: recordings.Recording) -> Iterator[dict[str, Any]]:

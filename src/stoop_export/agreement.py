@@ -10,7 +10,7 @@ import numpy as np
 
 from stoop import Vehicle
 from stoop.extend.arrays import FloatArray
-from stoop.extend.motion import body_loads, late_inputs, motion_loads, parameter_rows
+from stoop.extend.motion import late_inputs, motion_loads, parameter_rows
 from stoop.extend.reports import Bullets, Prose, Section, Sheet, Table, render_sheet
 from stoop.extend.text import NOTHING, ROUNDING, compact, factor_and_unit, number, without_rounding
 from stoop.extend.variables import VARIABLES, WRAPPED
@@ -26,6 +26,15 @@ Axes are force and moment without gravity, at the states of our simulation where
 there, else from its own motion and ours by the same computation. Channels are those of the flight, which the other \
 tool begins at our state. Slope and correlation are those of the tool's values over ours; the error is the root mean square of \
 their difference, and beside it as a share of the standard deviation of ours: of an axis, what the tool does not express."""
+
+
+def body_loads(vehicle: Vehicle, rows: FloatArray, states: FloatArray, inputs: FloatArray) -> FloatArray:
+    """Return force, N, and moment about the center of gravity, N m, (6, B) at states (n_x, B) and inputs (n_u, B).
+
+    `rows` are kernel parameters (n_p, B).
+    """
+    rates, _ = vehicle.kernel().evaluate(rows, np.ascontiguousarray(states), np.ascontiguousarray(inputs))
+    return motion_loads(vehicle, states, rates)
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,6 +14,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, Final
 
+import numpy as np
+
 from stoop import Vehicle, trim
 from stoop.extend.arrays import FloatArray
 from stoop.extend.errors import SimulationError, StoopError
@@ -33,6 +35,8 @@ from stoop_export.agreement import (
 )
 from stoop_export.jsbsim_flight import Record, own_readings, relative_differences
 from stoop_export.reference_flight import ReferenceFlight, reference_flight, states_of
+
+FLIP: Final = np.array([1.0, -1.0, -1.0])  #: forward, right, down <-> forward, left, up
 
 
 @dataclass(frozen=True)

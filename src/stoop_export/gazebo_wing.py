@@ -17,8 +17,10 @@ import numpy as np
 from stoop import Vehicle
 from stoop.extend.arrays import FloatArray
 from stoop.extend.errors import SimulationError
-from stoop.extend.motion import Trim, air_density, body_loads, initial_states, neutral_inputs, parameter_rows
-from stoop.extend.vehicles import FULL_DEFLECTION, full_deflection, terms
+from stoop.extend.motion import Trim, air_density, initial_states, neutral_inputs, parameter_rows
+from stoop.extend.vehicles import terms
+from stoop_export.agreement import body_loads
+from stoop_export.autopilot_outputs import FULL_DEFLECTION, full_deflection
 from stoop_export.gazebo_plugins import (
     CONSTANT_JOINT_ANGLE,
     EFFECTS,

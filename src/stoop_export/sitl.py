@@ -21,9 +21,14 @@ from stoop.extend import motion
 from stoop.extend.arrays import FloatArray
 from stoop.extend.errors import VehicleError
 from stoop.extend.units import FOOT, POUND_FORCE
-from stoop.extend.vehicles import FULL_DEFLECTION, full_command, full_deflection
+from stoop.extend.vehicles import full_command
 from stoop_export import jsbsim_aircraft
-from stoop_export.autopilot_outputs import check_rotor_channels, surface_role
+from stoop_export.autopilot_outputs import (
+    FULL_DEFLECTION,
+    check_rotor_channels,
+    full_deflection,
+    surface_role,
+)
 from stoop_export.jsbsim_flight import Record, Settings
 from stoop_export.jsbsim_model import THRUST, channel, component, leaf, node, number, prop, value
 

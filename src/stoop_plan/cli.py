@@ -14,11 +14,12 @@ from typing import TYPE_CHECKING, Any, Final
 from stoop.extend.errors import FlightError, ManeuverError, SimulationError, VehicleError
 from stoop.extend.files import check_target, check_targets
 from stoop.extend.fits import estimate_blocks
-from stoop.extend.motion import MANUAL_THROTTLE, unit_of
+from stoop.extend.motion import unit_of
 from stoop.extend.notices import as_notice
 from stoop.extend.text import count, enumerated, remaining
 from stoop.extend.variables import EULER, RATES
 from stoop.extend.verbs import LiveLine, Page, Watch, fixed, numbers, options, page, points, words
+from stoop_plan.injection_targets import MANUAL_THROTTLE
 
 if TYPE_CHECKING:
     from stoop import Vehicle

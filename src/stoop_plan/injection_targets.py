@@ -31,6 +31,13 @@ from stoop.extend.arrays import FloatArray
 from stoop.extend.errors import SimulationError
 from stoop.extend.files import csv_text
 from stoop_plan.injection import AXES, AXIS_OF, Injection, Target, corners, pair, template
+from stoop_plan.input_design.information import amplitude_text
+
+#: `mode_systemid.cpp`: "Axis requires manual throttle"
+MANUAL_THROTTLE: Final = (
+    "enter System ID in flight from a mode with manual throttle (Stabilize, Acro): newer firmware refuses others, and "
+    "throughout the sweep the throttle stick alone holds the height"
+)
 
 NUMBERS: Final = (
     "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten", "eleven", "twelve",
@@ -99,7 +106,7 @@ def _line(injection: Injection, spec: motion.Steps) -> str:
     axis, moment = max(injection.moments(spec.control).items(), key=lambda item: abs(item[1]))
     throw = injection.throws.get(spec.control)
     stick = f" ({100.0 * abs(spec.amplitude) / throw:.0f} % of the stick)" if throw else ""
-    stop = motion.amplitude_text(spec.control, abs(spec.amplitude))
+    stop = amplitude_text(spec.control, abs(spec.amplitude))
     counts = round(spec.step / (injection.beat or 1.0))
     rows = [f"{spec.control.upper()} {spec.shape}: stop at {stop}{stick}", f'   {"":{WIDTH}} "steady"']
     for i, length in enumerate(motion.PATTERNS[spec.shape]):
@@ -204,7 +211,7 @@ def _sweeps(injection: Injection) -> dict[str, str]:
                 raise SimulationError(
                     f"ardupilot: {key} of {spec.control} would be {values[key]:.4g}, outside {low:g} to {high:g}; {advice}"
                 )
-        out[f"sid_{spec.control}.param"] = _text(COPTER, values, f"# {motion.MANUAL_THROTTLE}\n")
+        out[f"sid_{spec.control}.param"] = _text(COPTER, values, f"# {MANUAL_THROTTLE}\n")
     return {**out, "ardupilot.param": _text(COPTER, _logs(COPTER_BITS))}
 
 

@@ -12,9 +12,10 @@ import numpy as np
 from stoop import Flight
 from stoop.extend import reports
 from stoop.extend.flights import commands
-from stoop.extend.motion import MANUAL_THROTTLE, unit_of
+from stoop.extend.motion import unit_of
 from stoop.extend.text import NOTHING, factor_and_unit, number, readable_unit
 from stoop.extend.variables import RATES, VARIABLES, VELOCITY
+from stoop_plan.injection_targets import MANUAL_THROTTLE
 
 if TYPE_CHECKING:  # the page of a flight takes colors and commands from here, and needs no optimization
     from stoop.extend.flights import Found, Proposed

@@ -138,13 +138,13 @@ def fly_under_law(
         saturated.append(law.excess(achieved)[:, 0] != 0.0)
     sampled = slice(None, None, every)
     kept = np.array(states[sampled])
-    readings = motion.trajectories.readings_along(vehicle, body.rows, kept, np.array(received[sampled]))[None]
+    readings = motion.readings_along(vehicle, body.rows, kept, np.array(received[sampled]))[None]
     return FlownUnderLaw(
         course.point,
         course.time[sampled],
         centered_means(course.inputs, every),
         motion.late_outputs(vehicle, readings, body.rows, every / course.rate)[0],
-        motion.trajectories.over_ground(vehicle, course.point, kept) + course.wind[sampled],
+        motion.over_ground(vehicle, course.point, kept) + course.wind[sampled],
         np.array(clipped[sampled]),
         kept,
         attitude_error=np.array(errors[sampled]),
@@ -230,7 +230,7 @@ class _Body:
 
     def __init__(self, vehicle: Vehicle, course: Course, rng: np.random.Generator) -> None:
         self.vehicle, self.rows = vehicle, course.point.lanes(vehicle).rows
-        start = {**course.point.start, **motion.trajectories.gust_start(vehicle, rng)}
+        start = {**course.point.start, **motion.gust_start(vehicle, rng)}
         self.state = motion.initial_states(vehicle, start, self.rows, course.inputs[0])
         self.steps = max(1, math.ceil(STEP_RATE / course.rate))
         self.dt = 1.0 / (course.rate * self.steps)

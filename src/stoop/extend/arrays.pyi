@@ -2,7 +2,6 @@ from stoop.base.arrays import BoolArray as BoolArray
 from stoop.base.arrays import ComplexArray as ComplexArray
 from stoop.base.arrays import FloatArray as FloatArray
 from stoop.base.arrays import IntArray as IntArray
-from stoop.base.arrays import empty_columns as empty_columns
 from stoop.base.arrays import run_slices as run_slices
 from stoop.base.arrays import runs as runs
 from stoop.base.arrays import within_range as within_range
@@ -12,7 +11,6 @@ from stoop.base.robust import MAD as MAD
 from stoop.base.robust import huber_weights as huber_weights
 from stoop.base.robust import robust_std as robust_std
 from stoop.base.robust import white_noise as white_noise
-from stoop.base.rotations import FLIP as FLIP
 from stoop.base.rotations import conjugate as conjugate
 from stoop.base.rotations import euler_angles as euler_angles
 from stoop.base.rotations import normalized as normalized

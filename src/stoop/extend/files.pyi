@@ -9,7 +9,6 @@ from stoop.base.files import utf8_text as utf8_text
 from stoop.base.files import write_bytes_atomic as write_bytes_atomic
 from stoop.base.files import write_files as write_files
 from stoop.base.files import write_text_atomic as write_text_atomic
-from stoop.base.interrupts import blocked_interrupts as blocked_interrupts
 from stoop.base.schema_errors import first_complaint as first_complaint
 from stoop.base.streams import flush_or_discard as flush_or_discard
 from stoop.base.toml import MAX_BYTES as MAX_BYTES

@@ -15,7 +15,6 @@ from stoop.assessment.modes import Condition as Condition
 from stoop.assessment.uncertainty import MAX_RHAT as MAX_RHAT
 from stoop.estimate import methods as methods
 from stoop.estimate.estimate import Estimate as Estimate
-from stoop.estimate.fit import DEFAULTS as DEFAULTS
 from stoop.estimate.noise import correlation_times as correlation_times
 from stoop.estimate.regression import kind_of as kind_of
 from stoop.estimate.regression.aircraft import AircraftEquations as AircraftEquations
@@ -62,10 +61,8 @@ from stoop.results.text import estimate_blocks as estimate_blocks
 from stoop.results.uncertainty import Interval as Interval
 from stoop.results.uncertainty import MethodIntervals as MethodIntervals
 from stoop.strategy.assumptions import assume as assume
-from stoop.strategy.bounds import BOUNDS as BOUNDS
 from stoop.strategy.decision import Change as Change
 from stoop.strategy.decision import Setup as Setup
-from stoop.strategy.gusts import GUSTS as GUSTS
 from stoop.strategy.run import FIT_ALONE as FIT_ALONE
 from stoop.strategy.run import fit as fit
 from stoop.strategy.run import setup_of as setup_of

@@ -1,4 +1,3 @@
-from stoop import logs as logs
 from stoop.logs import crazyflie as crazyflie
 from stoop.logs import dataflash as dataflash
 from stoop.logs.blackbox_units import DSHOT as DSHOT

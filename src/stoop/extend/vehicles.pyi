@@ -3,7 +3,6 @@ from stoop.checks.rotors import foreign_motors as foreign_motors
 from stoop.checks.vehicle import check_vehicle as check_vehicle
 from stoop.checks.vehicle import inertia_notices as inertia_notices
 from stoop.checks.vehicle import require_channels as require_channels
-from stoop.vehicle import defaults as defaults
 from stoop.vehicle import schema as schema
 from stoop.vehicle import terms as terms
 from stoop.vehicle.arrays import array_equations as array_equations
@@ -13,14 +12,11 @@ from stoop.vehicle.atmosphere import polynomial_density as polynomial_density
 from stoop.vehicle.builtin import BUILT_IN as BUILT_IN
 from stoop.vehicle.builtin import builtin_text as builtin_text
 from stoop.vehicle.builtin import builtin_title as builtin_title
-from stoop.vehicle.builtin import builtin_vehicle as builtin_vehicle
 from stoop.vehicle.defaults import COEFFICIENTS as COEFFICIENTS
 from stoop.vehicle.defaults import EQUATION_1 as EQUATION_1
-from stoop.vehicle.defaults import FULL_DEFLECTION as FULL_DEFLECTION
 from stoop.vehicle.defaults import MOMENT_ARMS as MOMENT_ARMS
 from stoop.vehicle.defaults import SHORTEST_LAG as SHORTEST_LAG
 from stoop.vehicle.defaults import full_command as full_command
-from stoop.vehicle.defaults import full_deflection as full_deflection
 from stoop.vehicle.document import keys_of as keys_of
 from stoop.vehicle.document import write_entry as write_entry
 from stoop.vehicle.document import write_fields as write_fields
@@ -38,7 +34,6 @@ from stoop.vehicle.schema import WIND as WIND
 from stoop.vehicle.symbolic import airflow as airflow
 from stoop.vehicle.symbolic import build_model as build_model
 from stoop.vehicle.symbolic import forces as forces
-from stoop.vehicle.symbolic import frames as frames
 from stoop.vehicle.symbolic import readings as readings
 from stoop.vehicle.symbolic.frames import Air as Air
 from stoop.vehicle.symbolic.frames import Numbers as Numbers

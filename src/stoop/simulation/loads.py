@@ -31,15 +31,6 @@ def air_density(vehicle: Vehicle, point: Trim) -> float:
     return vehicle.value("environment.density")
 
 
-def body_loads(vehicle: Vehicle, rows: FloatArray, states: FloatArray, inputs: FloatArray) -> FloatArray:
-    """Return force, N, and moment about the center of gravity, N m, (6, B) at states (n_x, B) and inputs (n_u, B).
-
-    `rows` are kernel parameters (n_p, B).
-    """
-    rates, _ = vehicle.kernel().evaluate(rows, np.ascontiguousarray(states), np.ascontiguousarray(inputs))
-    return motion_loads(vehicle, states, rates)
-
-
 def motion_loads(vehicle: Vehicle, states: FloatArray, rates: FloatArray) -> FloatArray:
     """Return force, N, and moment, N m, (6, B), that give states (n_x, B) their derivatives (n_x, B)."""
     at = {name: i for i, name in enumerate(vehicle.states)}

@@ -57,6 +57,29 @@ MODEL_POINTS: Final = 300
 FIT_BAND: Final = (1.0, 10.0)
 
 
+@dataclass(frozen=True, eq=False)
+class AxisCommands:
+    """Rotor channels as accelerations about a steady flight, after all lags: those that they command, and how."""
+
+    channels: tuple[str, ...]
+    effect: FloatArray  #: (4, m), accelerations `AXES` per unit of each channel
+    mixing: FloatArray  #: (m, 4), the smallest channels that command one unit of an acceleration alone
+
+
+def axis_commands(
+    vehicle: Vehicle, start: Mapping[str, float | FloatArray], inputs: FloatArray
+) -> AxisCommands:
+    """Return the axes that the rotors of a vehicle command about a state and channels (n_u,); see :func:`effects`.
+
+    Raises
+    ------
+    SimulationError
+        They do not command all four, each apart from the others.
+    """
+    effect = motion.effects(vehicle, start, inputs, {})
+    return AxisCommands(motion.channel_range(vehicle).names, effect, motion.allocation(vehicle, effect))
+
+
 @takes_model_or_vehicle
 def frequency(
     model: FittedModel | Vehicle,
@@ -175,7 +198,7 @@ def _columns(
 
 
 def control_inputs(
-    vehicle: Vehicle, recorded: Mapping[str, FloatArray], axes: motion.AxisCommands | None
+    vehicle: Vehicle, recorded: Mapping[str, FloatArray], axes: AxisCommands | None
 ) -> dict[str, FloatArray]:
     """Return commanded deflections, rad, and accelerations about the axes of rotors, of recorded channels, (n,) each.
 
@@ -285,7 +308,7 @@ class SteadyModel:
     vehicle: Vehicle
     condition: dict[str, float]  #: airspeed (m/s), altitude (m), density (kg/m3), of those that are known
     point: motion.Trim | None
-    axes: motion.AxisCommands | None  #: of a vehicle with rotors
+    axes: AxisCommands | None  #: of a vehicle with rotors
     why: str = ""  #: there is no point
 
 
@@ -304,7 +327,7 @@ def steady_model(flights: Sequence[Flight], masks: Mapping[str, BoolArray], vehi
     try:
         density = condition.get("density") if "density" in plain.inputs else None
         point = trim(plain, condition.get("airspeed"), condition.get("altitude", 200.0), density=density)
-        axes = motion.axis_commands(plain, point.start, point.inputs) if plain.rotors else None
+        axes = axis_commands(plain, point.start, point.inputs) if plain.rotors else None
     except SimulationError as error:
         return SteadyModel(plain, condition, None, None, str(error))
     return SteadyModel(plain, condition, point, axes)

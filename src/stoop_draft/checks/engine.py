@@ -26,6 +26,11 @@ from stoop_draft.checks.entries import Change, Lines, where
 State = TypeVar("State")
 
 
+def empty_columns(columns: Mapping[str, FloatArray]) -> set[str]:
+    """Return the names of the columns without a finite number, which show nothing to any detector."""
+    return {name for name, x in columns.items() if not np.isfinite(x).any()}
+
+
 @dataclass(frozen=True)
 class Thresholds:
     """Limits of the test, chosen so that no clean simulated flight is accused (tests/unit/checks/test_clean_flights.py)."""

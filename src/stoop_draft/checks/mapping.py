@@ -10,13 +10,13 @@ import numpy as np
 
 from stoop import Flight, Notice
 from stoop.extend import flights
-from stoop.extend.arrays import BoolArray, FloatArray, empty_columns
+from stoop.extend.arrays import BoolArray, FloatArray
 from stoop.extend.errors import FlightError
 from stoop.extend.notices import Value, attempt, notice
 from stoop.extend.variables import EULER, RATES, VARIABLES
 from stoop_draft.checks.air import Air
 from stoop_draft.checks.controls import Controls
-from stoop_draft.checks.engine import Edit, Finding, Range, Residuals, search
+from stoop_draft.checks.engine import Edit, Finding, Range, Residuals, empty_columns, search
 from stoop_draft.checks.entries import TABLE, Line, Lines, read_lines, ready_line, where
 from stoop_draft.checks.flight_path import FlightPath
 from stoop_draft.checks.frames import frame_edits

@@ -10,11 +10,10 @@ from typing import Final
 
 import numpy as np
 
-from stoop import Flight
+from stoop import Flight, load_vehicle
 from stoop.extend.flights import FLYING, flying, rotor_pulses
 from stoop.extend.units import STANDARD_GRAVITY
 from stoop.extend.variables import MOTORS, OUTPUT_PINS, ROTORS, Point, Spin
-from stoop.extend.vehicles import builtin_vehicle
 from stoop_draft.vehicle_draft.apriori import Apriori
 from stoop_draft.vehicle_draft.autopilot import DEFAULT_PULSES, Motor, Scale, Setup
 from stoop_draft.vehicle_draft.controls import ENOUGH, recorded
@@ -229,7 +228,7 @@ def _of_template(flight: Flight | None, count: int, name: str) -> Lift | None:
         channels = channels[:count]
     if not name or len(channels) != count:
         return None
-    like = builtin_vehicle(name)
+    like = load_vehicle(name)
     rotors = []
     for channel, (own, rotor) in zip(channels, like.file.rotor.items(), strict=True):
         x, y, z = (like.value(f"rotor.{own}.position.{axis}") for axis in "xyz")

@@ -25,7 +25,7 @@ from stoop.extend import fits
 from stoop.extend.arrays import FloatArray
 from stoop.extend.errors import IdentificationError, SimulationError
 from stoop.extend.flights import Window
-from stoop.extend.motion import Maneuver, Trim, amplitude_text, inputs_about, simulate_together
+from stoop.extend.motion import Maneuver, Trim, inputs_about, simulate_together, unit_of
 from stoop_plan.input_design.sensitivity import BOX_INFORMATION, PIECES, CandidateProblem, VehicleInformation
 
 Span = tuple[float, float]
@@ -44,6 +44,12 @@ ROTOR_WIDTH: Final = {
     **dict.fromkeys(("vn", "ve", "vd"), 4.0), **dict.fromkeys(("p", "q", "r"), math.radians(150.0)),
     **dict.fromkeys(("phi", "theta"), math.radians(25.0)),
 }  #: about hover, m/s, rad/s, rad  # fmt: skip
+
+
+def amplitude_text(control: str, value: float) -> str:
+    """Return an amplitude of an input, SI, with its unit."""
+    unit = unit_of(control)
+    return f"{math.degrees(value):.3g} deg" if unit == "rad" else f"{value:.3g} {unit}"
 
 
 @dataclass(frozen=True)

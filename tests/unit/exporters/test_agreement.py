@@ -6,10 +6,17 @@ import numpy as np
 import pytest
 
 from stoop.simulation import trim
-from stoop.simulation.loads import body_loads
 from stoop.vehicle import parse_vehicle
 from stoop.vehicle.builtin import builtin_text, builtin_vehicle
-from stoop_export.agreement import AXES, Compared, agreement_table, loads_along, loads_of_path, percent
+from stoop_export.agreement import (
+    AXES,
+    Compared,
+    agreement_table,
+    body_loads,
+    loads_along,
+    loads_of_path,
+    percent,
+)
 from stoop_export.exporter import cost_without_actuators
 from stoop_export.reference_flight import reference_flight, reference_record, states_of
 
