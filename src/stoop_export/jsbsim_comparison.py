@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from stoop.extend.arrays import FloatArray
-from stoop.extend.motion import rigid_loads
-from stoop_export.agreement import AXES, Compared, has_axes, loads_at
+from stoop_export.agreement import AXES, Compared, has_axes, loads_at, rigid_loads
 from stoop_export.jsbsim_flight import (
     PLANET,
     Record,

@@ -9,9 +9,9 @@ import numpy as np
 
 from stoop import Vehicle
 from stoop.extend.arrays import FloatArray, euler_angles, normalized, to_body
-from stoop.extend.motion import commanded, parameter_rows, rigid_loads
+from stoop.extend.motion import commanded, parameter_rows
 from stoop.extend.verbs import install
-from stoop_export.agreement import AXES, Compared, loads_along
+from stoop_export.agreement import AXES, Compared, loads_along, rigid_loads
 from stoop_export.exporter import FLIP, Exported, encoded, installed, load_script, written
 from stoop_export.mujoco_model import mujoco_model
 from stoop_export.parameter_sets import RandomizedExporter

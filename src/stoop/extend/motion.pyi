@@ -35,8 +35,6 @@ from stoop.simulation.linearize import modes_of as modes_of
 from stoop.simulation.linearize import tracked_eigenvalues as tracked_eigenvalues
 from stoop.simulation.loads import air_density as air_density
 from stoop.simulation.loads import inertia_tensor as inertia_tensor
-from stoop.simulation.loads import motion_loads as motion_loads
-from stoop.simulation.loads import rigid_loads as rigid_loads
 from stoop.simulation.maneuver import Harmonics as Harmonics
 from stoop.simulation.maneuver import Input as Input
 from stoop.simulation.maneuver import Levels as Levels
