@@ -24,11 +24,11 @@ FLAG = re.compile(
 )  #: tests whether a vehicle has rotors
 #: package, or room of the core -> lines at most; "stoop" is the whole core
 BUDGETS = {
-    "stoop": 53797,
+    "stoop": 53803,
     "stoop_analysis": 6447,
     "stoop_app": 4022,
     "stoop_draft": 7293,
-    "stoop_export": 7343,
+    "stoop_export": 7337,
     "stoop_fleet": 3659,
     "stoop_plan": 5297,
     "stoop_studies": 15042,
@@ -51,7 +51,7 @@ BUDGETS = {
     "report": 3237,
     "results": 1360,
     "simulation": 3055,
-    "strategy": 1488,
+    "strategy": 1494,
     "vehicle": 3692,
     "workflow": 2423,
 }

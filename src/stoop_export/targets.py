@@ -19,16 +19,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Target:
-    """A row of the table.
+    """A row of the table."""
 
-    Attributes
-    ----------
-    title : the tool, as the app and the documentation name it
-    exporter : place ``module:class`` of what writes its files; imported when the target is chosen
-    """
-
-    title: str
-    exporter: str
+    title: str  #: the tool, as the app and the documentation name it
+    exporter: str  #: place ``module:class`` of what writes its files; imported when the target is chosen
 
     def load(self) -> Any:
         """Return what writes its files."""

@@ -6,14 +6,14 @@ from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Any, Final, Literal
 
-from stoop.base.packages import guarded, resolved, rows
+from stoop.base.packages import guarded, resolved, rows, warn
 from stoop.base.text import nearest
-from stoop.errors import IdentificationError
+from stoop.errors import IdentificationError, StoopError
 from stoop.estimate.treatment import Treatment
 from stoop.results.uncertainty import COMPONENTS
 from stoop.strategy.assumptions import ASSUMPTIONS
 from stoop.strategy.bounds import BOUNDS
-from stoop.strategy.decision import Decision
+from stoop.strategy.decision import Decision, Fitter, Setup
 from stoop.strategy.extensions import EXTENSIONS
 from stoop.strategy.faults import FAULTS
 from stoop.strategy.gusts import GUSTS
@@ -59,14 +59,20 @@ def _offered() -> list[Decision]:
     for package, name, row in rows("decisions", [one.name for one in _BUILT_IN]):
         with guarded(package, f"its decision '{name}'"):
             points: dict[str, Any] = {
-                point: partial(_call, str(row[point])) for point in POINTS if point in row
+                point: partial(_call, package, str(row[point])) for point in POINTS if point in row
             }
             found.append(Decision(name, str(row["question"]), row.get("default") is True, **points))
     return found
 
 
-def _call(place: str, *given: Any) -> Any:
-    return resolved(place)(*given)
+def _call(package: str, place: str, setup: Setup, *fitter: Fitter) -> Any:
+    """Take a decision of a package; one that cannot be imported is left out."""
+    try:
+        decide = resolved(place)
+    except (StoopError, ImportError) as error:
+        warn(package, f"a decision is left out: {error}")
+        return fitter[0](setup) if fitter else None
+    return decide(setup, *fitter)
 
 
 DECISIONS: Final = (*_BUILT_IN, *_offered())
