@@ -40,6 +40,7 @@ templates_path = ["_templates"]
 myst_enable_extensions = ["dollarmath", "colon_fence"]
 myst_heading_anchors = 3
 autosummary_generate = True
+suppress_warnings = ["autosummary.import_cycle"]  # of names of packages, which stand with those of stoop
 autodoc_member_order = "bysource"
 autodoc_typehints = "none"  # the docstrings say shapes and units, which hints cannot
 napoleon_google_docstring = False

@@ -35,17 +35,13 @@ from typing import Any, Final
 
 import numpy as np
 
-from stoop.base.arrays import BoolArray, FloatArray
-from stoop.base.dual import Dual
-from stoop.base.numbers import without_rounding
-from stoop.base.variables import VARIABLES
-from stoop.errors import SimulationError
-from stoop.simulation.initial import commanded, initial_states, parameter_rows
-from stoop.simulation.linearize import input_mixing
-from stoop.simulation.loads import air_density, inertia_tensor
-from stoop.simulation.trim import Trim
-from stoop.vehicle import Vehicle
-from stoop.vehicle.arrays import array_equations
+from stoop import Vehicle
+from stoop.extend import motion
+from stoop.extend.arrays import BoolArray, Dual, FloatArray
+from stoop.extend.errors import SimulationError
+from stoop.extend.text import without_rounding
+from stoop.extend.variables import VARIABLES
+from stoop.extend.vehicles import array_equations
 
 LOADS: Final = ("X", "Y", "Z", "L", "M", "N")
 MOTIONS: Final = ("u", "v", "w", "p", "q", "r")
@@ -211,7 +207,9 @@ def _certain(known: ParameterCovariance) -> BoolArray:
     return np.isfinite(np.diag(known.covariance))
 
 
-def derivatives(vehicle: Vehicle, point: Trim, known: ParameterCovariance | None = None) -> Derivatives:
+def derivatives(
+    vehicle: Vehicle, point: motion.Trim, known: ParameterCovariance | None = None
+) -> Derivatives:
     """Return the derivatives of a vehicle about a steady flight, along body axes.
 
     Parameters
@@ -235,7 +233,9 @@ def derivatives(vehicle: Vehicle, point: Trim, known: ParameterCovariance | None
     if vehicle.reduce != "full" or vehicle.motion:
         raise SimulationError(f"{vehicle.where}: derivatives need the full equations; remove the reduction")
     known = ParameterCovariance() if known is None else known
-    states = initial_states(vehicle, point.start, parameter_rows(vehicle, point.changes), point.inputs)[:, 0]
+    states = motion.initial_states(
+        vehicle, point.start, motion.parameter_rows(vehicle, point.changes), point.inputs
+    )[:, 0]
     velocity = np.array([states[vehicle.states.index(n)] for n in "uvw"])
     values = _values(vehicle, point, states)
     columns = []
@@ -256,16 +256,18 @@ def derivatives(vehicle: Vehicle, point: Trim, known: ParameterCovariance | None
     reference = {}
     if vehicle.file.reference is not None:
         reference = {n: vehicle.value(f"reference.{n}") for n in ("area", "span", "chord")}
-        reference["density"] = air_density(vehicle, point)
+        reference["density"] = motion.air_density(vehicle, point)
     alpha = math.atan2(velocity[2], velocity[0]) if float(velocity @ velocity) > 0.0 else 0.0
-    units = {n: "rad" if n in vehicle.controls else VARIABLES[n].unit for n in input_mixing(vehicle)[0]}
+    units = {
+        n: "rad" if n in vehicle.controls else VARIABLES[n].unit for n in motion.input_mixing(vehicle)[0]
+    }
     controls = {n: "unit" if u == "1" else u for n, u in units.items()}
     return Derivatives("body", alpha, controls, velocity, reference, values, sensitivity, known)
 
 
-def _values(vehicle: Vehicle, point: Trim, states: FloatArray) -> FloatArray:
+def _values(vehicle: Vehicle, point: motion.Trim, states: FloatArray) -> FloatArray:
     """Return what `Derivatives.values` holds, at given states (n_x,)."""
-    rows = parameter_rows(vehicle, point.changes)
+    rows = motion.parameter_rows(vehicle, point.changes)
     seeds = _seeds(vehicle, rows, point.inputs)
     n = len(states)
     both = [Dual(x, s) for x, s in zip([*states, *point.inputs], seeds, strict=True)]
@@ -275,7 +277,7 @@ def _values(vehicle: Vehicle, point: Trim, states: FloatArray) -> FloatArray:
     V, omega = ([both[at[a]] for a in axes] for axes in ("uvw", "pqr"))
     V_rate, omega_rate = ([rates[at[a]] for a in axes] for axes in ("uvw", "pqr"))
     mass = vehicle.value("mass.mass")
-    inertia = inertia_tensor(vehicle).tolist()
+    inertia = motion.inertia_tensor(vehicle).tolist()
     e0, e1, e2, e3 = (float(states[at[f"e{i}"]]) for i in range(4))
     down = (2.0 * (e1 * e3 - e0 * e2), 2.0 * (e2 * e3 + e0 * e1), e0**2 - e1**2 - e2**2 + e3**2)
     gravity = vehicle.value("environment.gravity")
@@ -302,11 +304,11 @@ def _cross(a: Sequence[Any], b: Sequence[Any]) -> list[Any]:
 
 def _seeds(vehicle: Vehicle, rows: FloatArray, inputs: FloatArray) -> FloatArray:
     """Return how states and inputs (n_x + n_u, 6 + n_controls) move with each motion and control, lags settled."""
-    controls, mixing = input_mixing(vehicle)
+    controls, mixing = motion.input_mixing(vehicle)
     n = len(vehicle.states)
     out = np.zeros((n + len(inputs), 6 + len(controls)))
-    for j, motion in enumerate(MOTIONS):
-        out[vehicle.states.index(motion), j] = 1.0
+    for j, state in enumerate(MOTIONS):
+        out[vehicle.states.index(state), j] = 1.0
     out[n : n + len(mixing), 6:] = mixing
     for state in vehicle.states:
         if state.endswith(".lag"):
@@ -314,7 +316,10 @@ def _seeds(vehicle: Vehicle, rows: FloatArray, inputs: FloatArray) -> FloatArray
             step = 1e-3 * mixing
             moved = [
                 float(
-                    (commanded(vehicle, own, rows, inputs + s) - commanded(vehicle, own, rows, inputs - s))[0]
+                    (
+                        motion.commanded(vehicle, own, rows, inputs + s)
+                        - motion.commanded(vehicle, own, rows, inputs - s)
+                    )[0]
                 )
                 for s in step.T
             ]

@@ -20,12 +20,11 @@ from typing import Final, Literal
 import numpy as np
 from scipy.special import log_ndtr, ndtri_exp
 
-from stoop.assessment.covariance import standard_errors
-from stoop.base.arrays import FloatArray
-from stoop.base.notices import Notice, notice
-from stoop.errors import StoopError
-from stoop.results.result import ParameterEstimate, Result
-from stoop.vehicle import Vehicle
+from stoop import Notice, Vehicle
+from stoop.extend.arrays import FloatArray
+from stoop.extend.errors import StoopError
+from stoop.extend.fits import ParameterEstimate, Result, standard_errors
+from stoop.extend.notices import notice
 
 Source = Literal["posterior", "covariance"]
 POSTERIOR_FILE: Final = "posterior.nc"

@@ -23,13 +23,9 @@ from typing import Final
 import numpy as np
 from scipy.optimize import least_squares
 
-from stoop.assessment.covariance import NORMAL_95
-from stoop.assessment.modes import Condition
-from stoop.base.arrays import FloatArray
-from stoop.base.notices import notice
-from stoop.estimate.estimate import Estimate
-from stoop.estimate.noise import correlation_times
-from stoop.results.modes import DerivedValue, MeasuredMode, ModeEstimate
+from stoop.extend import fits
+from stoop.extend.arrays import FloatArray
+from stoop.extend.notices import notice
 
 CHANNELS: Final[Mapping[str, tuple[str, ...]]] = {
     "short period": ("q", "alpha"),
@@ -48,7 +44,9 @@ MAX_ERRORS: Final = (0.2, 0.15)  #: standard errors of frequency, in parts of it
 PARTS: Final = ((0.1, 1.0), (0.2, 1.0), (0.3, 1.0), (0.0, 0.9), (0.0, 0.8), (0.0, 0.7))
 
 
-def measured_modes(fit: Estimate, condition: Condition, mode: ModeEstimate) -> tuple[MeasuredMode, ...]:
+def measured_modes(
+    fit: fits.Estimate, condition: fits.Condition, mode: fits.ModeEstimate
+) -> tuple[fits.MeasuredMode, ...]:
     """Return what followed the last motion of the controls in the last piece of each maneuver shows of a mode."""
     vehicle, out = fit.problem.layout.vehicle, []
     names = dict.fromkeys(c for control in vehicle.controls for c in vehicle.channels_of(control))
@@ -80,21 +78,21 @@ def free_response(time: FloatArray, controls: FloatArray, channels: Mapping[str,
 
 def measured_mode(
     name: str, maneuver: int, free: FreeResponse, expected: float, airspeed: float = math.nan
-) -> MeasuredMode:
+) -> fits.MeasuredMode:
     """Return frequency and damping of a mode as the free response shows them, or why it does not.
 
     The frequency `expected` of the model, rad/s, decides only how long a response is used, and whether there is enough of it;
     `airspeed`, m/s, is that of the flight condition, see :func:`elsewhere`; NaN where it does not matter.
     """
     if not len(free.time):
-        return MeasuredMode(maneuver, remark=notice("response-no-rest", name))
+        return fits.MeasuredMode(maneuver, remark=notice("response-no-rest", name))
     if name not in CHANNELS:
-        return MeasuredMode(maneuver, remark=notice("response-no-oscillation", name))
+        return fits.MeasuredMode(maneuver, remark=notice("response-no-oscillation", name))
     whole, period = float(free.time[-1] - free.time[0]), 2.0 * math.pi / max(expected, 1e-6)
     used = free.time - free.time[0] <= MAX_PERIODS * period
     free = FreeResponse(free.time[used], {channel: y[used] for channel, y in free.channels.items()})
     columns = {c: free.channels[c] for c in CHANNELS[name] if c in free.channels}
-    place = MeasuredMode(maneuver, float(free.time[0]), float(free.time[-1]), tuple(columns))
+    place = fits.MeasuredMode(maneuver, float(free.time[0]), float(free.time[-1]), tuple(columns))
     if whole < MIN_PERIODS * period:
         short = notice("response-too-short", name, duration=whole, periods=whole / period)
         return replace(place, remark=short)
@@ -115,7 +113,7 @@ def measured_mode(
     if not (np.all(error < MAX_ERRORS) and damping < MAX_DAMPING - 1e-6):
         return replace(place, remark=notice("response-inaccurate", name))
     pairs = ((frequency, frequency * float(error[0])), (damping, float(error[1])))
-    found = [DerivedValue(v, s, v - NORMAL_95 * s, v + NORMAL_95 * s) for v, s in pairs]
+    found = [fits.DerivedValue(v, s, v - fits.NORMAL_95 * s, v + fits.NORMAL_95 * s) for v, s in pairs]
     return replace(place, frequency=found[0], damping=found[1])
 
 
@@ -188,7 +186,7 @@ class _Oscillation:
         J = np.column_stack([(self.residuals(x + d) - self.residuals(x - d)) / 2e-5 for d in step])
         left = np.full_like(self.y, np.nan)
         left[np.isfinite(self.y)] = self.residuals(x)
-        longer = correlation_times([left], float(self.t[1] - self.t[0]))
+        longer = fits.correlation_times([left], float(self.t[1] - self.t[0]))
         taken = 2.0 / left.shape[1] + 2.0 + self.slower.shape[1]
         free = np.maximum(np.isfinite(left).sum(axis=0) - taken, 1.0)
         power = longer * np.nansum(left**2, axis=0) / free

@@ -15,18 +15,14 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from stoop.assessment.covariance import NORMAL_95
-from stoop.base.arrays import BoolArray, ComplexArray, FloatArray
-from stoop.base.notices import Notice, notice
-from stoop.base.text import Summarized
-from stoop.errors import FlightError
-from stoop.flight.frequency_responses import FrequencyResponse, decibels
-from stoop.problem.windows import Window
-from stoop.results.result import Result
-from stoop.simulation import LinearModel, Trim
-from stoop.simulation.linearize import linearize, linearize_lanes
-from stoop.simulation.steady_flight import neighbors
-from stoop.vehicle import Vehicle
+from stoop import Notice, Vehicle
+from stoop.extend.arrays import BoolArray, ComplexArray, FloatArray
+from stoop.extend.errors import FlightError
+from stoop.extend.fits import NORMAL_95, Result
+from stoop.extend.flights import FrequencyResponse, Window, decibels
+from stoop.extend.motion import LinearModel, Trim, linearize, linearize_lanes, neighbors
+from stoop.extend.notices import notice
+from stoop.extend.text import Summarized
 from stoop_analysis.draws import from_covariance
 from stoop_analysis.handling import Bandwidth, EquivalentSystem
 

@@ -31,10 +31,9 @@ from typing import Final
 import numpy as np
 from scipy.optimize import least_squares
 
-from stoop.assessment.covariance import NORMAL_95
-from stoop.base.arrays import ComplexArray, FloatArray
-from stoop.results.modes import DerivedValue
-from stoop.simulation.rotors import EXCITATIONS
+from stoop.extend.arrays import ComplexArray, FloatArray
+from stoop.extend.fits import NORMAL_95, DerivedValue
+from stoop.extend.motion import EXCITATIONS
 
 NAN: Final = math.nan
 PHASE_WEIGHT: Final = 0.01745  #: (1 deg)^2 as much as so many (1 dB)^2

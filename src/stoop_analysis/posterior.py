@@ -27,16 +27,9 @@ from typing import Final
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
-from stoop.assessment.assessment import Finding, Optimum, Watch, likelihood_optimum, linearize
-from stoop.assessment.error_bars import ErrorBars
-from stoop.assessment.uncertainty import MAX_RHAT
-from stoop.base.arrays import FloatArray
-from stoop.base.blas import on_one_blas_thread
-from stoop.base.notices import notice
-from stoop.estimate.estimate import Estimate
-from stoop.optimize.ledger import inner
-from stoop.optimize.normal_equations import TallMatrix, dense
-from stoop.results.uncertainty import Interval, MethodIntervals
+from stoop.extend import fits
+from stoop.extend.arrays import FloatArray, on_one_blas_thread
+from stoop.extend.notices import notice
 from stoop_analysis.sampling import SAMPLER, Chains, Coordinates, check_libraries, library, sample
 
 FILE: Final = "posterior.nc"
@@ -51,7 +44,7 @@ MIN_EIGENVALUE: Final = 1e-12  #: of the greatest eigenvalue; what is below is t
 class Target:
     """Logarithm of the posterior density of the parameters in the unit box, up to a constant."""
 
-    optimum: Optimum  #: with all entries free
+    optimum: fits.Optimum  #: with all entries free
     stretch: FloatArray  #: (k, k), from a step of the posterior to one of the likelihood, :func:`stretch`
 
     @property
@@ -74,7 +67,7 @@ class Target:
             if not np.isfinite(density[0]):
                 return -np.inf, np.zeros(len(ahead))
             ends = self.optimum.problem.products(ahead, self.optimum.rung, left)
-            return float(density[0]), (inner(left, r) - ends) / STEP
+            return float(density[0]), (fits.inner(left, r) - ends) / STEP
 
     def residuals_along(self, x: FloatArray, directions: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the residuals (n_r,) at a point, and (m, n_r) one step ahead along each of directions (k, m)."""
@@ -104,7 +97,7 @@ class Target:
         return self.optimum.z + np.hstack([steps, steps @ self._follow.T])
 
     @cached_property
-    def _nuisances(self) -> TallMatrix:
+    def _nuisances(self) -> fits.TallMatrix:
         """Derivatives (n_r, E) of the residuals by the nuisances, most of which belong to one maneuver each."""
         return self.optimum.jacobian.of_variables(np.arange(self.size, len(self.optimum.z)))
 
@@ -134,7 +127,7 @@ class Target:
         for z in self._followed(X):
             for _ in range(4 if k < len(z) else 0):
                 r = problem.residuals(z[None, :], rung)[0]
-                jacobian = dense(problem.jacobian(z, rung, r)[0])[:, k:]
+                jacobian = fits.dense(problem.jacobian(z, rung, r)[0])[:, k:]
                 z[k:] -= np.linalg.lstsq(jacobian, r, rcond=None)[0]
             r = problem.residuals(z[None, :], rung)[0]
             found.append(-0.5 * float(r @ r))
@@ -194,7 +187,9 @@ class Posterior:
     name: str = field(default="posterior", init=False)
 
     @on_one_blas_thread
-    def __call__(self, fit: Estimate, bars: ErrorBars, seed: int, watch: Watch) -> Finding:
+    def __call__(
+        self, fit: fits.Estimate, bars: fits.ErrorBars, seed: int, watch: fits.Watch
+    ) -> fits.Finding:
         """Return standard deviations and equal-tailed intervals, and the draws as ``posterior.nc``."""
         check_libraries()
         target = posterior_target(fit, bars)
@@ -207,19 +202,19 @@ class Posterior:
         values = layout.physical(every)
         ends = np.quantile(values, [0.025, 0.975], axis=0)
         rows = zip(fit.estimates, values.std(axis=0).tolist(), *ends.tolist(), strict=True)
-        parameters = {name: Interval(*numbers) for name, *numbers in rows}
+        parameters = {name: fits.Interval(*numbers) for name, *numbers in rows}
         notices = []
         if not chains.converged:
             found = notice(
-                "posterior-not-converged", rhat=figures["rhat"], max_rhat=MAX_RHAT,
+                "posterior-not-converged", rhat=figures["rhat"], max_rhat=fits.MAX_RHAT,
                 sample_size=chains.sample_size, needed=SAMPLER.min_sample_size,
                 std_error=figures["std_error"], max_std_error=SAMPLER.max_std_error,
             )  # fmt: skip
             notices.append(found)
         if error > MAX_DENSITY_ERROR:
             notices.append(notice("posterior-nuisances-nonlinear", error=error))
-        intervals = MethodIntervals(parameters, figures, tuple(notices))
-        return Finding(intervals, {FILE: _file(fit, seed, chains)})
+        intervals = fits.MethodIntervals(parameters, figures, tuple(notices))
+        return fits.Finding(intervals, {FILE: _file(fit, seed, chains)})
 
 
 def posterior() -> Posterior:
@@ -228,13 +223,15 @@ def posterior() -> Posterior:
     return Posterior()
 
 
-def posterior_target(fit: Estimate, bars: ErrorBars) -> Target:
+def posterior_target(fit: fits.Estimate, bars: fits.ErrorBars) -> Target:
     """Return the posterior; its likelihood is stretched to the covariance corrected for color.
 
     It is not where something is not determined. Parameters at a bound keep the variance that the weights give them.
     """
     z = fit.z
-    optimum = likelihood_optimum(fit.refit_problem, linearize(fit.refit_problem, z, np.arange(len(z))))
+    optimum = fits.likelihood_optimum(
+        fit.refit_problem, fits.linearize(fit.refit_problem, z, np.arange(len(z)))
+    )
     plain = Target(optimum, np.eye(optimum.shared))
     k, width = plain.size, fit.problem.layout.width
     free = bars.free[bars.free < k]
@@ -248,7 +245,7 @@ def posterior_target(fit: Estimate, bars: ErrorBars) -> Target:
     return Target(optimum, stretch(plain.information, covariance))
 
 
-def _file(fit: Estimate, seed: int, chains: Chains) -> bytes:
+def _file(fit: fits.Estimate, seed: int, chains: Chains) -> bytes:
     """Return an ArviZ InferenceData as NetCDF, SI units, thinned."""
     arviz = library("arviz")
     layout = fit.problem.layout

@@ -26,8 +26,8 @@ from typing import Final
 import numpy as np
 from scipy.stats import f as fisher
 
-from stoop.flight.frequency_responses import CYCLES, FrequencyResponse, Stretch, estimate_responses
-from stoop.results.extensions import ResponseMisfit
+from stoop.extend.fits import ResponseMisfit
+from stoop.extend.flights import CYCLES, FrequencyResponse, Stretch, estimate_responses
 from stoop_analysis.frequency import known
 
 CHANCE: Final = 0.01  #: that random error alone leaves more than `ResponseMisfit.least`

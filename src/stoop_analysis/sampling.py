@@ -29,11 +29,11 @@ from typing import Any, Final, Protocol, Self
 import numpy as np
 from scipy.special import expit
 
-from stoop.assessment.uncertainty import MAX_RHAT
-from stoop.base.arrays import FloatArray
-from stoop.base.extras import install
-from stoop.errors import IdentificationError
-from stoop.kernels.kernel import thread_count
+from stoop.extend.arrays import FloatArray
+from stoop.extend.errors import IdentificationError
+from stoop.extend.fits import MAX_RHAT
+from stoop.extend.motion import thread_count
+from stoop.extend.verbs import install
 
 
 @dataclass(frozen=True)

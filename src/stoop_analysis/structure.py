@@ -24,16 +24,15 @@ from typing import Final
 import numpy as np
 from scipy.sparse.csgraph import connected_components
 
-from stoop.base.arrays import FloatArray
-from stoop.base.notices import Notice, notice
-from stoop.base.text import nearest
-from stoop.errors import IdentificationError
-from stoop.estimate.regression.aircraft import COEFFICIENTS, History, histories
-from stoop.estimate.regression.least_squares import Domain
-from stoop.flight import Flight
-from stoop.problem.prepare import decoupled, prepare, without_stuck_channels
-from stoop.problem.windows import Window
-from stoop.vehicle import Vehicle, defaults, terms
+from stoop import Flight, Notice, Vehicle
+from stoop.extend import fits
+from stoop.extend.arrays import FloatArray
+from stoop.extend.errors import IdentificationError
+from stoop.extend.fits import histories
+from stoop.extend.flights import Window
+from stoop.extend.notices import notice
+from stoop.extend.text import nearest
+from stoop.extend.vehicles import COEFFICIENTS, terms
 
 MAX_STEPS: Final = 200
 MIN_TOLERANCE: Final = 0.01  #: share of a candidate that is new (variance inflation of 100)
@@ -58,14 +57,14 @@ class Regression:
     X: FloatArray  #: (n, k), a column per candidate
     stretches: tuple[slice, ...]  #: rows of one record each: residuals are correlated within them
     dt: float  #: s
-    domain: Domain
+    domain: fits.Domain
     spent: int = 0  #: degrees of freedom that the constant took
     #: for each column those of the variables that it is a product or power of; empty without marginality
     parents: tuple[tuple[int, ...], ...] = ()
     kept: tuple[int, ...] = ()  #: columns that are in every model
 
     @classmethod
-    def of(cls, signals: Sequence[FloatArray], domain: Domain, dt: float) -> Regression:
+    def of(cls, signals: Sequence[FloatArray], domain: fits.Domain, dt: float) -> Regression:
         """Return the regression on signals (n, 1 + k) of several stretches, y first."""
         rows = [r for s in signals if len(r := domain.rows(s, dt))]
         whole = np.concatenate(rows) if rows else np.empty((0, signals[0].shape[1]))
@@ -313,7 +312,7 @@ def standard_candidates(vehicle: Vehicle) -> dict[str, tuple[str, ...]]:
     even = ("beta^2",) if vehicle.reduce == "full" else ()
     longitudinal = ("alpha", "q", "V", *controls, "alpha^2", "alpha^3", "alpha*q", *products, *even)
     lateral = ("beta", "p", "r", *controls, "alpha*beta", "alpha*p", "alpha*r", "beta^3", *products)
-    return {c: longitudinal if c in ("CL", "CD", "Cm") else lateral for c in defaults.COEFFICIENTS}
+    return {c: longitudinal if c in ("CL", "CD", "Cm") else lateral for c in COEFFICIENTS}
 
 
 def parse_candidates(lines: Iterable[str], vehicle: Vehicle, where: str) -> dict[str, tuple[str, ...]]:
@@ -328,7 +327,7 @@ def parse_candidates(lines: Iterable[str], vehicle: Vehicle, where: str) -> dict
         if not text:
             continue
         coefficient, colon, rest = (part.strip() for part in text.partition(":"))
-        if not colon or coefficient not in defaults.COEFFICIENTS:
+        if not colon or coefficient not in COEFFICIENTS:
             raise IdentificationError(
                 f"{where}: cannot read '{text[:60]}'; write a line per coefficient, e.g. Cm: alpha, q, elevator, alpha^2"
             )
@@ -396,7 +395,7 @@ class Structure:
     """The terms of each coefficient that had candidates, and the histories that they were chosen on."""
 
     chosen: Mapping[str, ChosenTerms]
-    histories: tuple[History, ...]
+    histories: tuple[fits.History, ...]
     notices: tuple[Notice, ...]
 
 
@@ -406,7 +405,7 @@ def determine(
     windows: Sequence[Window],
     candidates: Mapping[str, Sequence[str]],
     choose: Choose,
-    domain: Domain,
+    domain: fits.Domain,
     keep: Sequence[str] = (),
 ) -> Structure:
     """Choose terms among candidates (coefficient -> terms) with `choose`, such as `stepwise`; a constant is always there.
@@ -416,16 +415,16 @@ def determine(
     takes as they are. Candidates of coefficients that are not estimated are ignored. An IdentificationError says that the
     motion was not measured, or for too short a time.
     """
-    vehicle = decoupled(vehicle, flights, windows)
-    prepared = without_stuck_channels(vehicle, prepare(vehicle, flights, windows))
+    vehicle = fits.decoupled(vehicle, flights, windows)
+    prepared = fits.without_stuck_channels(vehicle, fits.prepare(vehicle, flights, windows))
     found = tuple(h for piece in prepared.pieces for h in histories(vehicle, piece))
     if not found:
         raise IdentificationError(f"{vehicle.where}: no coefficient can be computed: {NOT_MEASURED}")
-    estimated = [c for c in COEFFICIENTS[vehicle.reduce] if candidates.get(c)]
+    estimated = [c for c in fits.COEFFICIENTS[vehicle.reduce] if candidates.get(c)]
     if not estimated:
         raise IdentificationError(
             f"{vehicle.where}: no coefficient of the {vehicle.reduce} model has a candidate; "
-            f"name some of {', '.join(COEFFICIENTS[vehicle.reduce])}"
+            f"name some of {', '.join(fits.COEFFICIENTS[vehicle.reduce])}"
         )
     known = {name for c in estimated for name, term in vehicle.terms[c].items() if term.strip() != "1"}
     for name in keep:
@@ -441,8 +440,8 @@ def determine(
 
 
 def _chosen(
-    vehicle: Vehicle, coefficient: str, candidates: tuple[str, ...], found: Sequence[History],
-    choose: Choose, domain: Domain, own: Mapping[str, str], keep: Sequence[str],
+    vehicle: Vehicle, coefficient: str, candidates: tuple[str, ...], found: Sequence[fits.History],
+    choose: Choose, domain: fits.Domain, own: Mapping[str, str], keep: Sequence[str],
 ) -> ChosenTerms:  # fmt: skip
     names, where = {*terms.STATE_VARIABLES, *vehicle.file.controls}, f"{vehicle.where}: {coefficient}:"
     trees = [terms.parse(text, names, coefficient) for text in candidates]

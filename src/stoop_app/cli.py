@@ -8,12 +8,11 @@ import sys
 from pathlib import Path
 from typing import Final
 
-from stoop.base.extras import install
-from stoop.base.streams import flush_or_discard
-from stoop.base.text import show
-from stoop.cli.page import page
-from stoop.errors import StoopError
-from stoop.flight.flight import flight_name
+from stoop.extend.errors import StoopError
+from stoop.extend.files import flush_or_discard
+from stoop.extend.flights import flight_name
+from stoop.extend.text import show
+from stoop.extend.verbs import install, page
 
 FOLDER: Final = "stoop-app"
 NEEDED: Final = f"app: the package panel is not installed; {install('app')}"

@@ -11,12 +11,12 @@ from typing import Any, Final
 
 import tomlkit
 
-from stoop.base.numbers import number
-from stoop.base.toml import parse_source
-from stoop.base.units import FACTORS, KINDS, PULSE_FACTORS
-from stoop.base.variables import VARIABLES
-from stoop.errors import LogError, StoopError
-from stoop.flight.mapping import FlightMapping, Source, flight_mapping
+from stoop.extend.errors import LogError, StoopError
+from stoop.extend.files import parse_source
+from stoop.extend.flights import FlightMapping, Source, flight_mapping
+from stoop.extend.text import number
+from stoop.extend.units import FACTORS, KINDS, PULSE_FACTORS
+from stoop.extend.variables import VARIABLES
 
 WHERE: Final = "mapping.toml"
 FIELDS: Final = ("variable", "unit", "scale", "offset")  #: of a row that can be edited

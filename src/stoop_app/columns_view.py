@@ -9,9 +9,9 @@ from typing import Any, Final
 import pandas as pd
 import panel as pn
 
-from stoop.base.numbers import count
-from stoop.base.variables import VARIABLES
-from stoop.errors import StoopError
+from stoop.extend.errors import StoopError
+from stoop.extend.text import count
+from stoop.extend.variables import VARIABLES
 from stoop_app import columns, parts
 from stoop_app.columns import FIELDS, Row
 from stoop_app.folder import BEFORE, MAPPING, ChangedError, version

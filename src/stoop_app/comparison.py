@@ -7,16 +7,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from stoop.base.arrays import FloatArray
-from stoop.base.numbers import NOTHING, compact, count, factor_and_unit, number, rounded_to_error
-from stoop.base.variables import VARIABLES
-from stoop.report.charts import interval_rows
-from stoop.report.maneuvers import finite_part, maneuver_title, response_range
-from stoop.report.series import Series, Strip
-from stoop.report.sheet import Heading, Legend, Part, Prose, Section, Sheet, Table
-from stoop.report.time_history import RESPONSE_HEIGHT, HistoryPanel, TimeHistory
-from stoop.results.result import ChannelTrace, ManeuverResult, ManeuverTrace, ParameterEstimate, Result
-from stoop.results.uncertainty import Interval
+from stoop.extend import reports
+from stoop.extend.arrays import FloatArray
+from stoop.extend.fits import ChannelTrace, Interval, ManeuverResult, ManeuverTrace, ParameterEstimate, Result
+from stoop.extend.text import NOTHING, compact, count, factor_and_unit, number, rounded_to_error
+from stoop.extend.variables import VARIABLES
 
 ROLES: Final = ("hue0", "hue1")  #: colors of the two, in curves and intervals
 ESTIMATES_LEAD: Final = (
@@ -53,10 +48,10 @@ class Compared:
         """Maneuvers with their curves, by title."""
         maneuvers = self.result.maneuvers
         kept = self.traces if len(self.traces) == len(maneuvers) else [None] * len(maneuvers)
-        return {maneuver_title(m): (m, trace) for m, trace in zip(maneuvers, kept, strict=True)}
+        return {reports.maneuver_title(m): (m, trace) for m, trace in zip(maneuvers, kept, strict=True)}
 
 
-def comparison_sheet(a: Compared, b: Compared) -> Sheet:
+def comparison_sheet(a: Compared, b: Compared) -> reports.Sheet:
     """Return the page."""
     runs = {"A": a, "B": b}
     lead = "\n\n".join(
@@ -66,17 +61,17 @@ def comparison_sheet(a: Compared, b: Compared) -> Sheet:
     )
     sections = (
         _estimates(runs),
-        Section(
+        reports.Section(
             "Fit and prediction",
-            (Prose(_nearer(a, b)), Prose(GOODNESS_LEAD, muted=True), _goodness(runs)),
+            (reports.Prose(_nearer(a, b)), reports.Prose(GOODNESS_LEAD, muted=True), _goodness(runs)),
             "Fit",
         ),
-        Section("Measured and simulated", _curves(a, b), "Curves"),
+        reports.Section("Measured and simulated", _curves(a, b), "Curves"),
     )
-    return Sheet(f"{a.name} and {b.name}", lead, sections, "comparison")
+    return reports.Sheet(f"{a.name} and {b.name}", lead, sections, "comparison")
 
 
-def _estimates(runs: Mapping[str, Compared]) -> Section:
+def _estimates(runs: Mapping[str, Compared]) -> reports.Section:
     rows = []
     for name in dict.fromkeys(name for run in runs.values() for name in run.result.parameters):
         both = [run.result.parameters.get(name) for run in runs.values()]
@@ -86,17 +81,17 @@ def _estimates(runs: Mapping[str, Compared]) -> Section:
             error = math.hypot(*(one.std_error for one in known))
             apart = number(abs(known[0].estimate - known[1].estimate) / error, 2) if error > 0.0 else NOTHING
         cells = [run.cell(name) for run in runs.values()]
-        drawn = interval_rows(
+        drawn = reports.interval_rows(
             [_interval(f"run-{letter.lower()}", one) for letter, one in zip(runs, both, strict=True)],
             f"{name}: A {cells[0]}, B {cells[1]}",
         )
         rows.append((name, *cells, apart, "" if unit == "1" else unit, drawn))
     head = ("Parameter", *runs, "Apart, σ", "Unit", "95 % intervals, drawn")
-    table = Table("", head, tuple(rows), ("", "n", "n", "n", "", "methods"), label="Estimates")
-    keys = Legend(
+    table = reports.Table("", head, tuple(rows), ("", "n", "n", "n", "", "methods"), label="Estimates")
+    keys = reports.Legend(
         [(f"swatch run-{letter.lower()}key", f"{letter}: {run.name}") for letter, run in runs.items()]
     )
-    return Section("Estimates", (Prose(ESTIMATES_LEAD, muted=True), keys, table))
+    return reports.Section("Estimates", (reports.Prose(ESTIMATES_LEAD, muted=True), keys, table))
 
 
 def _interval(kind: str, one: ParameterEstimate | None) -> tuple[str, float, Interval | None]:
@@ -122,7 +117,7 @@ def _nearer(a: Compared, b: Compared) -> str:
     )
 
 
-def _goodness(runs: Mapping[str, Compared]) -> Table:
+def _goodness(runs: Mapping[str, Compared]) -> reports.Table:
     windows = {letter: run.windows for letter, run in runs.items()}
     channels = tuple(
         dict.fromkeys(c for own in windows.values() for m, _ in own.values() for c in m.channels)
@@ -136,32 +131,40 @@ def _goodness(runs: Mapping[str, Compared]) -> Table:
                 cells = (f"{value:.3f}" if math.isfinite(value) else NOTHING for value in theil)
                 rows.append((title, "fitted" if m.role == "fit" else "predicted", letter, *cells))
     kinds = ("", "", "", *("n" for _ in channels))
-    return Table("", ("Maneuver", "", "Run", *channels), tuple(rows), kinds, label="Theil's coefficients")
+    return reports.Table(
+        "", ("Maneuver", "", "Run", *channels), tuple(rows), kinds, label="Theil's coefficients"
+    )
 
 
-def _curves(a: Compared, b: Compared) -> list[Part]:
+def _curves(a: Compared, b: Compared) -> list[reports.Part]:
     if not (a.traces and b.traces):
-        return [Prose(NO_CURVES, muted=True)]
-    out: list[Part] = [Prose(CURVES_LEAD, muted=True)]
+        return [reports.Prose(NO_CURVES, muted=True)]
+    out: list[reports.Part] = [reports.Prose(CURVES_LEAD, muted=True)]
     others = b.windows
     for title, (maneuver, trace) in a.windows.items():
         other = others[title][1] if title in others else None
         if trace is not None and other is not None:
             names = [name for name in trace.channels if name in other.channels]
             panels = [_panel(name, [(t.time, t.channels[name]) for t in (trace, other)]) for name in names]
-            out += [Heading(title, maneuver.role), TimeHistory(panels, "--maneuver ")]
+            out += [reports.Heading(title, maneuver.role), reports.TimeHistory(panels, "--maneuver ")]
     return out
 
 
-def _panel(name: str, both: Sequence[tuple[FloatArray, ChannelTrace]]) -> HistoryPanel:
+def _panel(name: str, both: Sequence[tuple[FloatArray, ChannelTrace]]) -> reports.HistoryPanel:
     """Return a channel as measured, and as both simulate it."""
     known = VARIABLES.get(name)
     factor, unit = factor_and_unit(known.unit if known else "")
     time, one = both[0]
-    curves = [Series("measured", time, finite_part(factor * one.measured), role="measured", width=2.8)]
+    curves = [
+        reports.Series(
+            "measured", time, reports.finite_part(factor * one.measured), role="measured", width=2.8
+        )
+    ]
     for letter, role, (at, found) in zip("AB", ROLES, both, strict=True):
-        curves.append(Series(letter, at, finite_part(factor * found.simulated), role=role))
-    strip = Strip("", tuple(curves), height=RESPONSE_HEIGHT, y_range=response_range(curves))
+        curves.append(reports.Series(letter, at, reports.finite_part(factor * found.simulated), role=role))
+    strip = reports.Strip(
+        "", tuple(curves), height=reports.RESPONSE_HEIGHT, y_range=reports.response_range(curves)
+    )
     meaning = known.meaning if known else ""
     text = f"{name}, {meaning}: measured, and simulated by both."
-    return HistoryPanel(name, (strip,), unit, meaning, name=name, description=text)
+    return reports.HistoryPanel(name, (strip,), unit, meaning, name=name, description=text)

@@ -10,12 +10,10 @@ from typing import Any, Final
 
 import panel as pn
 
-from stoop.assessment.extensions import GIVEN
-from stoop.base.numbers import number
-from stoop.base.verbs import plain, verbs
-from stoop.estimate import methods
-from stoop.results.result import Result, read_result
-from stoop.strategy import DECISIONS
+from stoop import read_result
+from stoop.extend.fits import DECISIONS, GIVEN, Result, methods
+from stoop.extend.text import number
+from stoop.extend.verbs import plain, verbs
 from stoop_app import numbers, parts
 from stoop_app.folder import PROGRESS, VEHICLE, Project, modified
 from stoop_app.places import document_of, reading

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import panel as pn
 
-from stoop.errors import StoopError
+from stoop.extend.errors import StoopError
 from stoop_app import parts
 from stoop_app.folder import source_of, store_of
 from stoop_app.steps import ERRORS

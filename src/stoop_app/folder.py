@@ -13,15 +13,12 @@ from typing import Any, Final
 
 import tomlkit
 
-from stoop.base.files import make_folder, write_bytes_atomic, write_text_atomic
-from stoop.base.toml import parse_source, read_source
-from stoop.errors import LogError, OutputError, StoopError
-from stoop.flight.flight import flight_name
-from stoop.flight.mapping import READY
-from stoop.logs.csv_tables import mapping_beside
-from stoop.logs.read import is_bag_folder
-from stoop.logs.read import kind as log_kind
-from stoop.vehicle.load import parse_vehicle
+from stoop.extend.errors import LogError, OutputError, StoopError
+from stoop.extend.files import make_folder, parse_source, read_source, write_bytes_atomic, write_text_atomic
+from stoop.extend.flights import READY, flight_name
+from stoop.extend.recordings import is_bag_folder, mapping_beside
+from stoop.extend.recordings import kind as log_kind
+from stoop.extend.vehicles import parse_vehicle
 from stoop_app import steps
 from stoop_app.places import bytes_of, document_of, inside, recalled, remember, resolved, text_of
 from stoop_app.steps import Step

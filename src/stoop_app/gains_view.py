@@ -9,7 +9,7 @@ from typing import Any, Final
 
 import panel as pn
 
-from stoop.base.verbs import verbs
+from stoop.extend.verbs import verbs
 from stoop_app import parts
 from stoop_app.fit_view import finished
 from stoop_app.folder import modified

@@ -9,7 +9,7 @@ from typing import Any, ClassVar, Final
 import panel as pn
 import param
 
-from stoop.errors import StoopError
+from stoop.extend.errors import StoopError
 from stoop_app import parts
 from stoop_app.folder import LOOK, log_of
 from stoop_app.places import reading

@@ -13,15 +13,11 @@ from typing import Any, Final
 import tomlkit
 from pydantic import BaseModel
 
-from stoop.base.numbers import MAX_NUMBER
-from stoop.errors import VehicleError
-from stoop.vehicle import Vehicle, schema
-from stoop.vehicle.document import keys_of, write_entry, write_fields
-from stoop.vehicle.extensions import with_free_number
-from stoop.vehicle.load import parse_vehicle
-from stoop.vehicle.schema import Quantity, Term
-from stoop.vehicle.vehicle import leaves
-from stoop.workflow.outputs import with_values
+from stoop import Vehicle
+from stoop.extend import vehicles
+from stoop.extend.errors import VehicleError
+from stoop.extend.files import with_values
+from stoop.extend.text import MAX_NUMBER
 
 WHERE: Final = "vehicle.toml"
 FIELDS: Final = ("value", "free", "prior", "low", "high")  #: of a row that can be edited
@@ -45,9 +41,9 @@ class Row:
 
 def rows_of(vehicle: Vehicle) -> list[Row]:
     """Return the rows of all numbers of a vehicle that are not tied to others."""
-    quantities, out = dict(leaves(vehicle.file)), []
+    quantities, out = dict(vehicles.leaves(vehicle.file)), []
     for p in vehicle.parameters:
-        keys = keys_of(vehicle, p.name)
+        keys = vehicles.keys_of(vehicle, p.name)
         group = ".".join(keys[:-1]) if keys[0] in ("aerodynamics", "controls", "rotor") else keys[0]
         text = _help(vehicle, p.name, keys, quantities.get(p.name))
         unit = "" if p.unit == "1" else p.unit
@@ -55,10 +51,14 @@ def rows_of(vehicle: Vehicle) -> list[Row]:
     return out
 
 
-def _help(vehicle: Vehicle, name: str, keys: Sequence[str], quantity: Quantity | None) -> str:
+def _help(vehicle: Vehicle, name: str, keys: Sequence[str], quantity: vehicles.Quantity | None) -> str:
     """Return what a number is: the term it multiplies, or what the schema says beside its field."""
     if keys[0] == "aerodynamics":
-        term = quantity.term if isinstance(quantity, Term) else vehicle.terms.get(keys[1], {}).get(name, "")
+        term = (
+            quantity.term
+            if isinstance(quantity, vehicles.Term)
+            else vehicle.terms.get(keys[1], {}).get(name, "")
+        )
         return f"{keys[1]} per {term}" if term and term != "1" else f"{keys[1]}, constant part"
     node: Any = vehicle.file
     for i, key in enumerate(keys):
@@ -78,7 +78,7 @@ def _help(vehicle: Vehicle, name: str, keys: Sequence[str], quantity: Quantity |
 def comments(model: str) -> dict[str, str]:
     """Return field -> the comment beside it in the schema, which says what it is; empty where the source is not there."""
     try:
-        source = inspect.getsource(getattr(schema, model))
+        source = inspect.getsource(getattr(vehicles.schema, model))
     except (OSError, AttributeError):
         return {}
     return {found["name"]: found["text"] for found in _COMMENT.finditer(source)}
@@ -92,15 +92,15 @@ def edited(text: str, edits: Mapping[str, Mapping[str, Any]]) -> str:
     VehicleError
         A value is impossible: which, and why.
     """
-    vehicle, document = parse_vehicle(text, WHERE), tomlkit.parse(text)
+    vehicle, document = vehicles.parse_vehicle(text, WHERE), tomlkit.parse(text)
     known = {row.name: row for row in rows_of(vehicle)}
-    quantities = dict(leaves(vehicle.file))
+    quantities = dict(vehicles.leaves(vehicle.file))
     for name, fields in edits.items():
         if name not in known:
             raise VehicleError(f"{WHERE}: {name} is no longer in the file")
-        row, keys = known[name], keys_of(vehicle, name)
+        row, keys = known[name], vehicles.keys_of(vehicle, name)
         if "value" in fields or not _stands(document, keys):
-            write_entry(document, keys, _number(name, fields.get("value", row.value)))
+            vehicles.write_entry(document, keys, _number(name, fields.get("value", row.value)))
         written: dict[str, Any] = {}
         if "free" in fields:
             written["free"] = bool(fields["free"])
@@ -112,22 +112,22 @@ def edited(text: str, edits: Mapping[str, Mapping[str, Any]]) -> str:
             bounds = [limit if value is None else _number(name, value) for value, limit in given]
             written["bounds"] = [max(bounds[0], -MAX_NUMBER), min(bounds[1], MAX_NUMBER)]
         if written:
-            write_fields(document, keys, written)
+            vehicles.write_fields(document, keys, written)
         if "prior" in fields and fields["prior"] is None:
             _remove(document, keys, ("prior", "mean"))
         elif "prior" in written and quantities[name].mean is None and row.prior is None:
             _remove(document, keys, ("mean",))
     out = tomlkit.dumps(document)
-    parse_vehicle(out, WHERE)  # what is kept can be read
+    vehicles.parse_vehicle(out, WHERE)  # what is kept can be read
     return out
 
 
 def freed(text: str, name: str) -> str:
     """Return the text with a number free, one of the catalogue of extensions added if the file lacks it."""
-    vehicle = parse_vehicle(text, WHERE)
+    vehicle = vehicles.parse_vehicle(text, WHERE)
     if name in vehicle.rows:
         return edited(text, {name: {"free": True}})
-    found = with_free_number(vehicle, name)
+    found = vehicles.with_free_number(vehicle, name)
     if found is None:
         raise VehicleError(f"{WHERE}: there is no number '{name}' that could be freed")
     return with_values(found[0], {})

@@ -10,8 +10,8 @@ from typing import Any, Final
 
 import panel as pn
 
-from stoop.base.toml import MAX_BYTES
-from stoop.errors import StoopError
+from stoop.extend.errors import StoopError
+from stoop.extend.files import MAX_BYTES
 from stoop_app import parts
 from stoop_app.columns_view import ColumnsView
 from stoop_app.compare_view import CompareView

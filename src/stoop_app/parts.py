@@ -12,9 +12,9 @@ from typing import Any, Final
 import panel as pn
 from tornado.escape import url_escape
 
-from stoop.base.text import printable, printable_lines
-from stoop.base.verbs import Option, plain
-from stoop.errors import StoopError
+from stoop.extend.errors import StoopError
+from stoop.extend.text import printable, printable_lines
+from stoop.extend.verbs import Option, plain
 from stoop_app.steps import Step
 
 BAR: Final = "<div class='bar'><i></i></div>"  #: work goes on

@@ -13,10 +13,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Final
 
-from stoop.base.cache import cache_folder
-from stoop.base.files import read_bounded, utf8_text, write_text_atomic
-from stoop.base.toml import MAX_BYTES, parse_json
-from stoop.errors import OutputError, StoopError
+from stoop.extend.errors import OutputError, StoopError
+from stoop.extend.files import MAX_BYTES, cache_folder, parse_json, read_bounded, utf8_text, write_text_atomic
 
 MAX_DOCUMENT: Final = 64 << 20  #: bytes of a JSON file
 #: raised while a document is interpreted whose values have other types than stoop writes

@@ -9,9 +9,9 @@ from typing import Final
 
 import numpy as np
 
-from stoop.base.files import read_bounded
-from stoop.cli.progress_file import CURVES
-from stoop.results.result import ChannelTrace, ManeuverTrace
+from stoop.extend.files import read_bounded
+from stoop.extend.fits import ChannelTrace, ManeuverTrace
+from stoop.extend.verbs import CURVES
 
 MAX_BYTES: Final = 2**26  #: of a progress file
 

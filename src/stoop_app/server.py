@@ -18,7 +18,7 @@ from bokeh.util.warnings import BokehUserWarning
 from tornado import httputil
 from tornado.escape import url_unescape
 
-from stoop.errors import StoopError
+from stoop.extend.errors import StoopError
 from stoop_app.places import inside, resolved
 from stoop_app.uploads import Upload
 

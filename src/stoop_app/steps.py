@@ -15,14 +15,14 @@ import signal
 import subprocess
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any, Final, Literal
 
-from stoop.base.files import write_text_atomic
-from stoop.base.interrupts import blocked_interrupts
-from stoop.base.text import printable
-from stoop.errors import OutputError, StoopError
+from stoop.extend.errors import OutputError, StoopError
+from stoop.extend.files import write_text_atomic
+from stoop.extend.text import printable
 from stoop_app.places import inside, recalled, remember, tail_of, text_of
 
 State = Literal["running", "done", "failed"]
@@ -51,6 +51,19 @@ PRODUCTS: Final = {
 
 _children: dict[Path, subprocess.Popen[bytes]] = {}  #: those of this server, to be waited for
 _ended: set[Path] = set()
+
+
+@contextmanager
+def blocked_interrupts() -> Iterator[None]:
+    """Block Ctrl-C for processes started in the block until they call `unblock_interrupts`: Python itself prints a traceback."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 @dataclass(frozen=True)

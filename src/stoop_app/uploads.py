@@ -14,8 +14,8 @@ from typing import IO, Any
 
 import tornado.web
 
-from stoop.base.text import printable
-from stoop.errors import StoopError
+from stoop.extend.errors import StoopError
+from stoop.extend.text import printable
 from stoop_app.places import inside
 
 RESERVE = 256 << 20  #: bytes of the disk that stay free for results

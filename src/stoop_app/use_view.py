@@ -6,8 +6,8 @@ from typing import Any, Final
 
 import panel as pn
 
-from stoop.base.notices import from_dict, of_severity
-from stoop.base.verbs import verbs
+from stoop.extend.notices import from_dict, of_severity
+from stoop.extend.verbs import verbs
 from stoop_app import parts
 from stoop_app.fit_view import finished
 from stoop_app.folder import VEHICLE

@@ -10,13 +10,12 @@ from typing import Any, Final
 import pandas as pd
 import panel as pn
 
-from stoop.base.numbers import count
-from stoop.base.verbs import verbs
-from stoop.errors import StoopError
-from stoop.problem.layout import Layout
-from stoop.report.sheet import mathml
-from stoop.vehicle.builtin import BUILT_IN, builtin_text, builtin_title
-from stoop.vehicle.load import load_vehicle, parse_vehicle
+from stoop.extend.errors import StoopError
+from stoop.extend.fits import Layout
+from stoop.extend.reports import mathml
+from stoop.extend.text import count
+from stoop.extend.vehicles import BUILT_IN, builtin_text, builtin_title, load_vehicle, parse_vehicle
+from stoop.extend.verbs import verbs
 from stoop_app import numbers, parts
 from stoop_app.folder import VEHICLE, ChangedError, modified, version
 from stoop_app.numbers import WHERE, Row

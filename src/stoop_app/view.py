@@ -9,7 +9,7 @@ from typing import ClassVar, Final
 
 import panel as pn
 
-from stoop.errors import StoopError
+from stoop.extend.errors import StoopError
 from stoop_app import parts
 from stoop_app.folder import Project
 from stoop_app.steps import Step

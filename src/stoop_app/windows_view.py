@@ -8,7 +8,7 @@ from typing import Any, Final
 import panel as pn
 from pydantic import ValidationError
 
-from stoop.errors import StoopError
+from stoop.extend.errors import StoopError
 from stoop_app import parts, steps
 from stoop_app.folder import WINDOWS
 from stoop_app.places import text_of

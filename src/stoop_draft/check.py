@@ -6,13 +6,11 @@ from pathlib import Path
 
 import numpy as np
 
-from stoop.base.arrays import empty_columns
-from stoop.base.notices import Notice, attempt
-from stoop.checks.vehicle import check_vehicle, inertia_notices
-from stoop.flight.airborne import in_flight
-from stoop.vehicle import Vehicle
-from stoop.vehicle.builtin import resolve_vehicle
-from stoop.workflow.flights import OneFlight, as_flight
+from stoop import Notice, Vehicle, load_vehicle
+from stoop.extend.flights import OneFlight, as_flight, in_flight
+from stoop.extend.notices import attempt
+from stoop.extend.vehicles import check_vehicle, inertia_notices
+from stoop_draft.checks.engine import empty_columns
 from stoop_draft.checks.kinematics import check_rates
 from stoop_draft.checks.mapping import Judgment, check_mapping
 
@@ -32,7 +30,7 @@ def check(flight: OneFlight, vehicle: Vehicle | str | Path | None = None) -> tup
         The flight lacks a channel that the vehicle needs.
     """
     if vehicle is not None and not isinstance(vehicle, Vehicle):
-        vehicle = resolve_vehicle(vehicle)
+        vehicle = load_vehicle(vehicle)
     flight = as_flight(flight)
     up = in_flight(flight)
     columns = {str(name): np.where(up, flight.column(str(name)), np.nan) for name in flight.channels}

@@ -5,11 +5,10 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from stoop.base.files import write_text_atomic
-from stoop.base.text import show
-from stoop.cli.page import page, to_json
-from stoop.cli.progress import LiveLine
-from stoop.errors import listed
+from stoop.extend.errors import listed
+from stoop.extend.files import write_text_atomic
+from stoop.extend.text import show
+from stoop.extend.verbs import LiveLine, page, to_json
 
 
 def map_log(arguments: argparse.Namespace) -> int:

@@ -16,14 +16,11 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from stoop.base.arrays import FloatArray
-from stoop.base.text import enumerated
-from stoop.base.units import FACTORS, KINDS, PULSE_FACTORS, ZEROS, written_units
-from stoop.base.variables import EULER, RATES, SPECIFIC_FORCE, VARIABLES
-from stoop.flight.airborne import in_flight
-from stoop.flight.flight import from_columns
-from stoop.flight.gridding import Channels
-from stoop.flight.repeated_readings import at_own_rates
+from stoop.extend.arrays import FloatArray
+from stoop.extend.flights import Channels, at_own_rates, from_columns, in_flight
+from stoop.extend.text import enumerated
+from stoop.extend.units import FACTORS, KINDS, PULSE_FACTORS, ZEROS, written_units
+from stoop.extend.variables import EULER, RATES, SPECIFIC_FORCE, VARIABLES
 from stoop_draft.checks.engine import LIMITS, Edit, Finding, Range, not_excluded, search
 from stoop_draft.checks.entries import Line
 from stoop_draft.checks.lines import EAST, SURFACES, VANES, Assignment, Signal

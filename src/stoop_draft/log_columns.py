@@ -8,17 +8,14 @@ from typing import Any, Final
 
 import numpy as np
 
-from stoop import logs
-from stoop.base.arrays import FloatArray
-from stoop.errors import LogError
-from stoop.logs import Recording
-from stoop.logs.csv_tables import read_px4_folder, read_raw_csv
-from stoop.logs.read import is_bag_folder, kind, read_as
+from stoop.extend import recordings
+from stoop.extend.arrays import FloatArray
+from stoop.extend.errors import LogError
 
 SAMPLES: Final = 3  #: of a column, evenly spaced in time
 
 
-def read_unmapped(path: Path) -> Recording:
+def read_unmapped(path: Path) -> recordings.Recording:
     """Read a log of any kind that stoop reads, or a folder of CSV files, without a mapping.
 
     Raises
@@ -26,18 +23,18 @@ def read_unmapped(path: Path) -> Recording:
     LogError
         When the log cannot be read.
     """
-    if path.is_dir() and not is_bag_folder(path):
+    if path.is_dir() and not recordings.is_bag_folder(path):
         try:
-            return read_px4_folder(path)
+            return recordings.read_px4_folder(path)
         except LogError:
-            return read_raw_csv(path)
-    if path.is_file() and (known := kind(path)):
-        return read_as(known, path)
+            return recordings.read_raw_csv(path)
+    if path.is_file() and (known := recordings.kind(path)):
+        return recordings.read_as(known, path)
     table = path.is_file() and path.name.lower().endswith((".csv", ".csv.gz", ".txt"))
-    return read_raw_csv(path) if table else logs.read(path)
+    return recordings.read_raw_csv(path) if table else recordings.read(path)
 
 
-def columns_of(recording: Recording) -> Iterator[dict[str, Any]]:
+def columns_of(recording: recordings.Recording) -> Iterator[dict[str, Any]]:
     """Yield each column: stream, name, unit as the file states it, and finite values: lowest, highest and samples."""
     for name, stream in recording.streams.items():
         stated = recording.units.get(name, {})

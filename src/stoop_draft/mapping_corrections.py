@@ -13,12 +13,11 @@ from typing import Any, Final
 import tomlkit
 import tomlkit.items
 
-from stoop.base.files import write_text_atomic
-from stoop.base.notices import Notice, Value
-from stoop.base.toml import read_source
-from stoop.errors import LogError, StoopError
-from stoop.flight.load import load
-from stoop.flight.mapping import read_flight_mapping
+from stoop import Notice, load_flight
+from stoop.extend.errors import LogError, StoopError
+from stoop.extend.files import read_source, write_text_atomic
+from stoop.extend.flights import read_flight_mapping
+from stoop.extend.notices import Value
 from stoop_draft.checks.mapping import ContradictedError
 
 MOST: Final = 32  #: changes of one mapping
@@ -76,7 +75,7 @@ def contradictions(log: Path, text: str, mapping: Path) -> list[Notice]:
         place = Path(folder) / "mapping.toml"
         write_text_atomic(place, text)
         try:
-            found = [fault.notice for fault in load(log, place).faults]
+            found = [fault.notice for fault in load_flight(log, place).faults]
         except ContradictedError as error:
             found = list(error.notices)
         except StoopError as error:

@@ -15,19 +15,12 @@ from typing import Final
 
 import numpy as np
 
-from stoop.base.arrays import within_range
-from stoop.base.autopilots import MOTOR_FUNCTIONS
-from stoop.base.toml import quoted, quoted_key
-from stoop.base.units import FACTORS
-from stoop.base.variables import OUTPUT_PINS, POSITION, QUATERNION, RATES, SPECIFIC_FORCE, VARIABLES, VELOCITY
-from stoop.errors import one_line
-from stoop.flight.airborne import rotor_pulses
-from stoop.flight.apply_mapping import apply_mapping
-from stoop.flight.conversion import rotate_axes
-from stoop.flight.flight import from_columns, with_other_form
-from stoop.flight.mapping import READY, ready
-from stoop.logs import Recording, Stream
-from stoop.logs.csv_tables import guess_clock
+from stoop.extend import flights, variables
+from stoop.extend.arrays import within_range
+from stoop.extend.errors import one_line
+from stoop.extend.files import quoted, quoted_key
+from stoop.extend.recordings import Recording, Stream, guess_clock
+from stoop.extend.units import FACTORS
 from stoop_draft.checks.lines import Signal
 from stoop_draft.checks.units import PAIRS, STATISTICS, growth, largest_size
 from stoop_draft.column_guesses import DraftLine, recognized, with_units, without_unit
@@ -40,7 +33,7 @@ CLOCK_STEPS: Final = (
     ("ns", 1.5e6, np.inf),
 )  #: unit -> least and largest steps of a clock per sample: logs are written at 0.5 Hz to 20 kHz
 FUNCTIONS: Final[dict[float, str]] = {
-    **{function: f"motor_{number}" for function, number in MOTOR_FUNCTIONS.items()},
+    **{function: f"motor_{number}" for function, number in variables.MOTOR_FUNCTIONS.items()},
     2: "flap",
     3: "flap",
     4: "aileron",
@@ -51,8 +44,9 @@ RANGES: Final = (("MOT_PWM_MIN", "MOT_PWM_MAX"), ("Q_M_PWM_MIN", "Q_M_PWM_MAX"))
 DEFAULT_RANGE: Final = (1000.0, 2000.0)  #: us
 #: variables -> name of their group, and the frames that turn them
 GROUPS: Final = {
-    QUATERNION: ("attitude", "body", "world"), RATES: ("rates", "body"), SPECIFIC_FORCE: ("specific_force", "body"),
-    VELOCITY: ("velocity", "world"), POSITION: ("position", "world"),
+    variables.QUATERNION: ("attitude", "body", "world"), variables.RATES: ("rates", "body"),
+    variables.SPECIFIC_FORCE: ("specific_force", "body"),
+    variables.VELOCITY: ("velocity", "world"), variables.POSITION: ("position", "world"),
 }  # fmt: skip
 _NUMBERED: Final = re.compile(r"(.*?)[\W_]*\d{1,2}\]?")  #: stem of a name that ends in a number
 _DRIVEN: Final = re.compile(r"(motor|rotor|pwm|servo)_")
@@ -104,16 +98,16 @@ def draft_of(recording: Recording) -> Draft:
         for name, stream in recording.streams.items()
     }
     recording = replace(recording, streams=streams)
-    return _of_ready(recording) if recording.format in READY else _of_any(recording)
+    return _of_ready(recording) if recording.format in flights.READY else _of_any(recording)
 
 
 def _of_ready(recording: Recording) -> Draft:
     """Start from the ready mapping: say what it takes, and what else looks as if it were of use."""
-    name = READY[recording.format]
-    found = apply_mapping(ready(name), recording)
+    name = flights.READY[recording.format]
+    found = flights.apply_mapping(flights.ready(name), recording)
     signals = {variable: (group.time, x) for group in found.channels for variable, x in group.values.items()}
     rest = replace(recording, streams={s: recording.streams[s] for s in found.unmapped})
-    taken = with_other_form(signals.keys())
+    taken = flights.with_other_form(signals.keys())
     lines = [
         line
         for line in _lines(rest)
@@ -121,11 +115,13 @@ def _of_ready(recording: Recording) -> Draft:
     ]
     best = with_units(_best(lines), {line.variable: _signal(rest, line) for line in lines})
     there = recording.streams["RCOU"].columns if "RCOU" in recording.streams else {}
-    columns = ((f"pwm_{n}", column) for n in range(1, OUTPUT_PINS + 1) for column in (f"C{n}", f"Ch{n}"))
+    columns = (
+        (f"pwm_{n}", column) for n in range(1, variables.OUTPUT_PINS + 1) for column in (f"C{n}", f"Ch{n}")
+    )
     places = {
         pulse: _place(column, "RCOU") for pulse, column in columns if pulse in signals and column in there
     }
-    mapped = tuple(variable for variable in VARIABLES if variable in signals)
+    mapped = tuple(variable for variable in variables.VARIABLES if variable in signals)
     outputs = Outputs(mapped, places, signals, recording.parameters)
     motors = outputs.motor_lines()
     out = [
@@ -157,7 +153,7 @@ def _of_any(recording: Recording, framed: bool = True) -> Draft:
     read = {line.variable: own.get(line.variable) or _signal(timed, line) for line in best}
     lines = with_units(best, read)
     ours = [line for line in lines if line.variable in own]
-    if any(line.scale != 1.0 or line.unit != VARIABLES[line.variable].unit for line in ours):
+    if any(line.scale != 1.0 or line.unit != variables.VARIABLES[line.variable].unit for line in ours):
         return _of_any(recording, framed=False)
     lines = [replace(line, doubts=()) if line.variable in own else line for line in lines]
     # motors (servos) whose size says nothing are in percent as the others: one may have run at idle throughout
@@ -168,7 +164,7 @@ def _of_any(recording: Recording, framed: bool = True) -> Draft:
         if idle and line.variable.rpartition("_")[0] in percents:
             lines[i] = replace(line, unit="percent").doubted("percent as the others")
     lines += [*_derivatives(timed, lines), *_motors(timed, [*lines, *known])]
-    lines = sorted(lines, key=lambda line: list(VARIABLES).index(line.variable))[: LIMITS.lines]
+    lines = sorted(lines, key=lambda line: list(variables.VARIABLES).index(line.variable))[: LIMITS.lines]
     several = len(timed.streams) > 1
     signals, called = {}, []
     for line in lines:
@@ -216,14 +212,12 @@ class Group:
 
     def text(self, several: bool) -> list[str]:
         """Return the table of a mapping."""
-        variables = tuple(line.variable for line in self.lines)
-        names, columns = (
-            ", ".join(map(quoted, x)) for x in (variables, (line.column for line in self.lines))
-        )
+        mapped = tuple(line.variable for line in self.lines)
+        names, columns = (", ".join(map(quoted, x)) for x in (mapped, (line.column for line in self.lines)))
         stream = f"stream = {quoted(self.lines[0].stream)}, " if several else ""
         frame = f"[{', '.join(map(quoted, self.frame))}]" if len(self.frame) > 1 else quoted(self.frame[0])
         return [
-            "", f"[group.{GROUPS[variables][0]}]  # in the axes that are usual of the format; else remove or correct frame",
+            "", f"[group.{GROUPS[mapped][0]}]  # in the axes that are usual of the format; else remove or correct frame",
             f"variables = [{names}]", f"frame = {frame}", f"sources = [{{ {stream}columns = [{columns}] }}]",
         ]  # fmt: skip
 
@@ -235,7 +229,9 @@ def _groups(recording: Recording, lines: Sequence[DraftLine]) -> list[Group]:
     for names, (_, *kinds) in GROUPS.items():
         frame = tuple(recording.info.get(f"{kind} frame", "") for kind in kinds)
         own = tuple(by_name[name] for name in names if name in by_name)
-        plain = all(line.scale == 1.0 and line.unit in ("", VARIABLES[line.variable].unit) for line in own)
+        plain = all(
+            line.scale == 1.0 and line.unit in ("", variables.VARIABLES[line.variable].unit) for line in own
+        )
         if all(frame) and plain and len(own) == len(names) and len({line.stream for line in own}) == 1:
             groups.append(Group(own, frame))
     return groups
@@ -246,7 +242,7 @@ def _in_our_axes(recording: Recording, groups: Sequence[Group]) -> dict[str, Sig
     out: dict[str, Signal] = {}
     for group in groups:
         signals = {line.variable: _signal(recording, line) for line in group.lines}
-        turned = rotate_axes({name: x for name, (_, x) in signals.items()}, group.frame)
+        turned = flights.rotate_axes({name: x for name, (_, x) in signals.items()}, group.frame)
         out |= {name: (signals[name][0], x) for name, x in turned.items()}
     return out
 
@@ -409,7 +405,7 @@ def _place(column: str, stream: str = "") -> str:
 
 
 def _toml(line: DraftLine, with_stream: bool = True) -> str:
-    unit = line.unit or VARIABLES[line.variable].unit
+    unit = line.unit or variables.VARIABLES[line.variable].unit
     scale = f", scale = {line.scale!r}" if line.scale != 1.0 else ""
     scale += f", offset = {line.offset:.12g}" if line.offset != 0.0 else ""
     words = [f"unsure: {doubt}" for doubt in line.doubts] or list(line.remarks)
@@ -468,7 +464,7 @@ class Outputs:
         """Return what the parameters say that each pulse does, as far as the registry knows it."""
         pulses = [name for name in self.mapped if name.startswith("pwm_")]
         uses = {p: FUNCTIONS.get(self.parameters.get(f"SERVO{p[4:]}_FUNCTION", 0.0), "") for p in pulses}
-        return {pulse: use for pulse, use in uses.items() if use in VARIABLES}
+        return {pulse: use for pulse, use in uses.items() if use in variables.VARIABLES}
 
     def _turning(self) -> list[str]:
         """Return pulses that turn the vehicle as motors do, each signal on its own clock."""
@@ -482,7 +478,7 @@ class Outputs:
             return []
         time = np.arange(count) / LIMITS.rate
         columns = {name: np.interp(start + time, t, x) for name, (t, x) in used.items()}
-        return rotor_pulses(from_columns("drafted", time, columns))
+        return flights.rotor_pulses(flights.from_columns("drafted", time, columns))
 
     def surface_lines(self) -> list[str]:
         """Give outputs that may move a surface something to start a calibration from, as comments."""

@@ -9,11 +9,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from stoop.base.files import write_text_atomic
-from stoop.base.text import printable, show
-from stoop.cli import options
-from stoop.cli.page import page
-from stoop.cli.progress import LiveLine
+from stoop.extend.files import write_text_atomic
+from stoop.extend.text import printable, show
+from stoop.extend.verbs import LiveLine, options, page
 
 if TYPE_CHECKING:
     from stoop_draft.vehicle_draft.request import Evidence, Question, Request
@@ -23,8 +21,8 @@ NUMBERS = ("mass", "span", "chord", "area")
 
 def run(arguments: argparse.Namespace) -> int:
     """Draft, print what speaks against it and what comes next."""
-    from stoop.flight.load import load_several
-    from stoop.problem.layout import Layout
+    from stoop.extend.fits import Layout
+    from stoop.extend.flights import load_several
     from stoop_draft.vehicle_draft.draft import draft
     from stoop_draft.vehicle_draft.geometry import Geometry
     from stoop_draft.vehicle_draft.request import Request, evidence, with_geometry

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from stoop.workflow.flights import Flights, as_flights
+from stoop.extend.flights import Flights, as_flights
 from stoop_draft.vehicle_draft.draft import Drafted, draft
 from stoop_draft.vehicle_draft.geometry import Geometry
 from stoop_draft.vehicle_draft.request import Request

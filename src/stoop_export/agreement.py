@@ -8,26 +8,51 @@ from typing import Final
 
 import numpy as np
 
-from stoop.base.arrays import FloatArray
-from stoop.base.numbers import NOTHING, ROUNDING, compact, factor_and_unit, number, without_rounding
-from stoop.base.variables import VARIABLES, WRAPPED
-from stoop.report.sheet import Bullets, Prose, Section, Sheet, Table, render_sheet
-from stoop.simulation import parameter_rows
-from stoop.simulation.delays import late_inputs
-from stoop.simulation.loads import body_loads, motion_loads
-from stoop.vehicle import Vehicle
+from stoop import Vehicle
+from stoop.extend.arrays import FloatArray, to_body
+from stoop.extend.motion import inertia_tensor, late_inputs, parameter_rows
+from stoop.extend.reports import Bullets, Prose, Section, Sheet, Table, render_sheet
+from stoop.extend.text import NOTHING, ROUNDING, compact, factor_and_unit, number, without_rounding
+from stoop.extend.variables import VARIABLES, WRAPPED
 from stoop_export.jsbsim_flight import Record, differences, relative_differences
 from stoop_export.reference_flight import ReferenceFlight
 
 EXPORT_PAGE: Final = "export.html"
 AXES: Final = {"Fx": "N", "Fy": "N", "Fz": "N", "Mx": "N m", "My": "N m", "Mz": "N m"}
-"""Force and moment about the center of gravity without gravity, body axes, as of :func:`stoop.simulation.loads.body_loads`."""
+"""Force and moment about the center of gravity without gravity, body axes, as of `body_loads`."""
 SPECIFIC: Final = ("fx", "fy", "fz")  #: specific force at the center of gravity, m/s2
 EXPLANATION: Final = """\
 Axes are force and moment without gravity, at the states of our simulation where the tool gives accelerations \
 there, else from its own motion and ours by the same computation. Channels are those of the flight, which the other \
 tool begins at our state. Slope and correlation are those of the tool's values over ours; the error is the root mean square of \
 their difference, and beside it as a share of the standard deviation of ours: of an axis, what the tool does not express."""
+
+
+def motion_loads(vehicle: Vehicle, states: FloatArray, rates: FloatArray) -> FloatArray:
+    """Return force, N, and moment, N m, (6, B), that give states (n_x, B) their derivatives (n_x, B)."""
+    at = {name: i for i, name in enumerate(vehicle.states)}
+    velocity, omega, dot, turning = (
+        array[[at[a] for a in axes]] for array in (states, rates) for axes in ("uvw", "pqr")
+    )
+    q = states[[at[f"e{i}"] for i in range(4)]].T
+    down = to_body(q, np.array([0.0, 0.0, vehicle.value("environment.gravity")])).T
+    force = vehicle.value("mass.mass") * (dot + np.cross(omega, velocity, axis=0) - down)
+    return rigid_loads(vehicle, force, omega, turning)
+
+
+def rigid_loads(vehicle: Vehicle, force: FloatArray, omega: FloatArray, turning: FloatArray) -> FloatArray:
+    """Return force, N, and moment, N m, (6, B) from a force, rates, rad/s, and angular accelerations, rad/s2, (3, B) each."""
+    inertia = inertia_tensor(vehicle)
+    return np.vstack([force, inertia @ turning + np.cross(omega, inertia @ omega, axis=0)])
+
+
+def body_loads(vehicle: Vehicle, rows: FloatArray, states: FloatArray, inputs: FloatArray) -> FloatArray:
+    """Return force, N, and moment about the center of gravity, N m, (6, B) at states (n_x, B) and inputs (n_u, B).
+
+    `rows` are kernel parameters (n_p, B).
+    """
+    rates, _ = vehicle.kernel().evaluate(rows, np.ascontiguousarray(states), np.ascontiguousarray(inputs))
+    return motion_loads(vehicle, states, rates)
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,7 +13,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from stoop.base.autopilots import ARDUPILOT_SURFACES, FRAMES, MOTOR_FUNCTIONS, THROTTLES, Spin
+from stoop.extend.variables import ARDUPILOT_SURFACES, FRAMES, MOTOR_FUNCTIONS, THROTTLES, Spin
 from stoop_export.autopilot_outputs import FASTEST, SLOWEST, MotorOutput
 
 PWM: Final = (1000.0, 2000.0)  #: us, ends of the outputs

@@ -6,16 +6,27 @@ import math
 from dataclasses import dataclass
 from typing import Final
 
-from stoop.base.atmosphere import equivalent_over_true
-from stoop.base.autopilots import Point, Spin
-from stoop.errors import VehicleError
-from stoop.simulation import Trim
-from stoop.simulation.loads import air_density
-from stoop.vehicle import Vehicle
+from stoop import Vehicle
+from stoop.extend.errors import VehicleError
+from stoop.extend.motion import Trim, air_density
+from stoop.extend.units import equivalent_over_true
+from stoop.extend.variables import Point, Spin
+from stoop.extend.vehicles import full_command
+
+FULL_DEFLECTION: Final = math.radians(25.0)  #: of a surface whose recorded channel is its deflection
 
 MIXED_SURFACE_SHARE: Final = 0.5  #: of the largest moments about two axes, beyond which a surface serves both
 SLOWEST: Final = 0.75  #: of V*, the least airspeed that an autopilot commands
 FASTEST: Final = 1.5  #: of V*, the largest
+
+
+def full_deflection(channel: str, gain: float, neutral: float) -> float | None:
+    """Return the deflection, rad, that a channel makes from its neutral value to full command; None without a known end.
+
+    Its sign is that of the gain, rad per unit of the channel.
+    """
+    full = full_command(channel)
+    return None if full is None else gain * (full - neutral)
 
 
 @dataclass(frozen=True)

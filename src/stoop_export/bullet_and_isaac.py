@@ -21,7 +21,7 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
-from stoop.base.arrays import FloatArray
+from stoop.extend.arrays import FloatArray
 from stoop_export.exporter import Exported
 from stoop_export.learning_quad import REVOLUTIONS, Quad, QuadExporter, urdf
 from stoop_export.reference_flight import ReferenceFlight

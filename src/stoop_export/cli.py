@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from stoop.cli import options
-from stoop.cli.page import page
-from stoop.cli.progress import LiveLine
+from stoop.extend.verbs import LiveLine, options, page
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -17,11 +17,10 @@ from typing import Any, Final
 
 import numpy as np
 
-from stoop.base.arrays import FloatArray
-from stoop.base.extras import install
-from stoop.base.rotations import FLIP, euler_angles, normalized, product, to_body, to_ground
+from stoop.extend.arrays import FloatArray, euler_angles, normalized, product, to_body, to_ground
+from stoop.extend.verbs import install
 from stoop_export.agreement import Compared
-from stoop_export.exporter import Exported, installed, load_script, written
+from stoop_export.exporter import FLIP, Exported, installed, load_script, written
 from stoop_export.learning_quad import REVOLUTIONS, Quad, QuadExporter, channels_behind
 from stoop_export.reference_flight import ReferenceFlight
 from stoop_export.rotorpy_flight import CHANNELS, TURN, motion, start_of

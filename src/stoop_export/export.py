@@ -7,17 +7,12 @@ from pathlib import Path
 
 import numpy as np
 
-from stoop.base.arrays import FloatArray
-from stoop.base.files import check_targets, make_folder, write_files
-from stoop.errors import StoopError
-from stoop.problem import Piece
-from stoop.problem.prepare import prepare
-from stoop.problem.windows import Window
-from stoop.results.result import Result
-from stoop.vehicle import Vehicle
-from stoop.workflow.fitted_model import FittedModel
-from stoop.workflow.load import takes_model_or_vehicle
-from stoop.workflow.summary import refusal
+from stoop import FittedModel, Vehicle
+from stoop.extend.arrays import FloatArray
+from stoop.extend.errors import StoopError
+from stoop.extend.files import check_targets, make_folder, write_files
+from stoop.extend.fits import Piece, Result, prepare, refusal, takes_model_or_vehicle
+from stoop.extend.flights import Window
 from stoop_analysis.derivatives import ParameterCovariance
 from stoop_analysis.draws import POSTERIOR_FILE, draws_of
 from stoop_export.exporter import Condition, Exported, ModelData

@@ -14,15 +14,15 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, Final
 
-from stoop.base.arrays import FloatArray
-from stoop.base.files import write_files
-from stoop.base.numbers import count
-from stoop.base.text import printable_lines
-from stoop.errors import SimulationError, StoopError
-from stoop.simulation import Trim, trim
-from stoop.simulation.linearize import held_numbers
-from stoop.vehicle import Vehicle
-from stoop.vehicle.vehicle import leaves
+import numpy as np
+
+from stoop import Vehicle, trim
+from stoop.extend.arrays import FloatArray
+from stoop.extend.errors import SimulationError, StoopError
+from stoop.extend.files import write_files
+from stoop.extend.motion import Trim, held_numbers
+from stoop.extend.text import count, printable_lines
+from stoop.extend.vehicles import leaves
 from stoop_analysis.derivatives import ParameterCovariance
 from stoop_export.agreement import (
     EXPORT_PAGE,
@@ -35,6 +35,8 @@ from stoop_export.agreement import (
 )
 from stoop_export.jsbsim_flight import Record, own_readings, relative_differences
 from stoop_export.reference_flight import ReferenceFlight, reference_flight, states_of
+
+FLIP: Final = np.array([1.0, -1.0, -1.0])  #: forward, right, down <-> forward, left, up
 
 
 @dataclass(frozen=True)

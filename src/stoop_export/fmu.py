@@ -31,12 +31,10 @@ from xml.etree.ElementTree import Element, SubElement
 import numpy as np
 import sympy as sp
 
-from stoop.errors import StoopError, one_line
-from stoop.kernels.emit import scalar_text
-from stoop.simulation import Trim, initial_states, parameter_rows
-from stoop.vehicle import Vehicle
-from stoop.vehicle.symbolic import build_model, frames
-from stoop.vehicle.vehicle import slope_input
+from stoop import Vehicle
+from stoop.extend.errors import StoopError, one_line
+from stoop.extend.motion import Trim, initial_states, parameter_rows, scalar_text
+from stoop.extend.vehicles import build_model, over_ground, slope_input
 from stoop_analysis.derivatives import ParameterCovariance
 from stoop_export.matlab import identifier, unit
 
@@ -143,7 +141,7 @@ def _position(vehicle: Vehicle, states: Mapping[str, Any]) -> dict[str, Any]:
     if vehicle.reduce != "full" or vehicle.motion:
         return {}
     e = (states["e0"], states["e1"], states["e2"], states["e3"])
-    north, east, _ = frames.over_ground(e, (states["u"], states["v"], states["w"]))
+    north, east, _ = over_ground(e, (states["u"], states["v"], states["w"]))
     return {"north": north, "east": east}
 
 

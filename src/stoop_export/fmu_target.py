@@ -10,11 +10,11 @@ from typing import Any, Final
 
 import numpy as np
 
-from stoop.base.arrays import FloatArray
-from stoop.base.extras import install
-from stoop.base.notices import notice
-from stoop.errors import StoopError, one_line
-from stoop.vehicle.vehicle import slope_input
+from stoop.extend.arrays import FloatArray
+from stoop.extend.errors import StoopError, one_line
+from stoop.extend.notices import notice
+from stoop.extend.vehicles import slope_input
+from stoop.extend.verbs import install
 from stoop_export import fmu
 from stoop_export.agreement import Compared, loads_of_path
 from stoop_export.exporter import Exported, Exporter, installed, written

@@ -10,10 +10,9 @@ from typing import Final
 
 import numpy as np
 
-from stoop.base.arrays import FloatArray
-from stoop.base.rotations import euler_angles, normalized, product, to_body, to_ground
-from stoop.simulation.initial import commanded, mixed_inputs, parameter_rows
-from stoop.vehicle import Vehicle
+from stoop import Vehicle
+from stoop.extend.arrays import FloatArray, euler_angles, normalized, product, to_body, to_ground
+from stoop.extend.motion import commanded, mixed_inputs, parameter_rows
 from stoop_export import gazebo_autopilots, gazebo_files, rotorpy_flight
 from stoop_export.agreement import AXES, Compared, loads_along, omission, omitted_shares
 from stoop_export.exporter import Exported, FullExporter, encoded

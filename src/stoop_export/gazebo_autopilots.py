@@ -13,8 +13,8 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from stoop.errors import VehicleError
-from stoop.simulation import Trim
+from stoop.extend.errors import VehicleError
+from stoop.extend.motion import Trim
 from stoop_export import ardupilot_parameters as ardupilot
 from stoop_export import px4_airframe
 from stoop_export.autopilot_outputs import MotorOutput, SurfaceOutput, ThrustCurve, equivalent_airspeed

@@ -19,11 +19,11 @@ from xml.etree.ElementTree import Element, SubElement
 
 import numpy as np
 
-from stoop.base.arrays import FloatArray
-from stoop.base.numbers import without_rounding
-from stoop.base.rotations import FLIP
-from stoop.errors import one_line
+from stoop.extend.arrays import FloatArray
+from stoop.extend.errors import one_line
+from stoop.extend.text import without_rounding
 from stoop_export.ardupilot_parameters import PWM
+from stoop_export.exporter import FLIP
 from stoop_export.gazebo_autopilots import airframe, parameters
 from stoop_export.gazebo_model import GazeboModel
 from stoop_export.gazebo_plugins import EFFECTS, Blades, Damping, Motor, Surface, Wing

@@ -17,12 +17,11 @@ from typing import Final
 
 import numpy as np
 
-from stoop.base.arrays import FloatArray
-from stoop.errors import SimulationError
-from stoop.simulation import Trim, initial_states, parameter_rows, trim
-from stoop.simulation.loads import air_density, inertia_tensor
-from stoop.vehicle import Vehicle
-from stoop.vehicle.defaults import full_command
+from stoop import Vehicle, trim
+from stoop.extend.arrays import FloatArray
+from stoop.extend.errors import SimulationError
+from stoop.extend.motion import Trim, air_density, inertia_tensor, initial_states, parameter_rows
+from stoop.extend.vehicles import full_command
 from stoop_export.autopilot_outputs import check_rotor_channels
 from stoop_export.gazebo_plugins import Blades, Damping, Motor, Surface, Wing, damping_loads, motor_loads
 from stoop_export.gazebo_wing import (

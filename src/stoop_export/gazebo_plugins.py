@@ -35,7 +35,7 @@ from typing import Final
 
 import numpy as np
 
-from stoop.base.arrays import FloatArray
+from stoop.extend.arrays import FloatArray
 from stoop_export.autopilot_outputs import surface_role
 
 SHARPNESS: Final = 15.0  #: 1/rad, of the sigmoid; the system reads no other

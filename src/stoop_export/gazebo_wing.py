@@ -14,13 +14,13 @@ from typing import Final
 
 import numpy as np
 
-from stoop.base.arrays import FloatArray
-from stoop.errors import SimulationError
-from stoop.simulation import Trim, initial_states, parameter_rows
-from stoop.simulation.loads import air_density, body_loads
-from stoop.simulation.trim import neutral_inputs
-from stoop.vehicle import Vehicle, terms
-from stoop.vehicle.defaults import FULL_DEFLECTION, full_deflection
+from stoop import Vehicle
+from stoop.extend.arrays import FloatArray
+from stoop.extend.errors import SimulationError
+from stoop.extend.motion import Trim, air_density, initial_states, neutral_inputs, parameter_rows
+from stoop.extend.vehicles import terms
+from stoop_export.agreement import body_loads
+from stoop_export.autopilot_outputs import FULL_DEFLECTION, full_deflection
 from stoop_export.gazebo_plugins import (
     CONSTANT_JOINT_ANGLE,
     EFFECTS,

@@ -9,16 +9,14 @@ from typing import Final
 
 import numpy as np
 
-from stoop.base.arrays import FloatArray
-from stoop.base.extras import install
-from stoop.base.numbers import NOTHING, factor_and_unit
-from stoop.base.variables import VARIABLES, WRAPPED
-from stoop.errors import SimulationError
-from stoop.report.series import Series
-from stoop.report.sheet import Bullets, Code, Prose, Section, Sheet, Table, render_sheet
-from stoop.report.time_history import HistoryPanel, TimeHistory, with_residual
-from stoop.simulation import Trim
-from stoop.vehicle import Vehicle
+from stoop import Vehicle
+from stoop.extend import reports
+from stoop.extend.arrays import FloatArray
+from stoop.extend.errors import SimulationError
+from stoop.extend.motion import Trim
+from stoop.extend.text import NOTHING, factor_and_unit
+from stoop.extend.variables import VARIABLES, WRAPPED
+from stoop.extend.verbs import install
 from stoop_export import jsbsim_aircraft
 from stoop_export.agreement import EXPORT_PAGE, agreement_table
 from stoop_export.exporter import Exported, Exporter, encoded, installed, written
@@ -73,17 +71,21 @@ def export_page(
     for one in flown:
         title = one.record.title
         measured = "Measured, by" if one.record.measured is not None else "By"
-        caption = Prose(f"{measured} our simulation and by JSBSim, against time in s, and their difference.")
-        sections.append(
-            Section(title, (_differences(one), agreement_table(one.compared), caption, _history(one)))
+        caption = reports.Prose(
+            f"{measured} our simulation and by JSBSim, against time in s, and their difference."
         )
-    sections.append(Section("Why they differ at all", (Prose(EXPLANATION.format(rate=FRAME_RATE)),)))
-    sections += [Section("Notes", (Bullets(notes),))] if notes else []
-    sections.append(Section("Fly it", (Code(SCRIPT.format(planet=PLANET, name=name)),)))
-    return render_sheet(Sheet(f"{vehicle.name} in JSBSim", lead, tuple(sections)))
+        sections.append(
+            reports.Section(title, (_differences(one), agreement_table(one.compared), caption, _history(one)))
+        )
+    sections.append(
+        reports.Section("Why they differ at all", (reports.Prose(EXPLANATION.format(rate=FRAME_RATE)),))
+    )
+    sections += [reports.Section("Notes", (reports.Bullets(notes),))] if notes else []
+    sections.append(reports.Section("Fly it", (reports.Code(SCRIPT.format(planet=PLANET, name=name)),)))
+    return reports.render_sheet(reports.Sheet(f"{vehicle.name} in JSBSim", lead, tuple(sections)))
 
 
-def _differences(flown: Comparison) -> Table:
+def _differences(flown: Comparison) -> reports.Table:
     vehicle, measured = flown.record.vehicle, flown.record.measured
     columns = {"JSBSim, flat planet": flown.relative}
     if actuators(vehicle):
@@ -104,10 +106,10 @@ def _differences(flown: Comparison) -> Table:
         largest, *rms = (f"{x * factor:.4g} {unit}" if np.isfinite(x) else NOTHING for x in sizes)
         rows.append((name, largest, *(f"{column[name]:.1e}" for column in columns.values()), *rms))
     caption = "Largest difference from our simulation, as a fraction of the channel's largest magnitude"
-    return Table(caption, tuple(head), tuple(rows))
+    return reports.Table(caption, tuple(head), tuple(rows))
 
 
-def _history(flown: Comparison) -> TimeHistory:
+def _history(flown: Comparison) -> reports.TimeHistory:
     """Return every channel as flown and simulated, and the difference between the simulations below."""
     record, measured, panels = flown.record, flown.record.measured, []
     for i, output in enumerate(record.vehicle.outputs):
@@ -122,11 +124,11 @@ def _history(flown: Comparison) -> TimeHistory:
                 y = y.copy()
                 y[known] = np.unwrap(y[known])
                 y -= 2.0 * np.pi * np.round(y[known][0] / (2.0 * np.pi))
-            series[name] = Series(name, record.time, factor * y, role=ROLES[name], width=WIDTHS[name])
+            series[name] = reports.Series(name, record.time, factor * y, role=ROLES[name], width=WIDTHS[name])
         difference = series["JSBSim"].y - series["stoop"].y
-        strips = with_residual(list(series.values()), "JSBSim − stoop", difference)
-        panels.append(HistoryPanel(output, strips, unit, VARIABLES[output].meaning))
-    return TimeHistory(panels)
+        strips = reports.with_residual(list(series.values()), "JSBSim − stoop", difference)
+        panels.append(reports.HistoryPanel(output, strips, unit, VARIABLES[output].meaning))
+    return reports.TimeHistory(panels)
 
 
 NOT_FLOWN: Final = f"Not flown: the package jsbsim is not installed; {install('jsbsim')}."

@@ -12,9 +12,9 @@ from typing import Final
 from xml.etree import ElementTree as ET
 from xml.etree.ElementTree import Element, SubElement
 
-from stoop.base.units import FOOT, INCH, POUND_FORCE, SLUG
-from stoop.errors import VehicleError, one_line
-from stoop.vehicle import Vehicle
+from stoop import Vehicle
+from stoop.extend.errors import VehicleError, one_line
+from stoop.extend.units import FOOT, INCH, POUND_FORCE, SLUG
 from stoop_export.jsbsim_flight import (
     FRAME_RATE,
     INTEGRATORS,

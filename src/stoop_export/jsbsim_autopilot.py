@@ -15,15 +15,13 @@ from typing import Final
 
 import numpy as np
 
-from stoop.base.arrays import FloatArray
-from stoop.base.files import write_files
-from stoop.base.notices import notice
-from stoop.errors import SimulationError
-from stoop.flight import Flight, from_columns
-from stoop.simulation import Trim, trim
-from stoop.simulation.maneuver import Maneuver, check_maneuver
-from stoop.simulation.trim import inputs_about, surface_moments
-from stoop.vehicle import Vehicle
+from stoop import Flight, Vehicle, trim
+from stoop.extend.arrays import FloatArray
+from stoop.extend.errors import SimulationError
+from stoop.extend.files import write_files
+from stoop.extend.flights import from_columns
+from stoop.extend.motion import Maneuver, Trim, check_maneuver, inputs_about, surface_moments
+from stoop.extend.notices import notice
 from stoop_export import jsbsim_aircraft
 from stoop_export.jsbsim_flight import PLANET, READ, Record, begin, file_name, instruments, maneuver_record
 

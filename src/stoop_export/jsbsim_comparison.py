@@ -7,9 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from stoop.base.arrays import FloatArray
-from stoop.simulation.loads import rigid_loads
-from stoop_export.agreement import AXES, Compared, has_axes, loads_at
+from stoop.extend.arrays import FloatArray
+from stoop_export.agreement import AXES, Compared, has_axes, loads_at, rigid_loads
 from stoop_export.jsbsim_flight import (
     PLANET,
     Record,

@@ -18,20 +18,15 @@ from typing import Any, Final
 
 import numpy as np
 
-from stoop.base.arrays import FloatArray
-from stoop.base.extras import install
-from stoop.base.notices import Notice, notice
-from stoop.base.rotations import quaternions_of
-from stoop.base.units import FOOT, POUND_FORCE, SLUG
-from stoop.base.variables import EULER, WRAPPED
-from stoop.errors import SimulationError, StoopError
-from stoop.simulation import Trim, initial_states, parameter_rows
-from stoop.simulation.delays import late_inputs, late_outputs
-from stoop.simulation.initial import commanded, rigid_states
-from stoop.simulation.maneuver import Maneuver
-from stoop.simulation.trim import inputs_about
-from stoop.vehicle import Vehicle
-from stoop.vehicle.schema import WIND
+from stoop import Notice, Vehicle
+from stoop.extend import motion
+from stoop.extend.arrays import FloatArray, quaternions_of
+from stoop.extend.errors import SimulationError, StoopError
+from stoop.extend.notices import notice
+from stoop.extend.units import FOOT, POUND_FORCE, SLUG
+from stoop.extend.variables import EULER, WRAPPED
+from stoop.extend.vehicles import WIND
+from stoop.extend.verbs import install
 from stoop_export.jsbsim_loads import rotor_lag, rotor_start, slope_start
 from stoop_export.jsbsim_model import (
     actuators,
@@ -48,9 +43,9 @@ RATE: Final = 100.0  #: Hz, of the samples of a record
 FRAME_RATE: Final = 1000.0  #: Hz at least, of JSBSim's frames
 PLANET: Final = "flat.xml"
 INTEGRATORS: Final = {
-    f"simulation/integrator/{part}/{motion}": 5.0
+    f"simulation/integrator/{part}/{kind}": 5.0
     for part in ("rate", "position")
-    for motion in ("rotational", "translational")
+    for kind in ("rotational", "translational")
 }  #: Adams-Bashforth of order four
 READ: Final[dict[str, tuple[str, float]]] = {
     "u": ("velocities/u-aero-fps", FOOT), "v": ("velocities/v-aero-fps", FOOT), "w": ("velocities/w-aero-fps", FOOT),
@@ -129,10 +124,10 @@ def own_readings(record: Record, steps: int = 1) -> FloatArray:
     vehicle, count = record.vehicle, len(record.inputs)
     fine = np.arange((count - 1) * steps + 1) / steps
     inputs = np.stack([np.interp(fine, np.arange(count), column) for column in record.inputs.T], axis=1)
-    rows, dt = parameter_rows(vehicle), record.dt / steps
-    begin = initial_states(vehicle, record.start, rows, inputs[0])
-    flown = vehicle.kernel().trajectories(rows, begin, late_inputs(vehicle, inputs, rows, dt), dt)
-    out = late_outputs(vehicle, flown[:, ::steps].copy(), rows, record.dt)[0]
+    rows, dt = motion.parameter_rows(vehicle), record.dt / steps
+    begin = motion.initial_states(vehicle, record.start, rows, inputs[0])
+    flown = vehicle.kernel().trajectories(rows, begin, motion.late_inputs(vehicle, inputs, rows, dt), dt)
+    out = motion.late_outputs(vehicle, flown[:, ::steps].copy(), rows, record.dt)[0]
     finite = np.isfinite(out).all(axis=1)
     if not finite.all():
         at = record.time[np.argmin(finite)]
@@ -164,7 +159,7 @@ def relative_differences(names: Sequence[str], ours: FloatArray, theirs: FloatAr
     return dict(zip(names, relative.tolist(), strict=True))
 
 
-def every_control(vehicle: Vehicle, point: Trim, duration: float = 30.0) -> Maneuver:
+def every_control(vehicle: Vehicle, point: motion.Trim, duration: float = 30.0) -> motion.Maneuver:
     """Return a 3-2-1-1 on each control one after the other, then a doublet on each."""
     gap = 0.45 * duration / max(len(vehicle.controls), 1)
     inputs = [
@@ -173,22 +168,22 @@ def every_control(vehicle: Vehicle, point: Trim, duration: float = 30.0) -> Mane
         for i, c in enumerate(vehicle.controls)
     ]  # fmt: skip
     start = {"airspeed": point.start["V"], "altitude": point.start["h"]}
-    return Maneuver.model_validate({"duration": duration, "rate": RATE, **start, "input": inputs})
+    return motion.Maneuver.model_validate({"duration": duration, "rate": RATE, **start, "input": inputs})
 
 
-def maneuver_record(vehicle: Vehicle, point: Trim, maneuver: Maneuver) -> Record:
+def maneuver_record(vehicle: Vehicle, point: motion.Trim, maneuver: motion.Maneuver) -> Record:
     """Return a maneuver from a steady flight, with the vehicle's numbers that this sets: a constant thrust."""
     flown = vehicle.with_numbers({name: {"value": value} for name, value in point.changes.items()})
-    inputs = inputs_about(flown, point, maneuver.deflections(), len(maneuver.time))
+    inputs = motion.inputs_about(flown, point, maneuver.deflections(), len(maneuver.time))
     return Record(flown, point.start, maneuver.time, inputs)
 
 
-def steady_record(vehicle: Vehicle, point: Trim, duration: float = 30.0) -> Record:
+def steady_record(vehicle: Vehicle, point: motion.Trim, duration: float = 30.0) -> Record:
     """Return a steady flight."""
-    return maneuver_record(vehicle, point, Maneuver(duration=duration, rate=RATE))
+    return maneuver_record(vehicle, point, motion.Maneuver(duration=duration, rate=RATE))
 
 
-def excitation_record(vehicle: Vehicle, point: Trim) -> Record | None:
+def excitation_record(vehicle: Vehicle, point: motion.Trim) -> Record | None:
     """Return :func:`every_control` in 30, 10 or 3 s, the first in which it does not diverge; None where it always does."""
     for duration in (30.0, 10.0, 3.0):
         out = maneuver_record(vehicle, point, every_control(vehicle, point, duration))
@@ -235,8 +230,8 @@ class Settings:
 
 def settings(record: Record, rate: float = FRAME_RATE) -> Settings:
     """Return what JSBSim is given for a record, with frames of a rate, Hz, of at least so much."""
-    vehicle, rows = record.vehicle, parameter_rows(record.vehicle)
-    rigid = {k: float(v[0]) for k, v in rigid_states(record.start).items() if k in (*"uvwpqr", "h")}
+    vehicle, rows = record.vehicle, motion.parameter_rows(record.vehicle)
+    rigid = {k: float(v[0]) for k, v in motion.rigid_states(record.start).items() if k in (*"uvwpqr", "h")}
     start = rigid | {a: float(record.start.get(a, 0.0)) for a in EULER}
     columns = {n: record.inputs[:, i] for i, n in enumerate(vehicle.inputs) if n != "none"}
     constants = {channel_start(n): float(columns[n][0]) for n in actuators(vehicle)}
@@ -249,7 +244,7 @@ def settings(record: Record, rate: float = FRAME_RATE) -> Settings:
         # The lag filter y1 = ca (x1 + x0) + cb y0 runs once before the flight, with zeros behind it; so the surface
         # begins at S + ca (x0 - S) for a start value S and a command x0.
         step = record.dt / frames_per_sample(record.dt, rate) / seconds
-        command = float(commanded(vehicle, name, rows, record.inputs[0])[0])
+        command = float(motion.commanded(vehicle, name, rows, record.inputs[0])[0])
         offset = float(record.start.get(f"{name}.lag", 0.0))
         constants[place] = command + offset * (2.0 + step) / 2.0
     for name in vehicle.sloped:
@@ -408,8 +403,7 @@ def instruments(vehicle: Vehicle) -> Callable[[Mapping[str, FloatArray], float],
     """Return what takes a flight of :data:`READ`, (n,) each, SI and rad, and its sample period to readings (n, n_y)."""
     import sympy as sp
 
-    from stoop.vehicle.symbolic import readings
-    from stoop.vehicle.symbolic.frames import Numbers, air, air_data, attitude, over_ground
+    from stoop.extend.vehicles import Numbers, air, air_data, attitude, over_ground, readings
 
     n = Numbers(vehicle)
     names = ("u", "v", "w", "p", "q", "r", "pdot", "qdot", "rdot", "X", "Y", "Z", "e0", "e1", "e2", "e3")
@@ -431,6 +425,6 @@ def instruments(vehicle: Vehicle) -> Callable[[Mapping[str, FloatArray], float],
         known = {**flown, **forces, **turn}
         columns = function(*(known[key] for key in names))
         out = np.stack([np.broadcast_to(c, flown["u"].shape) for c in columns]).T[None]
-        return np.asarray(late_outputs(vehicle, out, parameter_rows(vehicle), dt)[0])
+        return np.asarray(motion.late_outputs(vehicle, out, motion.parameter_rows(vehicle), dt)[0])
 
     return read_flight

@@ -15,10 +15,9 @@ from xml.etree.ElementTree import Element, SubElement
 
 import sympy as sp
 
-from stoop.base.units import FOOT, POUND_FORCE
-from stoop.vehicle import Vehicle
-from stoop.vehicle.symbolic import airflow, forces
-from stoop.vehicle.vehicle import slope_input
+from stoop import Vehicle
+from stoop.extend.units import FOOT, POUND_FORCE
+from stoop.extend.vehicles import airflow, forces, slope_input
 from stoop_export.jsbsim_model import (
     DENSITY,
     THRUST,

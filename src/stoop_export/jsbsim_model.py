@@ -17,15 +17,10 @@ from xml.etree.ElementTree import Element, SubElement
 
 import sympy as sp
 
-from stoop.base.units import FOOT, POUND_FORCE, SLUG
-from stoop.simulation import parameter_rows
-from stoop.simulation.delays import input_actuators, input_delays
-from stoop.simulation.initial import commanded
-from stoop.simulation.trim import neutral_inputs
-from stoop.vehicle import Vehicle, terms
-from stoop.vehicle.defaults import MOMENT_ARMS, SHORTEST_LAG
-from stoop.vehicle.symbolic import forces
-from stoop.vehicle.symbolic.frames import Air, Numbers
+from stoop import Vehicle
+from stoop.extend.motion import commanded, input_actuators, input_delays, neutral_inputs, parameter_rows
+from stoop.extend.units import FOOT, POUND_FORCE, SLUG
+from stoop.extend.vehicles import MOMENT_ARMS, SHORTEST_LAG, Air, Numbers, forces, terms
 
 AXES: Final = {"CL": "LIFT", "CD": "DRAG", "CQ": "SIDE", "Cl": "ROLL", "Cm": "PITCH", "Cn": "YAW"}
 AIRSPEED: Final = "stoop/air/V-m_sec"

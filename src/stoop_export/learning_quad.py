@@ -19,16 +19,14 @@ from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 import numpy as np
 
-from stoop.base.arrays import FloatArray
-from stoop.base.rotations import FLIP
-from stoop.errors import SimulationError
-from stoop.simulation import Trim
-from stoop.simulation.loads import inertia_tensor
-from stoop.vehicle import Vehicle
+from stoop import Vehicle
+from stoop.extend.arrays import FloatArray
+from stoop.extend.errors import SimulationError
+from stoop.extend.motion import Trim, inertia_tensor
 from stoop_analysis.derivatives import derivatives
 from stoop_export.agreement import omission, omitted_shares
 from stoop_export.autopilot_outputs import check_rotor_channels
-from stoop_export.exporter import Exported, encoded
+from stoop_export.exporter import FLIP, Exported, encoded
 from stoop_export.gazebo_model import rotor_motors
 from stoop_export.matlab import identifier
 from stoop_export.parameter_sets import RandomizedExporter

@@ -20,16 +20,13 @@ import sympy as sp
 from numpy.typing import NDArray
 from sympy.printing.octave import OctaveCodePrinter
 
-from stoop.base.arrays import FloatArray
-from stoop.base.notices import notice
-from stoop.base.numbers import without_rounding
-from stoop.errors import one_line
-from stoop.simulation import LinearModel, Trim, initial_states, linearize, parameter_rows
-from stoop.simulation.initial import commanded
-from stoop.simulation.linearize import left_out
-from stoop.vehicle import Vehicle
-from stoop.vehicle.symbolic import build_model
-from stoop.vehicle.vehicle import slope_input
+from stoop import Vehicle
+from stoop.extend import motion
+from stoop.extend.arrays import FloatArray
+from stoop.extend.errors import one_line
+from stoop.extend.notices import notice
+from stoop.extend.text import without_rounding
+from stoop.extend.vehicles import build_model, slope_input
 from stoop_analysis.derivatives import ParameterCovariance
 from stoop_export.exporter import Exported, Exporter, encoded
 from stoop_export.jsbsim_flight import file_name
@@ -59,21 +56,21 @@ class StateSpace:
     """
 
     vehicle: Vehicle
-    point: Trim
-    model: LinearModel
+    point: motion.Trim
+    model: motion.LinearModel
     x: FloatArray
     u: FloatArray
     y: FloatArray
     standard_errors: Mapping[str, FloatArray] = field(default_factory=dict)
 
 
-def state_space(vehicle: Vehicle, point: Trim, known: ParameterCovariance | None = None) -> StateSpace:
+def state_space(vehicle: Vehicle, point: motion.Trim, known: ParameterCovariance | None = None) -> StateSpace:
     """Linearize a vehicle about a steady flight."""
-    model = linearize(vehicle, point)
-    rows = parameter_rows(vehicle, point.changes)
-    states = initial_states(vehicle, point.start, rows, point.inputs)
+    model = motion.linearize(vehicle, point)
+    rows = motion.parameter_rows(vehicle, point.changes)
+    states = motion.initial_states(vehicle, point.start, rows, point.inputs)
     _, readings = vehicle.kernel().evaluate(rows, states, point.inputs[:, None])
-    surfaces = {c: float(commanded(vehicle, c, rows, point.inputs)[0]) for c in vehicle.controls}
+    surfaces = {c: float(motion.commanded(vehicle, c, rows, point.inputs)[0]) for c in vehicle.controls}
     begin = point.start | {
         n: x for n, x in zip(vehicle.states, states[:, 0], strict=True) if n.endswith(".lag")
     }
@@ -85,7 +82,9 @@ def state_space(vehicle: Vehicle, point: Trim, known: ParameterCovariance | None
     return StateSpace(vehicle, point, model, x, u, y, errors)
 
 
-def standard_errors(vehicle: Vehicle, point: Trim, known: ParameterCovariance) -> dict[str, FloatArray]:
+def standard_errors(
+    vehicle: Vehicle, point: motion.Trim, known: ParameterCovariance
+) -> dict[str, FloatArray]:
     """Return the standard error of every entry: the square root of diag(J S J') with J by central differences.
 
     A parameter without a finite variance is unknown, and so is every entry that depends on it by more than the
@@ -94,7 +93,7 @@ def standard_errors(vehicle: Vehicle, point: Trim, known: ParameterCovariance) -
 
     def slopes(name: str, step: float) -> list[FloatArray]:
         shifted = [{name: {"value": vehicle.value(name) + s}} for s in (step, -step)]
-        up, down = (linearize(vehicle.with_numbers(change), point) for change in shifted)
+        up, down = (motion.linearize(vehicle.with_numbers(change), point) for change in shifted)
         return [(getattr(up, m) - getattr(down, m)) / (2.0 * step) for m in MATRICES]
 
     variances = np.diag(known.covariance)
@@ -116,7 +115,7 @@ def standard_errors(vehicle: Vehicle, point: Trim, known: ParameterCovariance) -
 
 def unit(name: str, vehicle: Vehicle) -> str:
     """Return the unit of a state, input or output; what is neither a variable nor of a rotor is an angle."""
-    from stoop.flight import VARIABLES
+    from stoop.extend.variables import VARIABLES
 
     if name in _UNITS:
         return _UNITS[name]
@@ -128,7 +127,7 @@ def unit(name: str, vehicle: Vehicle) -> str:
     return VARIABLES[name].unit if name in VARIABLES else "rad"
 
 
-def numbers(vehicle: Vehicle, point: Trim) -> dict[str, float]:
+def numbers(vehicle: Vehicle, point: motion.Trim) -> dict[str, float]:
     """Return every number of the vehicle as it is flown, by name."""
     own = dict(zip((p.name for p in vehicle.parameters), vehicle.values.tolist(), strict=True))
     return own | {n: float(v) for n, v in point.changes.items()}
@@ -222,7 +221,7 @@ class Matlab:
     variables: Mapping[str, Any]
 
 
-def matlab(vehicle: Vehicle, point: Trim, linear: StateSpace) -> Matlab:
+def matlab(vehicle: Vehicle, point: motion.Trim, linear: StateSpace) -> Matlab:
     """Return the files of a vehicle that flies from a steady flight."""
     name = identifier(vehicle.name)
     slopes = hold = turn = ""
@@ -240,11 +239,11 @@ def matlab(vehicle: Vehicle, point: Trim, linear: StateSpace) -> Matlab:
         f"{name}_fly.m": _FLY.format(name=name, slopes=slopes, hold=hold, turn=turn),
         f"{name}_simulink.m": _SIMULINK.format(name=name),
     }
-    parameters, rows = numbers(vehicle, point), parameter_rows(vehicle, point.changes)
+    parameters, rows = numbers(vehicle, point), motion.parameter_rows(vehicle, point.changes)
     content = {
         "p": np.array(list(parameters.values()))[:, None],
         "parameter_names": _cells(parameters),
-        "x0": initial_states(vehicle, point.start, rows, point.inputs),
+        "x0": motion.initial_states(vehicle, point.start, rows, point.inputs),
         "u0": point.inputs[:, None],
         "state_names": _cells(vehicle.states),
         "input_names": _cells(vehicle.inputs),
@@ -360,7 +359,7 @@ class LinearExporter(Exporter):
 
     def lacks(self) -> list[str]:
         """Return what a linear model cannot express."""
-        return [str(one) for one in left_out(self.vehicle)]
+        return [str(one) for one in motion.left_out(self.vehicle)]
 
 
 class StateSpaceFiles(LinearExporter):

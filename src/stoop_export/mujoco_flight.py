@@ -7,15 +7,12 @@ from typing import Any, Final
 
 import numpy as np
 
-from stoop.base.arrays import FloatArray
-from stoop.base.extras import install
-from stoop.base.rotations import FLIP, euler_angles, normalized, to_body
-from stoop.simulation import parameter_rows
-from stoop.simulation.initial import commanded
-from stoop.simulation.loads import rigid_loads
-from stoop.vehicle import Vehicle
-from stoop_export.agreement import AXES, Compared, loads_along
-from stoop_export.exporter import Exported, encoded, installed, load_script, written
+from stoop import Vehicle
+from stoop.extend.arrays import FloatArray, euler_angles, normalized, to_body
+from stoop.extend.motion import commanded, parameter_rows
+from stoop.extend.verbs import install
+from stoop_export.agreement import AXES, Compared, loads_along, rigid_loads
+from stoop_export.exporter import FLIP, Exported, encoded, installed, load_script, written
 from stoop_export.mujoco_model import mujoco_model
 from stoop_export.parameter_sets import RandomizedExporter
 from stoop_export.reference_flight import ReferenceFlight

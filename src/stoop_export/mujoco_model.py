@@ -22,13 +22,11 @@ from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 import numpy as np
 
-from stoop.base.arrays import FloatArray
-from stoop.base.rotations import FLIP
-from stoop.simulation import Trim, initial_states, parameter_rows
-from stoop.simulation.initial import commanded
-from stoop.simulation.loads import inertia_tensor
-from stoop.vehicle import Vehicle
+from stoop import Vehicle
+from stoop.extend.arrays import FloatArray
+from stoop.extend.motion import Trim, commanded, inertia_tensor, initial_states, parameter_rows
 from stoop_export.autopilot_outputs import check_rotor_channels
+from stoop_export.exporter import FLIP
 from stoop_export.gazebo_model import rotor_motors
 from stoop_export.gazebo_plugins import Motor
 from stoop_export.matlab import identifier

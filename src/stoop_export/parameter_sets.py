@@ -15,11 +15,11 @@ from typing import Any, Final
 
 import numpy as np
 
-from stoop.base.arrays import FloatArray
-from stoop.base.numbers import count
-from stoop.errors import SimulationError, VehicleError
-from stoop.simulation import Trim
-from stoop.vehicle import Vehicle
+from stoop import Vehicle
+from stoop.extend.arrays import FloatArray
+from stoop.extend.errors import SimulationError, VehicleError
+from stoop.extend.motion import Trim
+from stoop.extend.text import count
 from stoop_export.exporter import Exported, FullExporter
 
 FORMAT: Final = "stoop-draws/1"

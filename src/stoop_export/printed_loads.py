@@ -11,12 +11,10 @@ from typing import Any
 
 import sympy as sp
 
-from stoop.errors import SimulationError
-from stoop.kernels.emit import scalar_text
-from stoop.vehicle import Vehicle
-from stoop.vehicle.atmosphere import polynomial_density
-from stoop.vehicle.symbolic import airflow, forces
-from stoop.vehicle.symbolic.frames import Numbers
+from stoop import Vehicle
+from stoop.extend.errors import SimulationError
+from stoop.extend.motion import scalar_text
+from stoop.extend.vehicles import Numbers, airflow, forces, polynomial_density
 
 
 @dataclass(frozen=True)

@@ -14,9 +14,9 @@ import zlib
 from collections.abc import Mapping, Sequence
 from typing import Final
 
-from stoop.base.autopilots import PX4_SURFACES
-from stoop.base.text import printable
-from stoop.errors import VehicleError
+from stoop.extend.errors import VehicleError
+from stoop.extend.text import printable
+from stoop.extend.variables import PX4_SURFACES
 from stoop_export.autopilot_outputs import FASTEST, SLOWEST, MotorOutput, SurfaceOutput, ThrustCurve
 
 FIRST_NUMBER: Final = 22000  #: of PX4's numbers for airframes of one's own, of which there are a thousand

@@ -13,16 +13,10 @@ from typing import Final
 
 import numpy as np
 
-from stoop.base.arrays import FloatArray
-from stoop.base.rotations import euler_angles
-from stoop.base.variables import EULER
-from stoop.simulation import Trim, initial_states, parameter_rows
-from stoop.simulation.delays import late_inputs
-from stoop.simulation.fly import fly
-from stoop.simulation.initial import commanded
-from stoop.simulation.maneuver import Maneuver
-from stoop.simulation.trajectories import readings_along, states_along
-from stoop.vehicle import Vehicle
+from stoop import Vehicle
+from stoop.extend import motion
+from stoop.extend.arrays import FloatArray, euler_angles
+from stoop.extend.variables import EULER
 from stoop_export.jsbsim_flight import (
     RATE,
     Record,
@@ -77,39 +71,39 @@ class ReferenceFlight:
         return relative_differences(self.vehicle.outputs, self.readings, readings)
 
 
-def reference_flight(vehicle: Vehicle, point: Trim) -> ReferenceFlight | None:
+def reference_flight(vehicle: Vehicle, point: motion.Trim) -> ReferenceFlight | None:
     """Return the flight from a steady flight; None where the simulation diverges even in a short one."""
     if point.on_wings:
         record = excitation_record(vehicle, point)
         if record is None:
             return None
-        vehicle, rows = record.vehicle, parameter_rows(record.vehicle)
-        begin = initial_states(vehicle, record.start, rows, record.inputs[0])
-        inputs = late_inputs(vehicle, record.inputs, rows, record.dt)
-        states = states_along(vehicle, rows, begin, inputs, record.dt)
+        vehicle, rows = record.vehicle, motion.parameter_rows(record.vehicle)
+        begin = motion.initial_states(vehicle, record.start, rows, record.inputs[0])
+        inputs = motion.late_inputs(vehicle, record.inputs, rows, record.dt)
+        states = motion.states_along(vehicle, rows, begin, inputs, record.dt)
         readings = np.asarray(vehicle.kernel().trajectories(rows, begin, inputs, record.dt)[0])
         return ReferenceFlight(vehicle, record.time, inputs, states, readings, (0,), record.title)
     record, states = _flight_on_rotors(vehicle, point)
-    vehicle, rows = record.vehicle, parameter_rows(record.vehicle)
-    inputs = late_inputs(vehicle, record.inputs, rows, record.dt)
-    readings = readings_along(vehicle, rows, states, inputs)
+    vehicle, rows = record.vehicle, motion.parameter_rows(record.vehicle)
+    inputs = motion.late_inputs(vehicle, record.inputs, rows, record.dt)
+    readings = motion.readings_along(vehicle, rows, states, inputs)
     restarts = tuple(range(0, len(record.time) - 1, round(RESTART / record.dt)))
     return ReferenceFlight(vehicle, record.time, inputs, states, readings, restarts, _TITLE)
 
 
-def _flight_on_rotors(vehicle: Vehicle, point: Trim) -> tuple[Record, FloatArray]:
+def _flight_on_rotors(vehicle: Vehicle, point: motion.Trim) -> tuple[Record, FloatArray]:
     """Return the flight of the set-points under the autopilot, its start still open, and its states (n, n_x)."""
-    flown = fly(vehicle, set_points(point.start["h"]))
+    flown = motion.fly(vehicle, set_points(point.start["h"]))
     vehicle = vehicle.with_numbers({name: {"value": x} for name, x in flown.trim.changes.items()})
     return Record(vehicle, {}, flown.time, flown.inputs, _TITLE), np.asarray(flown.states)
 
 
-def steady_start(vehicle: Vehicle, point: Trim) -> Record:
+def steady_start(vehicle: Vehicle, point: motion.Trim) -> Record:
     """Return a steady flight to start from: 30 s on wings; on rotors, where rounding errors grow, a few seconds."""
     return steady_record(vehicle, point, DURATION if point.on_wings else HOVER)
 
 
-def reference_record(vehicle: Vehicle, point: Trim) -> Record | None:
+def reference_record(vehicle: Vehicle, point: motion.Trim) -> Record | None:
     """Return the flight from a steady flight as a record with its recorded channels; None where even a short one diverges."""
     if point.on_wings:
         return excitation_record(vehicle, point)
@@ -131,31 +125,31 @@ def with_restarts(record: Record) -> Record:
 
 def states_of(record: Record) -> FloatArray:
     """Return the states (n, n_x) of a record, simulated from its start."""
-    vehicle, rows = record.vehicle, parameter_rows(record.vehicle)
-    begin = initial_states(vehicle, record.start, rows, record.inputs[0])
-    inputs = late_inputs(vehicle, record.inputs, rows, record.dt)
-    return states_along(vehicle, rows, begin, inputs, record.dt)
+    vehicle, rows = record.vehicle, motion.parameter_rows(record.vehicle)
+    begin = motion.initial_states(vehicle, record.start, rows, record.inputs[0])
+    inputs = motion.late_inputs(vehicle, record.inputs, rows, record.dt)
+    return motion.states_along(vehicle, rows, begin, inputs, record.dt)
 
 
 def _starts(record: Record, states: FloatArray) -> list[tuple[int, dict[str, float]]]:
     """Return samples and starts of restarts along states (n, n_x); lags are differences from their commands."""
-    vehicle, rows, out = record.vehicle, parameter_rows(record.vehicle), []
+    vehicle, rows, out = record.vehicle, motion.parameter_rows(record.vehicle), []
     for k in range(0, len(states) - 1, max(1, round(RESTART / record.dt))):
         x = dict(zip(vehicle.states, states[k].tolist(), strict=True))
         angles = euler_angles(np.array([[x.pop(f"e{i}") for i in range(4)]]))[0]
         for name in (n for n in x if n.endswith(".lag")):
-            x[name] -= float(commanded(vehicle, name.removesuffix(".lag"), rows, record.inputs[k])[0])
+            x[name] -= float(motion.commanded(vehicle, name.removesuffix(".lag"), rows, record.inputs[k])[0])
         out.append((k, x | dict(zip(EULER, angles.tolist(), strict=True))))
     return out
 
 
-def set_points(altitude: float) -> Maneuver:
+def set_points(altitude: float) -> motion.Maneuver:
     """Return a maneuver on rotors: velocities along each axis there and back, then a heading."""
     inputs = [
         {"control": name, "shape": "doublet", "start": 1.0 + 7.0 * i, "step": 3.0, "amplitude": amplitude}
         for i, (name, amplitude) in enumerate((SPEEDS | {"heading": HEADING}).items())
     ]
-    return Maneuver.model_validate(
+    return motion.Maneuver.model_validate(
         {"duration": DURATION, "rate": RATE, "altitude": altitude, "input": inputs}
     )
 

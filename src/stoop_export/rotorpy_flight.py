@@ -7,15 +7,12 @@ from typing import Any, Final
 
 import numpy as np
 
-from stoop.base.arrays import FloatArray
-from stoop.base.extras import install
-from stoop.base.rotations import FLIP, euler_angles, normalized, to_body, to_ground
-from stoop.simulation import parameter_rows
-from stoop.simulation.loads import body_loads
-from stoop.simulation.trajectories import FINER, next_state
+from stoop.extend.arrays import FloatArray, euler_angles, normalized, to_body, to_ground
+from stoop.extend.motion import FINER, next_state, parameter_rows
+from stoop.extend.verbs import install
 from stoop_export import rotorpy_model
-from stoop_export.agreement import AXES, Compared, loads_along, omission, omitted_shares
-from stoop_export.exporter import Exported, Exporter, encoded, installed, load_script, written
+from stoop_export.agreement import AXES, Compared, body_loads, loads_along, omission, omitted_shares
+from stoop_export.exporter import FLIP, Exported, Exporter, encoded, installed, load_script, written
 from stoop_export.reference_flight import ReferenceFlight
 
 INSTALL: Final = install("rotorpy")

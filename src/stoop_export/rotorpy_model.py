@@ -24,13 +24,11 @@ from typing import Any, Final
 import numpy as np
 import sympy as sp
 
-from stoop.base.arrays import FloatArray
-from stoop.errors import SimulationError
-from stoop.kernels.emit import scalar_text
-from stoop.simulation import Trim, initial_states, parameter_rows
-from stoop.simulation.initial import commanded
-from stoop.vehicle import Vehicle
-from stoop.vehicle.symbolic import build_model
+from stoop import Vehicle
+from stoop.extend.arrays import FloatArray
+from stoop.extend.errors import SimulationError
+from stoop.extend.motion import Trim, commanded, initial_states, parameter_rows, scalar_text
+from stoop.extend.vehicles import build_model
 from stoop_analysis.derivatives import MOTIONS, derivatives
 from stoop_export.matlab import identifier
 

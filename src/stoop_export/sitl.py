@@ -16,17 +16,19 @@ from xml.etree.ElementTree import Element, SubElement
 
 import numpy as np
 
-from stoop.base.arrays import FloatArray
-from stoop.base.units import FOOT, POUND_FORCE
-from stoop.errors import VehicleError
-from stoop.simulation import Trim, parameter_rows, trim
-from stoop.simulation.initial import commanded
-from stoop.simulation.rotors import channel_range
-from stoop.simulation.trim import inputs_about, neutral_inputs, surface_moments
-from stoop.vehicle import Vehicle
-from stoop.vehicle.defaults import FULL_DEFLECTION, full_command, full_deflection
+from stoop import Vehicle, trim
+from stoop.extend import motion
+from stoop.extend.arrays import FloatArray
+from stoop.extend.errors import VehicleError
+from stoop.extend.units import FOOT, POUND_FORCE
+from stoop.extend.vehicles import full_command
 from stoop_export import jsbsim_aircraft
-from stoop_export.autopilot_outputs import check_rotor_channels, surface_role
+from stoop_export.autopilot_outputs import (
+    FULL_DEFLECTION,
+    check_rotor_channels,
+    full_deflection,
+    surface_role,
+)
 from stoop_export.jsbsim_flight import Record, Settings
 from stoop_export.jsbsim_model import THRUST, channel, component, leaf, node, number, prop, value
 
@@ -91,8 +93,8 @@ class AutopilotCommands:
     surfaces: tuple[Command, ...]
     throttle: Command | None
     rotors: tuple[Command, ...]
-    wings: Trim | None
-    hover: Trim | None
+    wings: motion.Trim | None
+    hover: motion.Trim | None
     assumed: tuple[str, ...]
     uncommanded: tuple[str, ...]
 
@@ -132,7 +134,7 @@ def autopilot_commands(
     if vehicle.reduce != "full":
         raise VehicleError(f'{vehicle.where}: an autopilot needs all axes; set model.reduce = "full"')
     check_rotor_channels(vehicle)
-    neutral, assumed = neutral_inputs(vehicle, 0.0), list[str]()
+    neutral, assumed = motion.neutral_inputs(vehicle, 0.0), list[str]()
     wings = None
     if vehicle.controls and "reference.airspeed" in vehicle.rows:
         speed = vehicle.value("reference.airspeed") if airspeed is None else airspeed
@@ -140,7 +142,7 @@ def autopilot_commands(
     hover = trim(vehicle, None, altitude, 0.0, density) if vehicle.file.rotor else None
     if wings is not None:
         vehicle = vehicle.with_numbers({n: {"value": x} for n, x in wings.changes.items()})
-    area, rotors = channel_range(vehicle), []
+    area, rotors = motion.channel_range(vehicle), []
     for i, (name, rotor) in enumerate(vehicle.file.rotor.items()):
         at, column = area.names.index(rotor.channel), vehicle.inputs.index(rotor.channel)
         steady = float(hover.inputs[column] - area.idle[at]) if hover is not None else 0.0
@@ -161,7 +163,7 @@ def autopilot_commands(
 
 
 def _surfaces(
-    vehicle: Vehicle, wings: Trim | None, neutral: FloatArray, assumed: list[str]
+    vehicle: Vehicle, wings: motion.Trim | None, neutral: FloatArray, assumed: list[str]
 ) -> tuple[tuple[Command, ...], tuple[str, ...]]:
     """Return the commands of the surfaces, and the controls that have none.
 
@@ -169,7 +171,7 @@ def _surfaces(
     """
     if wings is None:
         return (), ()
-    moments = np.array([surface_moments(vehicle, wings, c) for c in vehicle.controls]).T
+    moments = np.array([motion.surface_moments(vehicle, wings, c) for c in vehicle.controls]).T
     used: dict[str, dict[str, float]] = {}
     ends = {c: _full_deflection(vehicle, c, neutral) for c in vehicle.controls}
     allocated = allocated_axes(
@@ -185,15 +187,15 @@ def _surfaces(
         return (), tuple(vehicle.controls)
     controls = list(dict.fromkeys(c for deflections in used.values() for c in deflections))
     assumed += [f"full {c} is {math.degrees(FULL_DEFLECTION):g} deg" for c in controls if ends[c] is None]
-    rows = parameter_rows(vehicle)
+    rows = motion.parameter_rows(vehicle)
     columns = np.array([[deflections.get(c, 0.0) for deflections in used.values()] for c in controls])
-    zero = np.array([float(commanded(vehicle, c, rows, neutral)[0]) for c in controls])
+    zero = np.array([float(motion.commanded(vehicle, c, rows, neutral)[0]) for c in controls])
     held = np.array([wings.deflections[c] for c in controls]) - zero
     steady = dict(zip(used, np.linalg.pinv(columns) @ held, strict=True))
     out = []
     for name, deflections in used.items():
         signals = {c: np.array([x]) for c, x in deflections.items()}
-        change = inputs_about(vehicle, wings, signals, 1)[0] - wings.inputs
+        change = motion.inputs_about(vehicle, wings, signals, 1)[0] - wings.inputs
         channels = {n: float(x) for n, x in zip(vehicle.inputs, change, strict=True) if x != 0.0}
         out.append(Command(_surface_place(name), name, channels, float(steady[name]), deflections))
     return tuple(out), tuple(c for c in vehicle.controls if c not in controls)
@@ -250,7 +252,7 @@ def allocated_axes(
 
 
 def _throttle(
-    vehicle: Vehicle, wings: Trim | None, neutral: FloatArray, assumed: list[str]
+    vehicle: Vehicle, wings: motion.Trim | None, neutral: FloatArray, assumed: list[str]
 ) -> Command | None:
     """Return the command of the propulsion; full throttle gives twice the steady thrust where no channel says more."""
     file = vehicle.file.propulsion
@@ -355,10 +357,10 @@ def _contacts(vehicle: Vehicle) -> list[Element]:
 
 def servo_table(commands: AutopilotCommands) -> list[tuple[Any, ...]]:
     """Return name, property, deflection at 1000, 1500 and 2000 us, deg, and PWM in steady flight, of each surface."""
-    out, rows = [], parameter_rows(commands.vehicle)
+    out, rows = [], motion.parameter_rows(commands.vehicle)
     for c in commands.surfaces:
         for control, full in c.full_deflections.items():
-            zero = float(commanded(commands.vehicle, control, rows, commands.neutral)[0])
+            zero = float(motion.commanded(commands.vehicle, control, rows, commands.neutral)[0])
             angles = [math.degrees(zero + n * full) for n in (-1.0, 0.0, 1.0)]
             name = c.name if control == c.name else f"{c.name}: {control}"
             out.append((name, c.place, *angles, round(1500.0 + 500.0 * c.steady)))

@@ -23,11 +23,10 @@ from pathlib import Path
 from typing import Any, ClassVar, Final
 from xml.etree.ElementTree import Element, SubElement
 
-from stoop.base.text import printable
-from stoop.errors import VehicleError
-from stoop.simulation import parameter_rows
-from stoop.simulation.initial import commanded
-from stoop.vehicle import Vehicle
+from stoop import Vehicle
+from stoop.extend.errors import VehicleError
+from stoop.extend.motion import commanded, parameter_rows
+from stoop.extend.text import printable
 from stoop_export import ardupilot_parameters, px4_airframe
 from stoop_export.ardupilot_parameters import PWM
 from stoop_export.autopilot_outputs import MotorOutput, SurfaceOutput, ThrustCurve, equivalent_airspeed

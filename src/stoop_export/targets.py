@@ -1,16 +1,17 @@
 """The table of the targets of ``stoop export``, which command line, Python, app and documentation read.
 
-A new target is a module with a subclass of `stoop_export.exporter.Exporter`, a row here, and its row in ``docs/export.md``.
+A new target is a module with a subclass of `stoop_export.exporter.Exporter`, a row here, and its row in ``docs/export.md``;
+packages add theirs as rows of ``targets``, with ``title`` and ``exporter``, the place of the class.
 """
 
 from __future__ import annotations
 
-import importlib
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
-from stoop.base.text import nearest
-from stoop.errors import StoopError
+from stoop.extend.errors import StoopError
+from stoop.extend.text import nearest
+from stoop.extend.verbs import guarded, resolved, rows
 
 if TYPE_CHECKING:
     from stoop_export.exporter import Condition, Exported, Exporter, ModelData
@@ -18,39 +19,36 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Target:
-    """A row of the table.
+    """A row of the table."""
 
-    Attributes
-    ----------
-    title : the tool, as the app and the documentation name it
-    module : of what writes its files, below ``stoop_export``; imported when the target is chosen
-    name : of the exporter's class in the module
-    """
-
-    title: str
-    module: str
-    name: str
+    title: str  #: the tool, as the app and the documentation name it
+    exporter: str  #: place ``module:class`` of what writes its files; imported when the target is chosen
 
     def load(self) -> Any:
         """Return what writes its files."""
-        return getattr(importlib.import_module(f"stoop_export.{self.module}"), self.name)
+        return resolved(self.exporter)
 
 
-TARGETS: Final = {
-    "jsbsim": Target("JSBSim", "jsbsim", "JSBSim"),
-    "ardupilot-jsbsim": Target("ArduPilot in the loop with JSBSim", "sitl_folders", "ArduPilotJSBSim"),
-    "px4-jsbsim": Target("PX4 in the loop with JSBSim", "sitl_folders", "PX4JSBSim"),
-    "state-space": Target("state space (A, B, C, D)", "matlab", "StateSpaceFiles"),
-    "simulink": Target("Simulink", "matlab", "Simulink"),
-    "fmu": Target("FMI", "fmu_target", "FMU"),
-    "rotorpy": Target("RotorPy", "rotorpy_flight", "RotorPy"),
-    "mujoco": Target("MuJoCo", "mujoco_flight", "MuJoCo"),
-    "pyflyt": Target("PyFlyt", "pyflyt", "PyFlyt"),
-    "gym-pybullet-drones": Target("gym-pybullet-drones", "bullet_and_isaac", "GymPyBulletDrones"),
-    "isaac": Target("Isaac Lab and Aerial Gym", "bullet_and_isaac", "Isaac"),
-    "crazyflow": Target("Crazyflow and drone-models", "crazyflow", "Crazyflow"),
-    "gazebo": Target("Gazebo", "gazebo", "Gazebo"),
+TARGETS: Final[dict[str, Target]] = {
+    "jsbsim": Target("JSBSim", "stoop_export.jsbsim:JSBSim"),
+    "ardupilot-jsbsim": Target(
+        "ArduPilot in the loop with JSBSim", "stoop_export.sitl_folders:ArduPilotJSBSim"
+    ),
+    "px4-jsbsim": Target("PX4 in the loop with JSBSim", "stoop_export.sitl_folders:PX4JSBSim"),
+    "state-space": Target("state space (A, B, C, D)", "stoop_export.matlab:StateSpaceFiles"),
+    "simulink": Target("Simulink", "stoop_export.matlab:Simulink"),
+    "fmu": Target("FMI", "stoop_export.fmu_target:FMU"),
+    "rotorpy": Target("RotorPy", "stoop_export.rotorpy_flight:RotorPy"),
+    "mujoco": Target("MuJoCo", "stoop_export.mujoco_flight:MuJoCo"),
+    "pyflyt": Target("PyFlyt", "stoop_export.pyflyt:PyFlyt"),
+    "gym-pybullet-drones": Target("gym-pybullet-drones", "stoop_export.bullet_and_isaac:GymPyBulletDrones"),
+    "isaac": Target("Isaac Lab and Aerial Gym", "stoop_export.bullet_and_isaac:Isaac"),
+    "crazyflow": Target("Crazyflow and drone-models", "stoop_export.crazyflow:Crazyflow"),
+    "gazebo": Target("Gazebo", "stoop_export.gazebo:Gazebo"),
 }
+for _package, _name, _row in rows("targets", TARGETS):
+    with guarded(_package, f"its target '{_name}'"):
+        TARGETS[_name] = Target(**_row)
 
 
 def export(model: ModelData, target: str, condition: Condition | None = None) -> Exported:

@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from stoop.base.arrays import FloatArray
+from stoop.extend.arrays import FloatArray
 from stoop_fleet.causes import EVERY, SOFTWARE, Cause, Stretch, causes, events, software_event
 from stoop_fleet.changes import LEAST, Change, Readings, changes, peaks, threshold
 from stoop_fleet.mixed_model import Design, MixedModel, Outlier, fit_robust_model, indices

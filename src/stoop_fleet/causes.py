@@ -32,7 +32,7 @@ from typing import Final
 import numpy as np
 from scipy.special import logsumexp, softmax
 
-from stoop.base.arrays import FloatArray, IntArray
+from stoop.extend.arrays import FloatArray, IntArray
 from stoop_fleet.changes import KINDS, Kind, Readings, sizes
 from stoop_fleet.parts import Parts
 from stoop_fleet.table import FigureTable

@@ -24,8 +24,8 @@ from typing import Final, Literal
 
 import numpy as np
 
-from stoop.assessment.covariance import NORMAL_95
-from stoop.base.arrays import FloatArray, IntArray
+from stoop.extend.arrays import FloatArray, IntArray
+from stoop.extend.fits import NORMAL_95
 
 Kind = Literal["step", "drift"]
 KINDS: Final[tuple[Kind, ...]] = ("step", "drift")

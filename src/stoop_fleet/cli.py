@@ -12,12 +12,9 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from stoop.base.numbers import count
-from stoop.base.text import enumerated, show
-from stoop.cli import options
-from stoop.cli.page import number, page, to_json
-from stoop.cli.progress import LiveLine, run_campaign
-from stoop.errors import StoopError
+from stoop.extend.errors import StoopError
+from stoop.extend.text import count, enumerated, show
+from stoop.extend.verbs import LiveLine, number, options, page, run_campaign, to_json
 
 if TYPE_CHECKING:
     from stoop_fleet.store import Fleet, ToldAlarm
@@ -80,13 +77,12 @@ def _tell(
 
 def simulate(arguments: argparse.Namespace) -> int:
     """Fly a fleet that is made up, write its logs, and print what to do next."""
-    from stoop.simulation.maneuver import load_maneuver
-    from stoop.vehicle.builtin import resolve_vehicle
+    from stoop import load_maneuver, load_vehicle
     from stoop_fleet.simulation import ENDING, HOVER, PARTS, TRUTH, read_fleet, write_fleet
 
     if arguments.autopilot:
         arguments.complain("--autopilot flies one flight; leave it out, or --fleet")
-    vehicle, folder = resolve_vehicle(arguments.vehicle), arguments.output
+    vehicle, folder = load_vehicle(arguments.vehicle), arguments.output
     fleet = read_fleet(arguments.fleet, vehicle)
     maneuver = HOVER if arguments.maneuver is None else load_maneuver(arguments.maneuver)
     with LiveLine(options.COMPILING) as live:

@@ -15,8 +15,8 @@ from typing import Final
 
 import numpy as np
 
-from stoop.errors import StoopError
-from stoop.logs import Recording
+from stoop.extend.errors import StoopError
+from stoop.extend.recordings import Recording
 from stoop_fleet.parts import day, moment
 
 CLOCKS: Final = frozenset({"vehicle_gps_position", "sensor_gps", "GPS"})  #: streams that tell the date

@@ -16,23 +16,26 @@ from typing import Final
 
 import numpy as np
 
-from stoop.base.arrays import BoolArray, FloatArray
-from stoop.base.atmosphere import SEA_LEVEL_DENSITY
-from stoop.base.units import STANDARD_GRAVITY
-from stoop.base.variables import EULER, RATES, SPECIFIC_FORCE, VARIABLES
-from stoop.errors import FlightError, StoopError
-from stoop.estimate.regression.command_delay import scan_delays
-from stoop.estimate.regression.least_squares import TimeDomain
-from stoop.flight import Flight, without_faults
-from stoop.flight.air_data import LIMITS as AIR_DATA
-from stoop.flight.airborne import airborne, carried_by_rotors, flying, in_flight, lift_command
-from stoop.flight.airspeed import density_of
-from stoop.problem.prepare import decoupled, prepare
-from stoop.problem.windows import as_windows
-from stoop.reconstruction.compatibility import Compatibility, Finding, check
-from stoop.results.result import ParameterEstimate
-from stoop.vehicle import Vehicle, parse_vehicle
-from stoop.workflow.identification import identify
+from stoop import Flight, Vehicle, fit
+from stoop.extend.arrays import BoolArray, FloatArray
+from stoop.extend.errors import FlightError, StoopError
+from stoop.extend.fits import ParameterEstimate, TimeDomain, decoupled, prepare, scan_delays
+from stoop.extend.flights import (
+    Compatibility,
+    Finding,
+    airborne,
+    as_windows,
+    carried_by_rotors,
+    check,
+    density_of,
+    flying,
+    in_flight,
+    lift_command,
+    without_faults,
+)
+from stoop.extend.units import SEA_LEVEL_DENSITY, STANDARD_GRAVITY
+from stoop.extend.variables import EULER, RATES, SPECIFIC_FORCE, VARIABLES
+from stoop.extend.vehicles import parse_vehicle
 from stoop_analysis.performance.effectiveness import LIMITS, Balance, block_means, hover_commands
 from stoop_analysis.performance.polar import DISC, Propulsion, blocks, fit_polar
 from stoop_fleet.table import REST
@@ -46,6 +49,7 @@ INSTRUMENTS: Final = {
 }  # fmt: skip
 """First part of the name of an instrument error -> place of the instrument."""
 FEWEST: Final = 30  #: blocks for a mean or a slope
+POOR_WIND: Final = 1.5  #: m/s, standard error of a wind that is hardly known
 STEADY: Final = 2.0  #: s, of blocks of airplanes
 SAME: Final = 1e-6  #: standard deviation of what is the same in all flights
 MOVED: Final = 0.02  #: A, rms of its changes that tells it
@@ -274,7 +278,7 @@ def parameters(flight: Flight, vehicle: Vehicle | None) -> Iterator[FlightFigure
         raise FlightError("no vehicle was given")
     flights = {flight.name: without_faults(flight)}
     windows = find_windows(flights, vehicle).texts("fit")
-    found = identify(vehicle, [flight], windows, method="equation-error", strategy="textbook")
+    found = fit(vehicle, [flight], windows, method="equation-error", strategy="textbook")
     for name, one in found.parameters.items():
         if one.identifiable and not one.at_bound:
             yield from without_prior(name, one, "")
@@ -364,7 +368,7 @@ def conditions(flight: Flight) -> Mapping[str, float]:
         read["density"] = density[0]
     means: dict[str, float] = {n: float(np.nanmean(x)) for n, x in read.items() if np.isfinite(x).any()}
     air = flight.air
-    known = air is not None and max(air.wind_n_std, air.wind_e_std) < AIR_DATA.poor_wind
+    known = air is not None and max(air.wind_n_std, air.wind_e_std) < POOR_WIND
     if air is not None and known and air.method != "still air":
         means = {"wind_n": air.wind_n, "wind_e": air.wind_e} | means
     if {"wind_n", "wind_e"} <= means.keys():

@@ -18,22 +18,13 @@ from typing import Any, Final
 
 import numpy as np
 
-from stoop.base.csv_text import csv_text
-from stoop.checks.vehicle import require_channels
-from stoop.errors import LogError, StoopError
-from stoop.flight.apply_mapping import read_mapped
-from stoop.flight.flight import ENDINGS, Flight, flight_name
-from stoop.flight.load import of_recording
-from stoop.flight.mapping import read_flight_mapping
-from stoop.logs.csv_tables import mapping_beside, topic_files
-from stoop.logs.read import is_bag_folder
-from stoop.parallel import Plan, Run, environment
-from stoop.parallel.plan import Json
-from stoop.parallel.store import forget
-from stoop.parallel.worker import work_sources
-from stoop.vehicle import Vehicle
-from stoop.vehicle.builtin import BUILT_IN, resolve_vehicle
-from stoop.workflow.outputs import file_hashes
+from stoop import Flight, Vehicle, load_vehicle
+from stoop.extend.campaigns import Json, Plan, Run, environment, forget, work_sources
+from stoop.extend.errors import LogError, StoopError
+from stoop.extend.files import csv_text, file_hashes
+from stoop.extend.flights import ENDINGS, flight_name, of_recording, read_flight_mapping, read_mapped
+from stoop.extend.recordings import is_bag_folder, mapping_beside, topic_files
+from stoop.extend.vehicles import BUILT_IN, require_channels
 from stoop_fleet.headers import CLOCKS, Dated, contradictions, header
 from stoop_fleet.table import LOGS, FigureTable, columns_of, of_frames, read_frame
 
@@ -80,7 +71,7 @@ def plan(
     copies = _copies(own, contents, folder)
     places: dict[str, Json] = {"mapping": None if mapping is None else str(mapping.absolute())}
     places["vehicle"] = vehicle if vehicle is None or vehicle in BUILT_IN else str(Path(vehicle).absolute())
-    depends = [None if vehicle is None else _digest(resolve_vehicle(vehicle).text)]
+    depends = [None if vehicle is None else _digest(load_vehicle(vehicle).text)]
     depends += [None if mapping is None else _hash(mapping)]
     runs = {}
     for flight in [one for one in own if one not in copies]:
@@ -176,7 +167,7 @@ def read(arguments: Mapping[str, Any], stops: Sequence[int | None]) -> list[Json
     paths = [("LOG", "log"), ("MAPPING", "mapping"), ("VEHICLE", "vehicle")]
     places = {word: Path(arguments[name]) for word, name in paths if arguments[name] is not None}
     try:
-        vehicle = None if "VEHICLE" not in places else resolve_vehicle(places["VEHICLE"])
+        vehicle = None if "VEHICLE" not in places else load_vehicle(places["VEHICLE"])
         if vehicle is not None and arguments["mass"] is not None:
             vehicle = vehicle.with_numbers({"mass.mass": {"value": arguments["mass"]}})
         recording, mapped = read_mapped(places["LOG"], places.get("MAPPING"), CLOCKS)

@@ -31,7 +31,7 @@ from scipy.optimize import Bounds, minimize
 from scipy.sparse import csr_array, hstack, vstack
 from scipy.stats import norm
 
-from stoop.base.arrays import FloatArray, IntArray
+from stoop.extend.arrays import FloatArray, IntArray
 
 LEVEL: Final = 0.01  #: probability that of all levels one is taken for outlying by chance
 MOST_OUTLYING: Final = 0.2  #: share of the levels

@@ -18,10 +18,10 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from stoop.base.arrays import FloatArray
-from stoop.base.numbers import count
-from stoop.base.toml import read_source
-from stoop.errors import StoopError
+from stoop.extend.arrays import FloatArray
+from stoop.extend.errors import StoopError
+from stoop.extend.files import read_source
+from stoop.extend.text import count
 
 if TYPE_CHECKING:
     from stoop_fleet.table import FigureTable

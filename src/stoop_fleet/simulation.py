@@ -34,20 +34,14 @@ from typing import Annotated, Final, Literal
 import numpy as np
 from pydantic import Field, ValidationError, model_validator
 
-from stoop.base.arrays import FloatArray
-from stoop.base.csv_text import csv_text
-from stoop.base.files import check_targets, make_folder, write_files, write_text_atomic
-from stoop.base.schema_errors import first_complaint
-from stoop.base.text import nearest
-from stoop.base.toml import parse_source, read_source
-from stoop.errors import SimulationError, StoopError
-from stoop.logs.csv_tables import mapping_beside
-from stoop.simulation.fly import fly_together, recorded
-from stoop.simulation.maneuver import Maneuver
-from stoop.vehicle import Vehicle
-from stoop.vehicle.extensions import with_free_number
-from stoop.vehicle.schema import Number, Table, Turbulence
-from stoop.vehicle.vehicle import leaves
+from stoop import Vehicle
+from stoop.extend import files
+from stoop.extend.arrays import FloatArray
+from stoop.extend.errors import SimulationError, StoopError
+from stoop.extend.motion import Maneuver, fly_together, recorded
+from stoop.extend.recordings import mapping_beside
+from stoop.extend.text import nearest
+from stoop.extend.vehicles import Number, Table, Turbulence, leaves, with_free_number
 from stoop_fleet.changes import Kind
 from stoop_fleet.parts import COLUMNS, Fitting
 from stoop_plan.flight_logs import px4_log
@@ -168,14 +162,14 @@ def read_fleet(text: str, vehicle: Vehicle) -> FleetFile:
     if text.isascii() and text.isdigit():
         raw, where = {"vehicles": int(text)}, f"--fleet {text}"
     else:
-        raw, where = parse_source(read_source(text, "fleet", StoopError), text, StoopError), text
+        raw, where = files.parse_source(files.read_source(text, "fleet", StoopError), text, StoopError), text
     try:
         found = FleetFile.model_validate(raw)
         if not found.part:
             rotors = {name: Place(spread={f"rotor.{name}.factor": FACTOR_SPREAD}) for name in vehicle.rotors}
             found = FleetFile.model_validate({**found.model_dump(), "part": rotors})
     except ValidationError as error:
-        raise StoopError(f"{where}: {first_complaint(error, raw, FleetFile)}") from None
+        raise StoopError(f"{where}: {files.first_complaint(error, raw, FleetFile)}") from None
     return found
 
 
@@ -217,21 +211,25 @@ def write_fleet(
     base = ready(vehicle, fleet)
     flights, fittings = drawn(fleet, base, seed)
     names = [one.name + ENDING for one in flights]
-    check_targets(folder, (*names, *(mapping_beside(Path(n)).name for n in names), PARTS, TRUTH), overwrite)
+    files.check_targets(
+        folder, (*names, *(mapping_beside(Path(n)).name for n in names), PARTS, TRUTH), overwrite
+    )
     if strange := sorted({path.name for path in folder.glob(f"*{ENDING}")} - {*names}):
         raise StoopError(f"{folder}: holds {strange[0]}, which is no log of this fleet; name an empty folder")
-    make_folder(folder)
+    files.make_folder(folder)
     for k in range(0, len(flights), TOGETHER):
         watch(k, len(flights))
         block = flights[k : k + TOGETHER]
         for one, (content, mapping) in zip(block, _flown(block, base, maneuver, noise), strict=True):
             log = one.name + ENDING
             beside = mapping_beside(Path(log)).name
-            files = {log: content} | ({beside: mapping} if mapping else {})
-            write_files(folder, files, () if mapping else [beside])
-    write_text_atomic(folder / PARTS, csv_text(COLUMNS, map(_row, fittings), "\n"))
+            written = {log: content} | ({beside: mapping} if mapping else {})
+            files.write_files(folder, written, () if mapping else [beside])
+    files.write_text_atomic(folder / PARTS, files.csv_text(COLUMNS, map(_row, fittings), "\n"))
     truth = ((f.name, f.vehicle, _date(f.begin), *map(str, f.numbers.values())) for f in flights)
-    write_text_atomic(folder / TRUTH, csv_text(("flight", "vehicle", "time", *fleet.numbers), truth, "\n"))
+    files.write_text_atomic(
+        folder / TRUTH, files.csv_text(("flight", "vehicle", "time", *fleet.numbers), truth, "\n")
+    )
     return len(flights)
 
 

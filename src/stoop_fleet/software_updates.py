@@ -20,7 +20,7 @@ from typing import Final
 import numpy as np
 from scipy.stats import t
 
-from stoop.base.arrays import FloatArray
+from stoop.extend.arrays import FloatArray
 from stoop_fleet.causes import Stretch, updates
 from stoop_fleet.changes import Readings, sizes
 from stoop_fleet.table import FigureTable

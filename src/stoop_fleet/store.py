@@ -14,10 +14,10 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from stoop.base.extras import install
-from stoop.base.files import make_folder, only_writer, write_files
-from stoop.base.numbers import count
-from stoop.errors import StoopError
+from stoop.extend.errors import StoopError
+from stoop.extend.files import make_folder, only_writer, write_files
+from stoop.extend.text import count
+from stoop.extend.verbs import install
 from stoop_fleet.causes import EVERY, Cause
 from stoop_fleet.parts import Parts, day, read_parts
 from stoop_fleet.table import FIGURES, LOGS, NEEDED, FigureTable, of_frames, read_figures, read_frame

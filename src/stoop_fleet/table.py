@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from stoop.base.arrays import BoolArray, FloatArray
-from stoop.base.files import read_bounded
-from stoop.errors import StoopError
+from stoop.extend.arrays import BoolArray, FloatArray
+from stoop.extend.errors import StoopError
+from stoop.extend.files import read_bounded
 
 if TYPE_CHECKING:
     import pandas as pd

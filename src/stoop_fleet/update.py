@@ -9,11 +9,10 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from stoop.base.files import make_folder
-from stoop.errors import StoopError
-from stoop.parallel import Given, LocalProcesses, Plan, execute
-from stoop.parallel.store import forget
-from stoop.report.sheet import render_sheet
+from stoop.extend.campaigns import Given, LocalProcesses, Plan, execute, forget
+from stoop.extend.errors import StoopError
+from stoop.extend.files import make_folder
+from stoop.extend.reports import render_sheet
 from stoop_fleet.logs import LogFigures, gathered, is_table, plan, store_of
 from stoop_fleet.page import fleet_page
 from stoop_fleet.store import PAGE, Update, earlier_state, updated_fleet

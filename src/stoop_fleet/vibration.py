@@ -20,9 +20,9 @@ from typing import Final
 
 import numpy as np
 
-from stoop.base.arrays import FloatArray
-from stoop.base.variables import ROTORS, SPECIFIC_FORCE
-from stoop.flight.gridding import SAME_RATE, Channels
+from stoop.extend.arrays import FloatArray
+from stoop.extend.flights import SAME_RATE, Channels
+from stoop.extend.variables import ROTORS, SPECIFIC_FORCE
 
 FAST: Final = 40.0  #: Hz, of accelerations that show vibration
 SECOND: Final = 1.0  #: s, of the windows of what no rotor tells

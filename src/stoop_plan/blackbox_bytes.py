@@ -14,7 +14,7 @@ from typing import Any, Final, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from stoop.base.arrays import IntArray
+from stoop.extend.arrays import IntArray
 
 PRODUCT: Final = "H Product:Blackbox flight data recorder by Nicholas Sherlock\n"
 GOODBYE: Final = b"E\xffEnd of log\0"

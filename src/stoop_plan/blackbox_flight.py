@@ -8,12 +8,12 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from stoop.base.arrays import FloatArray
-from stoop.base.units import DEGREE, MICROSECOND
-from stoop.base.variables import VARIABLES
-from stoop.flight import Flight
-from stoop.flight.mapping import ready
-from stoop.logs.blackbox_units import DSHOT, MEAN_RADIUS, POLES, QUATERNION_ONE
+from stoop import Flight
+from stoop.extend.arrays import FloatArray
+from stoop.extend.flights import ready
+from stoop.extend.recordings import DSHOT, MEAN_RADIUS, POLES, QUATERNION_ONE
+from stoop.extend.units import DEGREE, MICROSECOND
+from stoop.extend.variables import VARIABLES
 from stoop_plan import blackbox_bytes as blackbox
 from stoop_plan.blackbox_bytes import Field, Rows, blackbox_bytes
 from stoop_plan.log_columns import Columns, MappingFile, lay_out

@@ -11,32 +11,29 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from stoop.base.files import check_target, check_targets
-from stoop.base.notices import as_notice
-from stoop.base.numbers import count
-from stoop.base.text import enumerated, remaining
-from stoop.base.variables import EULER, RATES
-from stoop.cli import options
-from stoop.cli.page import Page, fixed, numbers, page, points, words
-from stoop.cli.progress import LiveLine, Watch
-from stoop.errors import FlightError, ManeuverError, SimulationError, VehicleError
-from stoop.results.text import estimate_blocks
-from stoop.simulation.maneuver import MANUAL_THROTTLE, unit_of
+from stoop.extend.errors import FlightError, ManeuverError, SimulationError, VehicleError
+from stoop.extend.files import check_target, check_targets
+from stoop.extend.fits import estimate_blocks
+from stoop.extend.motion import unit_of
+from stoop.extend.notices import as_notice
+from stoop.extend.text import count, enumerated, remaining
+from stoop.extend.variables import EULER, RATES
+from stoop.extend.verbs import LiveLine, Page, Watch, fixed, numbers, options, page, points, words
+from stoop_plan.injection_targets import MANUAL_THROTTLE
 
 if TYPE_CHECKING:
-    from stoop.flight.windows import Expected, Found
-    from stoop.vehicle import Vehicle
+    from stoop import Vehicle
+    from stoop.extend.flights import Expected, Found
 
 IN_DEGREES: Final = ("alpha", "beta", *EULER, *RATES)  #: channels that are given in degrees
 
 
 def maneuvers(arguments: argparse.Namespace) -> int:
     """Find windows, write them, and print what was found."""
-    from stoop.flight import without_faults
-    from stoop.flight.load import load_several
-    from stoop.vehicle.assumptions import with_assumptions
-    from stoop.vehicle.builtin import resolve_vehicle
-    from stoop.workflow.outputs import by_name
+    from stoop import load_vehicle
+    from stoop.extend.files import by_name
+    from stoop.extend.flights import load_several, without_faults
+    from stoop.extend.vehicles import with_assumptions
     from stoop_plan.design import WINDOW_FILES, write_windows
     from stoop_plan.input_design.windows import doubts, find_windows
     from stoop_plan.input_design.windows_file import NAME
@@ -45,7 +42,7 @@ def maneuvers(arguments: argparse.Namespace) -> int:
     check_targets(arguments.output, WINDOW_FILES, arguments.overwrite)
     if (free or fix) and not given:
         raise VehicleError("--free and --fix choose numbers of a vehicle file; name it with --vehicle")
-    vehicle = options.with_free(resolve_vehicle(given), free, fix) if given else None
+    vehicle = options.with_free(load_vehicle(given), free, fix) if given else None
     with LiveLine("reading the log"):
         read = [without_faults(one) for one in load_several(arguments.flight, arguments.mapping)]
         flights = by_name(read, "maneuvers")
@@ -121,8 +118,8 @@ def design(arguments: argparse.Namespace) -> int:
     """Design a maneuver, write it, and print the expected standard errors."""
     import numpy as np
 
-    from stoop.simulation import trim
-    from stoop.workflow.load import model_or_vehicle
+    from stoop import trim
+    from stoop.extend.fits import model_or_vehicle
     from stoop_plan.design import (
         DESIGN_FILES,
         flight_files,
@@ -259,13 +256,11 @@ def _command(arguments: argparse.Namespace) -> str:
 
 def simulate(arguments: argparse.Namespace) -> int:
     """Fly from trim, write what the instruments would record, and print what to do next."""
-    from stoop.base.text import nearest
-    from stoop.base.variables import VARIABLES
-    from stoop.logs.csv_tables import mapping_beside
-    from stoop.simulation.fly import flown_trim, numbers_set, simulate_flight
-    from stoop.simulation.maneuver import load_maneuver
-    from stoop.vehicle.builtin import resolve_vehicle
-    from stoop.workflow.flying import simulate_under_law
+    from stoop import load_maneuver, load_vehicle, simulate_flight
+    from stoop.extend.motion import flown_trim, numbers_set, simulate_under_law
+    from stoop.extend.recordings import mapping_beside
+    from stoop.extend.text import nearest
+    from stoop.extend.variables import VARIABLES
     from stoop_plan.flight_logs import OWN, check_ending, save_flight_as
     from stoop_plan.input_design.windows import find_windows
 
@@ -276,7 +271,7 @@ def simulate(arguments: argparse.Namespace) -> int:
     check_ending(target)
     if target.suffix.lower() != OWN:
         check_target(mapping_beside(target), arguments.overwrite)
-    vehicle = resolve_vehicle(arguments.vehicle)
+    vehicle = load_vehicle(arguments.vehicle)
     lost = next((channel for channel in vehicle.recorded if channel not in VARIABLES), None)
     if lost is not None:  # a flight file has no place for it
         advice = nearest(lost, VARIABLES)

@@ -13,19 +13,13 @@ from typing import Any, Final
 import numpy as np
 import tomlkit
 
-from stoop.base.arrays import FloatArray
-from stoop.base.csv_text import csv_text
-from stoop.base.files import check_targets, make_folder, write_files
-from stoop.base.numbers import finite_or_none
-from stoop.flight import Flight
-from stoop.flight.windows import Found
-from stoop.simulation import Trim, trim
-from stoop.simulation.maneuver import Maneuver, unit_of
-from stoop.vehicle import Vehicle
-from stoop.workflow.fitted_model import FittedModel
-from stoop.workflow.load import takes_model_or_vehicle
-from stoop.workflow.outputs import versions
-from stoop.workflow.summary import refusal
+from stoop import FittedModel, Flight, Vehicle, trim
+from stoop.extend.arrays import FloatArray
+from stoop.extend.files import check_targets, csv_text, make_folder, versions, write_files
+from stoop.extend.fits import refusal, takes_model_or_vehicle
+from stoop.extend.flights import Found
+from stoop.extend.motion import Maneuver, Trim, unit_of
+from stoop.extend.text import finite_or_none
 from stoop_plan.injection import Injection
 from stoop_plan.input_design.information import Knowledge, Limits, Setup, flights_from_trim
 from stoop_plan.input_design.optimization import Plan, Proposal, propose
@@ -236,7 +230,7 @@ def write_proposal(
 
     Raises `OutputError`: the folder cannot be made, or holds a design already; or a file cannot be written.
     """
-    from stoop.report.sheet import render_sheet
+    from stoop.extend.reports import render_sheet
     from stoop_plan.report import design_sheet
 
     flight = flight or {}
@@ -374,7 +368,7 @@ def write_windows(
 
     `vehicle` is its name or empty; `following` are the words of the command that takes the file.
     """
-    from stoop.report.sheet import render_sheet
+    from stoop.extend.reports import render_sheet
     from stoop_plan.report import windows_sheet
 
     make_folder(folder)

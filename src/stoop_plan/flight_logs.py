@@ -15,16 +15,15 @@ from typing import Any, Final, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from stoop.base.arrays import FloatArray
-from stoop.base.extras import install
-from stoop.base.files import write_files
-from stoop.base.units import DEGREE, MICROSECOND
-from stoop.base.variables import EULER, QUATERNION
-from stoop.errors import OutputError
-from stoop.flight import VARIABLES, Flight, save
-from stoop.flight.conversion import MAX_DEFLECTION, SURFACES
-from stoop.flight.mapping import ready
-from stoop.logs.csv_tables import mapping_beside
+from stoop import Flight, save_flight
+from stoop.extend.arrays import FloatArray
+from stoop.extend.errors import OutputError
+from stoop.extend.files import write_files
+from stoop.extend.flights import MAX_DEFLECTION, SURFACES, ready
+from stoop.extend.recordings import mapping_beside
+from stoop.extend.units import DEGREE, MICROSECOND
+from stoop.extend.variables import EULER, QUATERNION, VARIABLES
+from stoop.extend.verbs import install
 from stoop_plan.blackbox_flight import betaflight_log
 from stoop_plan.log_bytes import Event, Table, Topic, crazyflie_bytes, dataflash_bytes, ulog
 from stoop_plan.log_columns import Columns, MappingFile, lay_out
@@ -61,7 +60,7 @@ def save_flight_as(flight: Flight, target: Path) -> Path | None:
     """
     check_ending(target)
     if target.suffix.lower() == OWN:
-        save(flight, target)
+        save_flight(flight, target)
         return None
     ending, time = target.suffix.lower(), flight.time
     if ending not in TABLES and time.size and not (time[0] >= 0.0 and time[-1] < MAX_CLOCK):

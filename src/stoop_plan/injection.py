@@ -16,14 +16,11 @@ from typing import Final
 
 import numpy as np
 
-from stoop.base.arrays import FloatArray
-from stoop.base.atmosphere import equivalent_over_true
-from stoop.errors import SimulationError, one_line
-from stoop.simulation import Trim
-from stoop.simulation.loads import air_density
-from stoop.simulation.maneuver import Maneuver
-from stoop.simulation.trim import surface_moments
-from stoop.vehicle import Vehicle
+from stoop import Vehicle
+from stoop.extend.arrays import FloatArray
+from stoop.extend.errors import SimulationError, one_line
+from stoop.extend.motion import Maneuver, Trim, air_density, surface_moments
+from stoop.extend.units import equivalent_over_true
 
 AXES: Final = {"roll": "p", "pitch": "q", "yaw": "r"}  #: and their rates
 AXIS_OF: Final = {

@@ -26,13 +26,18 @@ from typing import Final
 
 import numpy as np
 
-from stoop.base.arrays import FloatArray
-from stoop.base.csv_text import csv_text
-from stoop.errors import SimulationError
-from stoop.simulation.maneuver import MANUAL_THROTTLE, PATTERNS, Steps, Sweep, amplitude_text
-from stoop.simulation.rotors import AXES as ROTOR_AXES
-from stoop.simulation.rotors import allocation, channel_range, effects
+from stoop.extend import motion
+from stoop.extend.arrays import FloatArray
+from stoop.extend.errors import SimulationError
+from stoop.extend.files import csv_text
 from stoop_plan.injection import AXES, AXIS_OF, Injection, Target, corners, pair, template
+from stoop_plan.input_design.information import amplitude_text
+
+#: `mode_systemid.cpp`: "Axis requires manual throttle"
+MANUAL_THROTTLE: Final = (
+    "enter System ID in flight from a mode with manual throttle (Stabilize, Acro): newer firmware refuses others, and "
+    "throughout the sweep the throttle stick alone holds the height"
+)
 
 NUMBERS: Final = (
     "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten", "eleven", "twelve",
@@ -70,7 +75,7 @@ def card(injection: Injection) -> str:
     SimulationError
         The maneuver is not one of steps on a beat.
     """
-    if injection.beat is None or not all(isinstance(spec, Steps) for spec in injection.maneuver.input):
+    if injection.beat is None or not all(isinstance(spec, motion.Steps) for spec in injection.maneuver.input):
         raise SimulationError("pilot: a card holds steps on a beat; design with --for pilot")
     other = [c for c in injection.moved_controls if c not in STICKS]
     if other:
@@ -82,7 +87,7 @@ def card(injection: Injection) -> str:
         HEAD.format(name=injection.name, V=start["V"], h=start["h"], beat=beat, pace=f"{1.0 / beat:.3g}")
     ]
     for i, spec in enumerate(sorted(injection.maneuver.input, key=lambda one: one.start), 1):
-        if isinstance(spec, Steps):
+        if isinstance(spec, motion.Steps):
             parts.append(f"{i}. {_line(injection, spec)}")
     limits = []
     for channel, (name, unit, factor) in LIMITS.items():
@@ -96,7 +101,7 @@ def card(injection: Injection) -> str:
     return "\n".join(parts)
 
 
-def _line(injection: Injection, spec: Steps) -> str:
+def _line(injection: Injection, spec: motion.Steps) -> str:
     """Return the steps of one control, with the counts of each."""
     axis, moment = max(injection.moments(spec.control).items(), key=lambda item: abs(item[1]))
     throw = injection.throws.get(spec.control)
@@ -104,7 +109,7 @@ def _line(injection: Injection, spec: Steps) -> str:
     stop = amplitude_text(spec.control, abs(spec.amplitude))
     counts = round(spec.step / (injection.beat or 1.0))
     rows = [f"{spec.control.upper()} {spec.shape}: stop at {stop}{stick}", f'   {"":{WIDTH}} "steady"']
-    for i, length in enumerate(PATTERNS[spec.shape]):
+    for i, length in enumerate(motion.PATTERNS[spec.shape]):
         upward = (moment * spec.amplitude > 0.0) == (i % 2 == 0)
         words = [NUMBERS[k % len(NUMBERS)] for k in range(length * counts)]
         rows.append(f"   {DIRECTIONS[axis][0 if upward else 1]:{WIDTH}} {' - '.join(words)}")
@@ -127,7 +132,7 @@ TOLERANCE: Final = 0.002  #: of the largest output, of the lines between the poi
 HEAP: Final = 100_000  #: bytes of SCR_HEAP_SIZE that the script takes
 POINT_BYTES: Final = 200  #: that a point takes while the script is compiled (measured: Lua 5.3, 64 bit)
 MAX_HEAP: Final = 1_000_000  #: of SCR_HEAP_SIZE
-SID_AXES: Final = dict(zip(ROTOR_AXES, (10, 11, 12, 13), strict=True))  #: SID_AXIS of the mixer
+SID_AXES: Final = dict(zip(motion.AXES, (10, 11, 12, 13), strict=True))  #: SID_AXIS of the mixer
 MOTOR_SHARE: Final = 0.5  #: of the mixer's roll, pitch and yaw that a motor of the frame gets at most
 SID_RANGES: Final = {
     "SID_MAGNITUDE": (0.0, 1.0, "lower --amplitude"), "SID_F_START_HZ": (0.01, 100.0, "change --duration"),
@@ -176,8 +181,8 @@ def _script(injection: Injection) -> dict[str, str]:
 def _sweeps(injection: Injection) -> dict[str, str]:
     """Return parameters of the mode System ID; SimulationError for other signals, and for a parameter out of its range."""
     vehicle, trim, specs = injection.vehicle, injection.trim, injection.maneuver.input
-    names = channel_range(vehicle).names
-    if not all(isinstance(spec, Sweep) for spec in specs):
+    names = motion.channel_range(vehicle).names
+    if not all(isinstance(spec, motion.Sweep) for spec in specs):
         raise SimulationError("ardupilot: the mode System ID flies sweeps alone; add --shape sweep")
     if not all(n.startswith(("motor_", "pwm_")) for n in names):
         raise SimulationError(
@@ -185,12 +190,15 @@ def _sweeps(injection: Injection) -> dict[str, str]:
             'write a vehicle file with drive = "command"'
         )
     scale = np.array([1000.0 if n.startswith("pwm_") else 1.0 for n in names])
-    mixing = allocation(vehicle, effects(vehicle, trim.start, trim.inputs, trim.changes)) / scale[:, None]
+    mixing = (
+        motion.allocation(vehicle, motion.effects(vehicle, trim.start, trim.inputs, trim.changes))
+        / scale[:, None]
+    )
     out = {}
     for spec in specs:
-        if not isinstance(spec, Sweep):
+        if not isinstance(spec, motion.Sweep):
             continue
-        i = ROTOR_AXES.index(spec.control)
+        i = motion.AXES.index(spec.control)
         share = 1.0 if spec.control == "heave" else MOTOR_SHARE
         values = {
             "SID_AXIS": SID_AXES[spec.control],
@@ -221,7 +229,7 @@ def _text(firmware: str, parameters: dict[str, float], remark: str = "") -> str:
 
 ARDUPILOT: Final = Target(
     lambda injection: _sweeps(injection) if injection.on_rotors else _script(injection),
-    ("maneuver.lua", *(f"sid_{axis}.param" for axis in ROTOR_AXES), "ardupilot.param"), on_wings=True, on_rotors=True,
+    ("maneuver.lua", *(f"sid_{axis}.param" for axis in motion.AXES), "ardupilot.param"), on_wings=True, on_rotors=True,
     surfaces=FUNCTIONS,
 )  # fmt: skip
 

@@ -8,11 +8,9 @@ from typing import TypeAlias
 
 import numpy as np
 
-from stoop.base.arrays import FloatArray
-from stoop.flight import Flight
-from stoop.flight.conversion import rotate_axes
-from stoop.flight.flight import with_other_form
-from stoop.flight.mapping import FlightMapping, Source
+from stoop import Flight
+from stoop.extend.arrays import FloatArray
+from stoop.extend.flights import FlightMapping, Source, rotate_axes, with_other_form
 
 Columns: TypeAlias = dict[str, FloatArray]
 

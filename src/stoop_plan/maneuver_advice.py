@@ -19,16 +19,12 @@ from typing import Final
 
 import numpy as np
 
-from stoop.base.arrays import FloatArray
-from stoop.base.notices import Notice, notice
-from stoop.estimate.estimate import Estimate
-from stoop.problem import Piece
-from stoop.problem.observation import observation_model
-from stoop.results.result import Result
-from stoop.simulation import parameter_rows
-from stoop.simulation.initial import commanded
-from stoop.vehicle import Vehicle, terms
-from stoop.vehicle.defaults import MOMENT_ARMS
+from stoop import Notice, Vehicle
+from stoop.extend.arrays import FloatArray
+from stoop.extend.fits import Estimate, Piece, Result, observation_model
+from stoop.extend.motion import commanded, parameter_rows
+from stoop.extend.notices import notice
+from stoop.extend.vehicles import MOMENT_ARMS, terms
 
 MIN_VARIATION: Final = 0.1  #: of the coefficient's own variation, that a term must reach to show itself
 TIED: Final = 0.95  #: correlation from which two regressors cannot be distinguished

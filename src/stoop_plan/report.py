@@ -9,18 +9,16 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from stoop.base.numbers import NOTHING, factor_and_unit, number, readable_unit
-from stoop.base.variables import RATES, VARIABLES, VELOCITY
-from stoop.flight import Flight
-from stoop.flight.maneuvers import commands
-from stoop.report.plots import plot
-from stoop.report.series import KINDS, Series, Shade, Strip
-from stoop.report.sheet import Bullets, Code, Figure, Prose, Section, Sheet, Table
-from stoop.report.time_history import HistoryPanel, TimeHistory
-from stoop.simulation.maneuver import MANUAL_THROTTLE, unit_of
+from stoop import Flight
+from stoop.extend import reports
+from stoop.extend.flights import commands
+from stoop.extend.motion import unit_of
+from stoop.extend.text import NOTHING, factor_and_unit, number, readable_unit
+from stoop.extend.variables import RATES, VARIABLES, VELOCITY
+from stoop_plan.injection_targets import MANUAL_THROTTLE
 
 if TYPE_CHECKING:  # the page of a flight takes colors and commands from here, and needs no optimization
-    from stoop.flight.windows import Found, Proposed
+    from stoop.extend.flights import Found, Proposed
     from stoop_plan.input_design.optimization import Proposal
 
 DESIGN_LEAD: Final = """\
@@ -85,7 +83,7 @@ Read the first lines of each file. Rehearse it in simulation and on the ground, 
 moves the surfaces is the maneuver and the autopilot together, so the log, not this page, says what was flown."""
 
 
-def design_sheet(proposal: Proposal, command: str, flown: Mapping[str, str] | None = None) -> Sheet:
+def design_sheet(proposal: Proposal, command: str, flown: Mapping[str, str] | None = None) -> reports.Sheet:
     """Return the page of a proposal: the maneuver, the response, and the expected standard errors.
 
     ``flown`` are the files for a pilot or an autopilot.
@@ -95,8 +93,8 @@ def design_sheet(proposal: Proposal, command: str, flown: Mapping[str, str] | No
     deflections = []
     for control, move in best.maneuver.deflections().items():
         factor, unit = _given_in(control)
-        strip = Strip("", (Series("deflection", time, factor * move, role="input"),))
-        deflections.append(HistoryPanel(control, (strip,), unit))
+        strip = reports.Strip("", (reports.Series("deflection", time, factor * move, role="input"),))
+        deflections.append(reports.HistoryPanel(control, (strip,), unit))
     families = tuple(
         (one.shape, f"{one.gain:.2f} per parameter", f"{proposal.ratio(one):.2f} of the textbook's")
         for one in proposal.designs
@@ -104,12 +102,16 @@ def design_sheet(proposal: Proposal, command: str, flown: Mapping[str, str] | No
     responses = []
     for channel, span in limits.envelope.items():
         factor, unit = factor_and_unit(VARIABLES[channel].unit)
-        edges = (Series("limits", time[[0, -1]], np.full(2, factor * edge), role="lag") for edge in span)
-        reading = Series(
+        edges = (
+            reports.Series("limits", time[[0, -1]], np.full(2, factor * edge), role="lag") for edge in span
+        )
+        reading = reports.Series(
             "reading", time, factor * best.forecast.readings[:, outputs.index(channel)], role="fit"
         )
         meaning = VARIABLES[channel].meaning
-        responses.append(HistoryPanel(channel, (Strip("", (reading, *edges)),), unit, meaning))
+        responses.append(
+            reports.HistoryPanel(channel, (reports.Strip("", (reading, *edges)),), unit, meaning)
+        )
     controls = []
     for c, amplitude in limits.amplitude.items():
         factor, unit = _given_in(c)
@@ -126,38 +128,49 @@ def design_sheet(proposal: Proposal, command: str, flown: Mapping[str, str] | No
         "it names."
     )
     head = ("family", "information gained", "error bars together (D-optimality)")
-    tried = Table("The families that were tried", head, families)
+    tried = reports.Table("The families that were tried", head, families)
     heads = ("control", "amplitude", "smallest amplitude", "slew")
-    limited: list[Table | Bullets] = [Table("Limits of the controls", heads, tuple(controls))]
+    limited: list[reports.Table | reports.Bullets] = [
+        reports.Table("Limits of the controls", heads, tuple(controls))
+    ]
     if proposal.refused:
-        limited.append(Bullets(tuple(why for _, why in proposal.refused)))
-    worse = () if proposal.is_improvement else (Bullets((NO_IMPROVEMENT[proposal.is_textbook],)),)
-    lines = () if setup.retrim is None else (Prose(FROM_TRIM),)
+        limited.append(reports.Bullets(tuple(why for _, why in proposal.refused)))
+    worse = () if proposal.is_improvement else (reports.Bullets((NO_IMPROVEMENT[proposal.is_textbook],)),)
+    lines = () if setup.retrim is None else (reports.Prose(FROM_TRIM),)
     flown = dict(flown or {})
-    by_hand: tuple[Section, ...] = ()
+    by_hand: tuple[reports.Section, ...] = ()
     if flown:
         listed = tuple((name, FLOWN_FILES.get(name, SWEEP_FILE)) for name in flown)
         sweeps = any(name.startswith("sid_") for name in flown)
-        warned = (Bullets((MANUAL_THROTTLE,)),) if sweeps else ()
-        how = (Table("", ("file", "what it is"), listed), *warned, Prose(HOW_TO_FLY))
-        by_hand = (Section("How to fly it", how),)
+        warned = (reports.Bullets((MANUAL_THROTTLE,)),) if sweeps else ()
+        how = (reports.Table("", ("file", "what it is"), listed), *warned, reports.Prose(HOW_TO_FLY))
+        by_hand = (reports.Section("How to fly it", how),)
     if "card.txt" in flown:
-        by_hand = (Section("Flight card", (Code(flown["card.txt"]),)),)
+        by_hand = (reports.Section("Flight card", (reports.Code(flown["card.txt"]),)),)
     sections = (
         *by_hand,
-        Section(
+        reports.Section(
             "What to fly",
-            (Prose(FLOWN), *lines, *worse, TimeHistory([*deflections, *responses]), Prose(files), tried),
+            (
+                reports.Prose(FLOWN),
+                *lines,
+                *worse,
+                reports.TimeHistory([*deflections, *responses]),
+                reports.Prose(files),
+                tried,
+            ),
         ),
-        Section("Limits", tuple(limited)),
-        Section("Expected standard errors", (Prose(DESIGN_EXPECTED), *lines, *_standard_errors(proposal))),
-        Section("If the model is wrong", (Prose(_robustness(proposal)),)),
-        Section("Made by", (Code(command),)),
+        reports.Section("Limits", tuple(limited)),
+        reports.Section(
+            "Expected standard errors", (reports.Prose(DESIGN_EXPECTED), *lines, *_standard_errors(proposal))
+        ),
+        reports.Section("If the model is wrong", (reports.Prose(_robustness(proposal)),)),
+        reports.Section("Made by", (reports.Code(command),)),
     )
     lead = DESIGN_LEAD.format(
         vehicle=setup.vehicle.name, source=proposal.source, textbook=proposal.reference.input[0].shape
     )
-    return Sheet(f"What to fly next: {setup.vehicle.name}", lead, sections)
+    return reports.Sheet(f"What to fly next: {setup.vehicle.name}", lead, sections)
 
 
 def _given_in(control: str) -> tuple[float, str]:
@@ -166,17 +179,17 @@ def _given_in(control: str) -> tuple[float, str]:
     return factor_and_unit(unit) if unit == "rad" else (1.0, readable_unit(unit))
 
 
-def _standard_errors(proposal: Proposal) -> tuple[Figure, Table]:
+def _standard_errors(proposal: Proposal) -> tuple[reports.Figure, reports.Table]:
     """Draw the standard errors over the textbook's, and list them by parameter."""
     setup, best = proposal.setup, proposal.best
     base = setup.std(proposal.expected)
     place = np.arange(1.0, len(base) + 1.0)
-    series = [Series("textbook", np.array([0.5, len(base) + 0.5]), np.ones(2))]
+    series = [reports.Series("textbook", np.array([0.5, len(base) + 0.5]), np.ones(2))]
     with np.errstate(invalid="ignore"):
         ratios = [(one.shape, setup.std(one.forecast) / base) for one in proposal.designs]
-    series[:0] = [Series(shape, place, ratio, "points") for shape, ratio in ratios]
+    series[:0] = [reports.Series(shape, place, ratio, "points") for shape, ratio in ratios]
     labels = ("parameter, in the order of the table", "standard error over the textbook's")
-    drawing = plot(series, *labels, "Standard errors of every parameter over the textbook's")
+    drawing = reports.plot(series, *labels, "Standard errors of every parameter over the textbook's")
     columns = (proposal.now, base, setup.std(best.forecast))
     rows = []
     for i, name in enumerate(setup.names):
@@ -184,8 +197,8 @@ def _standard_errors(proposal: Proposal) -> tuple[Figure, Table]:
         shown = [number(v, 3) if np.isfinite(v) else "unknown" for v in (now, textbook, designed)]
         rows.append((name, number(float(setup.values[i]), 4), *shown, f"{designed / textbook:.2f}"))
     head = ("parameter", "believed", "now", "textbook", "designed", "designed over textbook")
-    table = Table("Standard errors", head, tuple(rows))
-    return Figure("Below one is better than the textbook", drawing), table
+    table = reports.Table("Standard errors", head, tuple(rows))
+    return reports.Figure("Below one is better than the textbook", drawing), table
 
 
 def _robustness(proposal: Proposal) -> str:
@@ -203,13 +216,15 @@ def _robustness(proposal: Proposal) -> str:
 
 def windows_sheet(
     found: Found, flights: Mapping[str, Flight], vehicle: str, command: str, following: Sequence[str]
-) -> Sheet:
+) -> reports.Sheet:
     """Return the page; `vehicle` is its name or empty, `following` the words of the command that takes the file."""
     from stoop_plan.input_design.windows_file import NAME
 
     criterion = BY_VEHICLE.format(vehicle=vehicle) if vehicle else BY_COMMAND
     sections = [
-        Section(f"The flight {name}" if len(flights) > 1 else "The flight", (flight_history(found, flight),))
+        reports.Section(
+            f"The flight {name}" if len(flights) > 1 else "The flight", (flight_history(found, flight),)
+        )
         for name, flight in flights.items()
     ]
     rows = tuple(
@@ -220,21 +235,25 @@ def windows_sheet(
         for i, w in enumerate(found.windows, 1)
     )  # fmt: skip
     head = ("number", "window s", "use", "axis", "information", "gain", "why")
-    sections.append(Section("Windows", (Prose(KEY), Table("", head, rows))))
+    sections.append(reports.Section("Windows", (reports.Prose(KEY), reports.Table("", head, rows))))
     if found.expected:
         errors = tuple(
             (e.name, *(number(x, k) if math.isfinite(x) else NOTHING for x, k in shown), percent(e.relative))
             for e in found.expected
             for shown in [((e.value, 4), (e.std_error, 3))]
         )
-        table = Table("", ("parameter", "quick fit", "standard error", "of its size"), errors)
-        guess = Prose(EXPECTED.format(guess=QUICK_FIT))
-        sections.append(Section("Expected standard errors", (guess, table)))
+        table = reports.Table("", ("parameter", "quick fit", "standard error", "of its size"), errors)
+        guess = reports.Prose(EXPECTED.format(guess=QUICK_FIT))
+        sections.append(reports.Section("Expected standard errors", (guess, table)))
     if found.notices:
-        sections.append(Section("Notes", (Bullets(found.notices),)))
-    sections.append(Section("Next", (Code(shlex.join(following)), Prose("Made by"), Code(command))))
+        sections.append(reports.Section("Notes", (reports.Bullets(found.notices),)))
+    sections.append(
+        reports.Section(
+            "Next", (reports.Code(shlex.join(following)), reports.Prose("Made by"), reports.Code(command))
+        )
+    )
     lead = WINDOWS_LEAD.format(criterion=criterion, name=NAME)
-    return Sheet("Windows worth fitting", lead, tuple(sections))
+    return reports.Sheet("Windows worth fitting", lead, tuple(sections))
 
 
 def span_of(window: Proposed, found: Found) -> str:
@@ -249,34 +268,36 @@ def percent(share: float) -> str:
     return f"{100.0 * share:.1f} %" if share < 10.0 else large
 
 
-def flight_history(found: Found, flight: Flight) -> TimeHistory:
+def flight_history(found: Found, flight: Flight) -> reports.TimeHistory:
     """Return commands, rates, speed and information over the whole flight, with the windows as shades."""
     own = [(i, w) for i, w in enumerate(found.windows, 1) if w.flight == flight.name]
-    shades = [Shade(w.start, w.stop, str(i), KINDS[w.purpose]) for i, w in own]
+    shades = [reports.Shade(w.start, w.stop, str(i), reports.KINDS[w.purpose]) for i, w in own]
     panels = []
     for command in commands(flight):
         known = VARIABLES.get(command.variable)
         combined = "m/s2" if command.axis == "heave" else "rad/s2"  # of several channels
         factor, unit = factor_and_unit(known.unit if known else combined)
-        series = Series("command", flight.time, factor * command.u, role="input")
+        series = reports.Series("command", flight.time, factor * command.u, role="input")
         panels.append(
-            HistoryPanel(f"{command.axis} command", (Strip("", (series,)),), unit, command.variable)
+            reports.HistoryPanel(
+                f"{command.axis} command", (reports.Strip("", (series,)),), unit, command.variable
+            )
         )
     rates = [name for name in RATES if name in flight.names]
     if rates:
-        curves = (Series(n, flight.time, np.degrees(flight.column(n))) for n in rates)
-        panels.append(HistoryPanel("rates", (Strip("", tuple(curves)),), "deg/s"))
+        curves = (reports.Series(n, flight.time, np.degrees(flight.column(n))) for n in rates)
+        panels.append(reports.HistoryPanel("rates", (reports.Strip("", tuple(curves)),), "deg/s"))
     if set(VELOCITY) <= flight.names:
         speed = np.linalg.norm([flight.column(name) for name in VELOCITY], axis=0)
-        series = Series("speed", flight.time, speed, role="validation")
-        panels.append(HistoryPanel("speed over ground", (Strip("", (series,)),), "m/s"))
-    panels.append(HistoryPanel("information", (information_strip([w for _, w in own]),)))
+        series = reports.Series("speed", flight.time, speed, role="validation")
+        panels.append(reports.HistoryPanel("speed over ground", (reports.Strip("", (series,)),), "m/s"))
+    panels.append(reports.HistoryPanel("information", (information_strip([w for _, w in own]),)))
     prefix = f"{flight.name}@" if len({w.flight for w in found.windows}) > 1 else ""
-    return TimeHistory(panels, f"--maneuver {prefix}", shades, wide=True)
+    return reports.TimeHistory(panels, f"--maneuver {prefix}", shades, wide=True)
 
 
-def information_strip(windows: Sequence[Proposed]) -> Strip:
+def information_strip(windows: Sequence[Proposed]) -> reports.Strip:
     """Return the information of each window as a level over its stretch, and nothing between them."""
     x = np.array([v for w in windows for v in (w.start, w.stop, np.nan)])
     y = np.array([v for w in windows for v in (w.information, w.information, np.nan)])
-    return Strip("", (Series("information", x, y, role="fit", width=3.0),), zero=True)
+    return reports.Strip("", (reports.Series("information", x, y, role="fit", width=3.0),), zero=True)

@@ -9,8 +9,8 @@ import importlib
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
-from stoop.base.text import nearest
-from stoop.errors import StoopError
+from stoop.extend.errors import StoopError
+from stoop.extend.text import nearest
 
 if TYPE_CHECKING:
     from stoop_plan.injection import Target

@@ -7,12 +7,10 @@ from collections.abc import Sequence
 from itertools import groupby
 from typing import TYPE_CHECKING, Final
 
-from stoop.base.files import check_targets
-from stoop.base.text import show
-from stoop.cli import options
-from stoop.cli.page import Page, fixed, numbers, page, to_json, words
-from stoop.cli.progress import LiveLine
-from stoop.errors import StoopError
+from stoop.extend.errors import StoopError
+from stoop.extend.files import check_targets
+from stoop.extend.text import show
+from stoop.extend.verbs import LiveLine, Page, fixed, numbers, options, page, to_json, words
 from stoop_analysis.cli.propagate import airspeeds_of
 
 if TYPE_CHECKING:

@@ -21,33 +21,13 @@ from typing import Final
 
 import numpy as np
 
-from stoop.base.arrays import BoolArray, FloatArray
-from stoop.base.atmosphere import equivalent_over_true, standard_density
-from stoop.base.notices import notice
-from stoop.base.rotations import conjugate, euler_angles, product, quaternions_of, to_body, vectors_of
-from stoop.base.units import STANDARD_GRAVITY
-from stoop.base.variables import EULER, RATES
-from stoop.errors import ManeuverError, SimulationError, StoopError
-from stoop.flight import Flight
-from stoop.kernels.filtering import step
-from stoop.simulation import trajectories
-from stoop.simulation.delays import Actuator, input_actuators, late_outputs
-from stoop.simulation.fly import GUSTS, flown_trim, recorded
-from stoop.simulation.initial import initial_states
-from stoop.simulation.maneuver import (
-    MAX_ROTOR_SAMPLES,
-    UNDER_LAW,
-    WIND_CHANGES,
-    Maneuver,
-    check_maneuver,
-    movable,
-)
-from stoop.simulation.rotors import channel_range
-from stoop.simulation.steady_flight import OnWings, steady_flight
-from stoop.simulation.trajectories import Flown
-from stoop.simulation.trim import Trim, inputs_about
-from stoop.vehicle import Vehicle
-from stoop.vehicle.vehicle import noise_input
+from stoop import Flight, Vehicle
+from stoop.extend import arrays, motion
+from stoop.extend.errors import ManeuverError, SimulationError, StoopError
+from stoop.extend.notices import notice
+from stoop.extend.units import STANDARD_GRAVITY, equivalent_over_true, standard_density
+from stoop.extend.variables import EULER, RATES
+from stoop.extend.vehicles import noise_input
 from stoop_tune.control_laws.parameters import read_parameters
 from stoop_tune.control_laws.rate_law import AXES
 from stoop_tune.control_laws.recursion import LawRecursion
@@ -61,7 +41,7 @@ QUATERNION: Final = ("e0", "e1", "e2", "e3")
 
 def simulate_under_law(
     vehicle: Vehicle,
-    maneuver: Maneuver,
+    maneuver: motion.Maneuver,
     autopilot: str | Path | Sequence[str | Path] | Mapping[str, float],
     seed: int = 0,
     noise: bool = True,
@@ -100,30 +80,34 @@ def simulate_under_law(
     parameters = read_parameters(*([autopilot] if isinstance(autopilot, str | Path | Mapping) else autopilot))
     firmware = firmware_of(parameters, on_rotors(vehicle, maneuver))
     flown = fly_under_law(vehicle, maneuver, firmware, parameters, seed)
-    flight = recorded(vehicle, maneuver, flown, seed, noise, name)
+    flight = motion.recorded(vehicle, maneuver, flown, seed, noise, name)
     roll, pitch = np.sqrt(np.mean(flown.attitude_error[:, :2] ** 2, axis=0)).tolist()
     full = float(np.mean(flown.saturated.any(axis=1)))
     found = notice("flown-under-law", name, firmware=firmware.title, roll=roll, pitch=pitch, saturated=full)
     return flight.with_notices([found])
 
 
-def on_rotors(vehicle: Vehicle, maneuver: Maneuver) -> bool:
+def on_rotors(vehicle: Vehicle, maneuver: motion.Maneuver) -> bool:
     """Return whether a maneuver is flown on rotors, not on wings."""
-    return bool(steady_flight(vehicle, maneuver.airspeed).commands)
+    return bool(motion.steady_flight(vehicle, maneuver.airspeed).commands)
 
 
 @dataclass(frozen=True)
-class FlownUnderLaw(Flown):
+class FlownUnderLaw(motion.Flown):
     """A flight under a law, with the errors of its attitude."""
 
     #: (n, 3), setpoint minus attitude, rad; none of yaw on wings
-    attitude_error: FloatArray = field(kw_only=True)
+    attitude_error: arrays.FloatArray = field(kw_only=True)
     #: (n, axes), where actuators did not do what the law commanded
-    saturated: BoolArray = field(kw_only=True)
+    saturated: arrays.BoolArray = field(kw_only=True)
 
 
 def fly_under_law(
-    vehicle: Vehicle, maneuver: Maneuver, firmware: Firmware, parameters: Mapping[str, float], seed: int = 0
+    vehicle: Vehicle,
+    maneuver: motion.Maneuver,
+    firmware: Firmware,
+    parameters: Mapping[str, float],
+    seed: int = 0,
 ) -> FlownUnderLaw:
     """Return the flight of :func:`simulate_under_law` without noise of sensors."""
     if vehicle.reduce != "full":
@@ -131,7 +115,7 @@ def fly_under_law(
     moved = commands_of(vehicle, firmware, parameters, maneuver.altitude)
     laws = [firmware.law(parameters, a) for a in moved.axes]
     course = Course.of(vehicle, maneuver.at_rate(laws[0].rate))
-    body = _Body(vehicle, course, np.random.default_rng([seed, GUSTS]))
+    body = _Body(vehicle, course, np.random.default_rng([seed, motion.GUSTS]))
     loop = AttitudeLoop(firmware, parameters, moved.axes, course)
     law, mixer = LawRecursion(laws, body.rates[loop.axes]), _Mixer(vehicle, moved.outputs)
     every = max(1, round(course.rate / maneuver.rate))
@@ -154,13 +138,13 @@ def fly_under_law(
         saturated.append(law.excess(achieved)[:, 0] != 0.0)
     sampled = slice(None, None, every)
     kept = np.array(states[sampled])
-    readings = trajectories.readings_along(vehicle, body.rows, kept, np.array(received[sampled]))[None]
+    readings = motion.readings_along(vehicle, body.rows, kept, np.array(received[sampled]))[None]
     return FlownUnderLaw(
         course.point,
         course.time[sampled],
         centered_means(course.inputs, every),
-        late_outputs(vehicle, readings, body.rows, every / course.rate)[0],
-        trajectories.over_ground(vehicle, course.point, kept) + course.wind[sampled],
+        motion.late_outputs(vehicle, readings, body.rows, every / course.rate)[0],
+        motion.over_ground(vehicle, course.point, kept) + course.wind[sampled],
         np.array(clipped[sampled]),
         kept,
         attitude_error=np.array(errors[sampled]),
@@ -168,7 +152,7 @@ def fly_under_law(
     )
 
 
-def centered_means(held: FloatArray, every: int) -> FloatArray:
+def centered_means(held: arrays.FloatArray, every: int) -> arrays.FloatArray:
     """Return channels (n, n_u), each held over a sample, as their means about every so many samples.
 
     Straight lines between these have the integral of what was held; samples of it would look late by half a sample.
@@ -185,39 +169,39 @@ def centered_means(held: FloatArray, every: int) -> FloatArray:
 class Course:
     """What a maneuver asks for at the samples of a loop (n)."""
 
-    point: Trim
+    point: motion.Trim
     rate: float  #: Hz, of the loop
     altitude: float  #: m
-    time: FloatArray  #: (n,), s
-    inputs: FloatArray  #: (n, n_u), channels to which commands are added
-    attitude: FloatArray  #: (n, 3), Euler angles, rad
-    wind: FloatArray  #: (n, 3), change from the trim's, m/s
+    time: arrays.FloatArray  #: (n,), s
+    inputs: arrays.FloatArray  #: (n, n_u), channels to which commands are added
+    attitude: arrays.FloatArray  #: (n, 3), Euler angles, rad
+    wind: arrays.FloatArray  #: (n, 3), change from the trim's, m/s
     pitot: float  #: reading of the airspeed over what it is
 
     @classmethod
-    def of(cls, vehicle: Vehicle, maneuver: Maneuver) -> Course:
+    def of(cls, vehicle: Vehicle, maneuver: motion.Maneuver) -> Course:
         """Return the course of a maneuver at the rate of the loop."""
-        if len(maneuver.time) > MAX_ROTOR_SAMPLES:
+        if len(maneuver.time) > motion.MAX_ROTOR_SAMPLES:
             raise ManeuverError(
-                f"duration: more than {MAX_ROTOR_SAMPLES} samples of the loop at {maneuver.rate:g} Hz; lower it"
+                f"duration: more than {motion.MAX_ROTOR_SAMPLES} samples of the loop at {maneuver.rate:g} Hz; lower it"
             )
         if maneuver.battery is not None:
             raise ManeuverError("battery: under the law of an autopilot its voltage stays; remove it")
         angles = EULER if on_rotors(vehicle, maneuver) else EULER[:2]
-        known = dict.fromkeys((*angles, *WIND_CHANGES, *movable(vehicle, OnWings)))
+        known = dict.fromkeys((*angles, *motion.WIND_CHANGES, *motion.movable(vehicle, motion.OnWings)))
         for spec in maneuver.input:
             if spec.control not in known:
                 raise ManeuverError(
                     f"the maneuver moves '{spec.control}', but under a law it may move {', '.join(known)}; correct the file"
                 )
-        others = tuple(one for one in maneuver.input if one.control not in UNDER_LAW)
-        check_maneuver(vehicle, maneuver.model_copy(update={"input": others}))
+        others = tuple(one for one in maneuver.input if one.control not in motion.UNDER_LAW)
+        motion.check_maneuver(vehicle, maneuver.model_copy(update={"input": others}))
         signals, none = maneuver.deflections(), np.zeros(len(maneuver.time))
-        point = flown_trim(vehicle, maneuver)
+        point = motion.flown_trim(vehicle, maneuver)
         attitude, wind = (
-            np.column_stack([signals.pop(n, none) for n in names]) for names in (EULER, WIND_CHANGES)
+            np.column_stack([signals.pop(n, none) for n in names]) for names in (EULER, motion.WIND_CHANGES)
         )
-        inputs = inputs_about(vehicle, point, signals, len(none))
+        inputs = motion.inputs_about(vehicle, point, signals, len(none))
         trimmed = np.array([point.start.get(n, 0.0) for n in EULER])
         pitot = vehicle.value("sensors.V.scale", 1.0)
         return cls(
@@ -228,10 +212,12 @@ class Course:
 class _Mixer:
     """Commands about the axes as channels, each rotor's within its range."""
 
-    def __init__(self, vehicle: Vehicle, outputs: FloatArray) -> None:
-        self.outputs, self.back, self.area = outputs, np.linalg.pinv(outputs), channel_range(vehicle)
+    def __init__(self, vehicle: Vehicle, outputs: arrays.FloatArray) -> None:
+        self.outputs, self.back, self.area = outputs, np.linalg.pinv(outputs), motion.channel_range(vehicle)
 
-    def channels(self, before: FloatArray, commands: FloatArray) -> tuple[FloatArray, BoolArray, FloatArray]:
+    def channels(
+        self, before: arrays.FloatArray, commands: arrays.FloatArray
+    ) -> tuple[arrays.FloatArray, arrays.BoolArray, arrays.FloatArray]:
         """Return channels (n_u,), which of the rotors' were clipped, and the commands (k, 1) that were achieved."""
         wanted, columns = before + self.outputs @ commands[:, 0], self.area.columns
         found = wanted.copy()
@@ -244,15 +230,17 @@ class _Body:
 
     def __init__(self, vehicle: Vehicle, course: Course, rng: np.random.Generator) -> None:
         self.vehicle, self.rows = vehicle, course.point.lanes(vehicle).rows
-        start = {**course.point.start, **trajectories.gust_start(vehicle, rng)}
-        self.state = initial_states(vehicle, start, self.rows, course.inputs[0])
+        start = {**course.point.start, **motion.gust_start(vehicle, rng)}
+        self.state = motion.initial_states(vehicle, start, self.rows, course.inputs[0])
         self.steps = max(1, math.ceil(STEP_RATE / course.rate))
         self.dt = 1.0 / (course.rate * self.steps)
         # at these short steps the gusts need no finer noise
         count = self.steps * len(course.time) + 1
         self.noise = rng.standard_normal((count, len(vehicle.gusts))) / math.sqrt(self.dt)
         self.gusts = [vehicle.inputs.index(noise_input(axis)) for axis in vehicle.gusts]
-        self.actuators = [_Held(a, self.rows, self.dt, course.inputs[0]) for a in input_actuators(vehicle)]
+        self.actuators = [
+            _Held(a, self.rows, self.dt, course.inputs[0]) for a in motion.input_actuators(vehicle)
+        ]
         self.gyros = np.array([[vehicle.value(f"sensors.{n}.scale", 1.0)] for n in RATES])
         self.velocity, self.attitude, self.turning = (
             [vehicle.states.index(n) for n in names] for names in ("uvw", QUATERNION, "pqr")
@@ -264,17 +252,17 @@ class _Body:
         return float(self.state[self.vehicle.states.index("h"), 0])
 
     @property
-    def rates(self) -> FloatArray:
+    def rates(self) -> arrays.FloatArray:
         """Return p, q and r (3, 1) as gyros read them, rad/s."""
         return np.asarray(self.state[self.turning] * self.gyros)
 
-    def change_wind(self, change: FloatArray) -> None:
+    def change_wind(self, change: arrays.FloatArray) -> None:
         """Change the wind (3,), m/s; the velocity over ground stays."""
         if change.any():
             self.state = self.state.copy()
-            self.state[self.velocity, 0] -= to_body(self.state[self.attitude, 0], change)
+            self.state[self.velocity, 0] -= arrays.to_body(self.state[self.attitude, 0], change)
 
-    def move(self, k: int, channels: FloatArray) -> FloatArray:
+    def move(self, k: int, channels: arrays.FloatArray) -> arrays.FloatArray:
         """Move through sample k of the loop with channels (n_u,) held; return those that arrived first."""
         arrived = []
         for part in range(self.steps * k, self.steps * (k + 1)):
@@ -284,14 +272,16 @@ class _Body:
             arrived.append(arriving)
             now, then = arriving[:, None].copy(), arriving[:, None].copy()
             now[self.gusts, 0], then[self.gusts, 0] = self.noise[part], self.noise[part + 1]
-            self.state, _ = step(self.vehicle.kernel(), self.rows, self.state, now, then, self.dt)
+            self.state, _ = motion.step(self.vehicle.kernel(), self.rows, self.state, now, then, self.dt)
         return arrived[0]
 
 
 class _Held:
     """An actuator whose commands are held over a step: dead zone, rate limit, then delay."""
 
-    def __init__(self, actuator: Actuator, rows: FloatArray, dt: float, inputs: FloatArray) -> None:
+    def __init__(
+        self, actuator: motion.Actuator, rows: arrays.FloatArray, dt: float, inputs: arrays.FloatArray
+    ) -> None:
         self.column, start = actuator.column, float(inputs[actuator.column])
         dead_zone, self.largest_step, delay = actuator.numbers(rows, dt)[:, 0].tolist()
         whole = math.floor(delay)
@@ -301,9 +291,9 @@ class _Held:
 
     def received(self, command: float) -> float:
         """Return the mean over a step of what arrives."""
-        half, step = self.half_width, self.largest_step
+        half, largest = self.half_width, self.largest_step
         self.after_play = min(max(self.after_play, command - half), command + half)
-        self.position = min(max(self.after_play, self.position - step), self.position + step)
+        self.position = min(max(self.after_play, self.position - largest), self.position + largest)
         self.delayed.append(self.position)
         return float((1.0 - self.share) * self.delayed[1] + self.share * self.delayed[0])
 
@@ -320,7 +310,7 @@ class AttitudeLoop:
         self, firmware: Firmware, parameters: Mapping[str, float], axes: Sequence[str], course: Course
     ) -> None:
         self.firmware, self.parameters, self.course = firmware, parameters, course
-        self.axes, self.target = [AXES.index(a) for a in axes], quaternions_of(course.attitude)
+        self.axes, self.target = [AXES.index(a) for a in axes], arrays.quaternions_of(course.attitude)
         self.gains = np.array([firmware.attitude_gain(parameters, a) for a in AXES])
         self.law = None
         if firmware.attitude is not None:
@@ -332,12 +322,14 @@ class AttitudeLoop:
             )
         self.calibrated = equivalent_over_true(float(standard_density(np.array(course.altitude))))
 
-    def scale(self, speed: float) -> FloatArray:
+    def scale(self, speed: float) -> arrays.FloatArray:
         """Return the ratio of trim airspeed to airspeed (1,), at a true airspeed, m/s."""
         reading = self.course.pitot * self.calibrated * speed
         return np.array([self.firmware.airspeed_ratio(self.parameters, reading)])
 
-    def setpoints(self, k: int, quaternion: FloatArray, speed: float) -> tuple[FloatArray, FloatArray]:
+    def setpoints(
+        self, k: int, quaternion: arrays.FloatArray, speed: float
+    ) -> tuple[arrays.FloatArray, arrays.FloatArray]:
         """Return rates (axes, 1), rad/s, and errors (3,), rad, at sample k for an attitude (4,) and a true airspeed, m/s.
 
         Raises
@@ -347,14 +339,14 @@ class AttitudeLoop:
         """
         if self.law is not None:
             target = self.course.attitude[k]
-            error = (target - euler_angles(quaternion) + np.pi) % (2.0 * np.pi) - np.pi
+            error = (target - arrays.euler_angles(quaternion) + np.pi) % (2.0 * np.pi) - np.pi
             asked, turned = target[:, None], (target - error)[:, None]
             rates = self.law.commands(asked, turned, np.ones(1), self.law.unlimited)[:, 0]
         elif self.firmware.rotors:
-            error = vectors_of(product(conjugate(quaternion), self.target[k]))
+            error = arrays.vectors_of(arrays.product(arrays.conjugate(quaternion), self.target[k]))
             rates = self.gains * error
         else:
-            phi, theta, _ = euler_angles(quaternion).tolist()
+            phi, theta, _ = arrays.euler_angles(quaternion).tolist()
             error = self.course.attitude[k] - (phi, theta, self.course.attitude[k, 2])
             turn = STANDARD_GRAVITY / speed * math.tan(phi) * math.cos(theta)
             rates = _body_rates(phi, theta, self.gains * error + (0.0, 0.0, turn))
@@ -366,7 +358,7 @@ class AttitudeLoop:
         return np.asarray(rates[self.axes, None]), np.asarray(error)
 
 
-def _body_rates(phi: float, theta: float, euler: FloatArray) -> FloatArray:
+def _body_rates(phi: float, theta: float, euler: arrays.FloatArray) -> arrays.FloatArray:
     """Return p, q and r for rates of the Euler angles (3,)."""
     (roll, pitch, yaw), level = euler.tolist(), math.cos(theta)
     return np.array(

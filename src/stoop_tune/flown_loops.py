@@ -24,17 +24,13 @@ from typing import Final
 import numpy as np
 from scipy.stats import chi2
 
-from stoop.assessment.covariance import NORMAL_95
-from stoop.base.arrays import ComplexArray, FloatArray, run_slices
-from stoop.base.notices import Notice, notice
-from stoop.errors import StoopError
-from stoop.flight import Flight, load
-from stoop.flight.airborne import in_flight
-from stoop.flight.frequency_responses import MAX_FREQUENCY, FrequencyResponse, Stretch, estimate_responses
-from stoop.flight.gridding import Grid, resample
-from stoop.flight.maneuvers import moves
-from stoop.logs.read import read
-from stoop.problem.windows import Window
+from stoop import Flight, Notice, load_flight
+from stoop.extend import flights
+from stoop.extend.arrays import ComplexArray, FloatArray, run_slices
+from stoop.extend.errors import StoopError
+from stoop.extend.fits import NORMAL_95
+from stoop.extend.notices import notice
+from stoop.extend.recordings import read
 from stoop_analysis.frequency import FrequencyAnalysis, ModelResponse, known
 from stoop_analysis.handling import DB, DEG, error_correlation
 from stoop_tune.control_laws.rate_law import AXES
@@ -91,13 +87,13 @@ class Signals:
 
 def recorded_signals(path: Path, flight: Flight, rotors: bool) -> dict[str, Signals]:
     """Return the signals of the rate loops in flight by axis, of those whose setpoint moves."""
-    streams, up = read(path, topics=STREAMS).streams, in_flight(flight)
-    grid = Grid(0, flight.time.size, flight.rate, float(flight.time[0]))
+    streams, up = read(path, topics=STREAMS).streams, flights.in_flight(flight)
+    grid = flights.Grid(0, flight.time.size, flight.rate, float(flight.time[0]))
 
     def column(stream: str, *names: str) -> FloatArray:
         total = np.sum([streams[stream].columns[n] for n in names], axis=0)
         good = np.isfinite(total)
-        out = resample(grid, streams[stream].time[good], total[good, None], smooth=True)[:, 0]
+        out = flights.resample(grid, streams[stream].time[good], total[good, None], smooth=True)[:, 0]
         return np.where(up, out, np.nan)
 
     found = {}
@@ -107,7 +103,7 @@ def recorded_signals(path: Path, flight: Flight, rotors: bool) -> dict[str, Sign
             continue
         values = np.column_stack([column(*x) for x in own.columns]) / np.array([1.0, 1.0, own.full])
         (asked, *_), (turning, *_), _ = own.columns
-        if moves(values[:, 0]):
+        if flights.moves(values[:, 0]):
             slowest = 1.0 / max(streams[asked].period, streams[turning].period)
             found[axis] = Signals(values, slowest, asked == turning)
     return found
@@ -124,16 +120,16 @@ def closed_loops(
     loops : by axis, at each condition
     """
     try:
-        flight = load(path)
+        flight = load_flight(path)
         signals = recorded_signals(path, flight, rotors)
     except StoopError as error:
         return None, [notice("tune-no-closed-loop", path.name, reason=str(error))]
     setpoints, rates = (np.array([one.values[:, k] for one in signals.values()]).T for k in (0, 1))
     slowest = min((one.slowest for one in signals.values()), default=np.nan)
-    band = 0.0, 2.0 * np.pi * min(MAX_FREQUENCY, RESOLVED * slowest)
-    stretches = [Stretch(flight.rate, setpoints, rates)] if signals else []
+    band = 0.0, 2.0 * np.pi * min(flights.MAX_FREQUENCY, RESOLVED * slowest)
+    stretches = [flights.Stretch(flight.rate, setpoints, rates)] if signals else []
     found, modeled, notices = [], {}, []
-    for one in estimate_responses(stretches, list(signals), list(signals), band):
+    for one in flights.estimate_responses(stretches, list(signals), list(signals), band):
         if one.input != one.output or one.input not in loops[0]:
             continue
         loop, own = loops[0][one.input], signals[one.input]
@@ -149,12 +145,12 @@ def closed_loops(
     if not found:
         return None, [notice("tune-no-closed-loop", path.name, reason=NOTHING)]
     pieces = run_slices(np.isfinite(np.sum(setpoints + rates, axis=1)))
-    windows = tuple(Window(flight.name, *flight.time[[x.start, x.stop - 1]].tolist()) for x in pieces)
+    windows = tuple(flights.Window(flight.name, *flight.time[[x.start, x.stop - 1]].tolist()) for x in pieces)
     names, of = ((flight.name,), windows), (tuple(r.input for r in found), tuple(r.output for r in found))
     return FrequencyAnalysis(*names, *of, tuple(found), modeled, (), {}, tuple(notices)), notices
 
 
-def under_feedback(one: FrequencyResponse, gain: ComplexArray | float) -> FrequencyResponse:
+def under_feedback(one: flights.FrequencyResponse, gain: ComplexArray | float) -> flights.FrequencyResponse:
     """Return the response of a rate to its setpoint with the error that gusts bring by an attitude loop of a gain (m,), 1/s.
 
     Of the instrument that is the random error beside that of regression, by the spectra of what is left of the rate, and of
@@ -173,7 +169,7 @@ def under_feedback(one: FrequencyResponse, gain: ComplexArray | float) -> Freque
 
 
 def modeled_loop(
-    flown: FrequencyResponse, conditions: Sequence[Condition], loops: Sequence[Mapping[str, AxisLoop]]
+    flown: flights.FrequencyResponse, conditions: Sequence[Condition], loops: Sequence[Mapping[str, AxisLoop]]
 ) -> ModelResponse:
     """Return the response of the logged rate to its setpoint by the models of all conditions, the estimate at the middle one."""
     w, found = flown.frequency, []
@@ -186,7 +182,7 @@ def modeled_loop(
     return ModelResponse(flown.input, flown.output, w, found[len(found) // 2][0], draws)
 
 
-def disagreement(flown: FrequencyResponse, model: ModelResponse, full: float) -> list[Notice]:
+def disagreement(flown: flights.FrequencyResponse, model: ModelResponse, full: float) -> list[Notice]:
     """Return whether a flown response differs from a model's by more than both errors, and which is not to be trusted.
 
     Log magnitudes and phases over their errors are squared and summed over the frequencies at which the flown response is

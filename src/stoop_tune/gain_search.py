@@ -26,8 +26,8 @@ from typing import Final
 import numpy as np
 from scipy.optimize import NonlinearConstraint, minimize
 
-from stoop.base.arrays import ComplexArray, FloatArray
-from stoop.errors import StoopError
+from stoop.extend.arrays import ComplexArray, FloatArray
+from stoop.extend.errors import StoopError
 from stoop_tune.control_laws.rate_law import SETPOINT
 from stoop_tune.control_laws.table import Firmware, rounded
 from stoop_tune.judgment import AxisMargins, Condition, judge, with_handling

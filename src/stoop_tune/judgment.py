@@ -9,18 +9,22 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from stoop.base.arrays import FloatArray
-from stoop.base.notices import Notice
-from stoop.base.numbers import without_rounding
-from stoop.base.variables import RATES
-from stoop.errors import StoopError
-from stoop.simulation.delays import input_delays
-from stoop.simulation.initial import channel_gains, parameter_rows
-from stoop.simulation.linearize import INTEGRATORS, linear_models, model_inputs
-from stoop.simulation.rotors import channel_range
-from stoop.simulation.steady_flight import neighbors, trim
-from stoop.simulation.trim import Trim
-from stoop.vehicle import Vehicle
+from stoop import Notice, Vehicle, trim
+from stoop.extend.arrays import FloatArray
+from stoop.extend.errors import StoopError
+from stoop.extend.motion import (
+    INTEGRATORS,
+    Trim,
+    channel_gains,
+    channel_range,
+    input_delays,
+    linear_models,
+    model_inputs,
+    neighbors,
+    parameter_rows,
+)
+from stoop.extend.text import without_rounding
+from stoop.extend.variables import RATES
 from stoop_analysis.draws import Draws
 from stoop_analysis.handling import attitude_figures
 from stoop_draft.vehicle_draft.autopilot import read_setup

@@ -18,7 +18,7 @@ from typing import Final
 
 import numpy as np
 
-from stoop.base.arrays import BoolArray, ComplexArray, FloatArray
+from stoop.extend.arrays import BoolArray, ComplexArray, FloatArray
 from stoop_tune.control_laws.filters import PASS
 from stoop_tune.control_laws.rate_law import AXES, RATE, SETPOINT, Frequencies, RateLaw
 

@@ -24,7 +24,7 @@ from typing import Final
 
 import numpy as np
 
-from stoop.base.arrays import BoolArray, ComplexArray, FloatArray, IntArray
+from stoop.extend.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 
 LEAST: Final = 1e-12  #: of a gain
 ONCE: Final = 1e6  #: period of a level that does not recur

@@ -25,19 +25,13 @@ from typing import Final
 
 import numpy as np
 
-from stoop.base.arrays import FloatArray
-from stoop.base.atmosphere import SEA_LEVEL_DENSITY, equivalent_over_true
-from stoop.errors import StoopError
-from stoop.flight.air_data import RECONSTRUCTED
-from stoop.simulation import trim
-from stoop.simulation.initial import parameter_rows
-from stoop.simulation.linearize import linear_models
-from stoop.simulation.newton import solve
-from stoop.simulation.rotors import accelerations, channel_range
-from stoop.simulation.steady_flight import TOLERANCE, OnWings
-from stoop.simulation.trim import Trims
-from stoop.vehicle import Vehicle
-from stoop.vehicle.schema import Propeller
+from stoop import Vehicle, trim
+from stoop.extend import motion
+from stoop.extend.arrays import FloatArray
+from stoop.extend.errors import StoopError
+from stoop.extend.flights import RECONSTRUCTED
+from stoop.extend.units import SEA_LEVEL_DENSITY, equivalent_over_true
+from stoop.extend.vehicles import Propeller
 from stoop_analysis.propagation.wing_figures import Domain
 from stoop_draft.vehicle_draft.autopilot import read_setup
 from stoop_tune.control_laws import ardupilot, px4
@@ -56,7 +50,7 @@ Names = tuple[tuple[str, float], ...]  #: of an airspeed: newest first, and its 
 class Flights:
     """Steady flights, one a lane."""
 
-    points: Trims
+    points: motion.Trims
     climb: FloatArray  #: sine of the flight-path angle (B,)
     none: FloatArray  #: (B,) zero, NaN where there is none
 
@@ -97,19 +91,21 @@ class Candidates:
         if point.solution is None:
             raise StoopError("there is no steady flight")
         known, x = point.solution
-        rows = parameter_rows(known.at.vehicle, {**self.numbers, **known.numbers}, self.count)
+        rows = motion.parameter_rows(known.at.vehicle, {**self.numbers, **known.numbers}, self.count)
         flight = replace(known, rows=rows)
-        if throttle is not None and isinstance(flight, OnWings):
+        if throttle is not None and isinstance(flight, motion.OnWings):
             quiet = known.at.quiet.copy()
             if throttle:
                 quiet[self.vehicle.inputs.index(self.throttle)] = throttle
             free = replace(flight, at=replace(known.at, quiet=quiet), powered=False)
             x = x[[name in free.unknowns for name in flight.unknowns]]
             flight = free
-        found, error = solve(flight.residuals, np.repeat(x[:, None], self.count, axis=1), TOLERANCE)
+        found, error = motion.solve(
+            flight.residuals, np.repeat(x[:, None], self.count, axis=1), motion.TOLERANCE
+        )
         points = flight.trims(found)
-        climb = flight.balance(points)[1] if isinstance(flight, OnWings) else np.zeros(self.count)
-        return Flights(points, climb, np.where(error < TOLERANCE, 0.0, np.nan))
+        climb = flight.balance(points)[1] if isinstance(flight, motion.OnWings) else np.zeros(self.count)
+        return Flights(points, climb, np.where(error < motion.TOLERANCE, 0.0, np.nan))
 
     def airspeed(self, names: Names) -> float:
         """Return a true airspeed, m/s, of the parameters, where the vehicle was flown."""
@@ -139,7 +135,7 @@ class Candidates:
         if RECONSTRUCTED in self.streams:
             raise StoopError("V was reconstructed, not read from the pitot alone")
 
-    def channel(self, points: Trims, name: str) -> FloatArray:
+    def channel(self, points: motion.Trims, name: str) -> FloatArray:
         """Return a recorded channel of flights (B,)."""
         if name not in self.vehicle.inputs:
             raise StoopError(f"the model is not moved by {name}")
@@ -175,7 +171,7 @@ def ballistic_coefficient(axis: str, own: Altitude, c: Candidates) -> FloatArray
 def momentum_drag(own: Altitude, c: Candidates) -> FloatArray:
     """Decrease of the velocity per s over the velocity, along x and y about hover, at sea level."""
     hover = c.steady()
-    names, A, *_ = linear_models(c.vehicle, hover.points)
+    names, A, *_ = motion.linear_models(c.vehicle, hover.points)
     along, across = (A[:, i, i] for i in (names.index("u"), names.index("v")))
     return np.asarray(-0.5 * (along + across) / own(c.density_ratio) + hover.none)
 
@@ -199,12 +195,12 @@ class Motors:
     def hover(self, c: Candidates) -> FloatArray:
         """Thrust setpoint in hover: curve of the command, the mean of the motors, by the curve that flew."""
         hover, curve = c.steady(), Parameters(c.parameters, "autopilot").number(*self.curve, -1.0)
-        commands = self.commands(c, hover.points.inputs[channel_range(c.vehicle).columns])
+        commands = self.commands(c, hover.points.inputs[motion.channel_range(c.vehicle).columns])
         return np.asarray(thrust_of(curve, commands).mean(axis=0) + hover.none)
 
     def expo(self, c: Candidates) -> FloatArray:
         """Share F of the square for which thrust is straight over the setpoint F c^2 + (1 - F) c, by least squares."""
-        hover, area = c.steady(), channel_range(c.vehicle)
+        hover, area = c.steady(), motion.channel_range(c.vehicle)
         channel = np.linspace(float(area.idle[0]), float(area.full.min()), COMMANDS)
         command = self.commands(c, channel)
         inside = (command >= 0.0) & (command <= 1.0)
@@ -214,7 +210,9 @@ class Motors:
         for x in channel[inside]:
             inputs = hover.points.inputs.copy()
             inputs[area.columns] = x
-            sink = accelerations(c.vehicle, {"h": c.domain.altitude}, inputs, hover.points.rows, ("w",))[0]
+            sink = motion.accelerations(
+                c.vehicle, {"h": c.domain.altitude}, inputs, hover.points.rows, ("w",)
+            )[0]
             lift.append(c.number("environment.gravity") - sink)
         square, linear, _ = np.polyfit(command[inside], np.array(lift), 2)
         return np.asarray(square / (linear + square) + hover.none)

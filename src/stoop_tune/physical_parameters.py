@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from stoop.base.arrays import FloatArray
-from stoop.base.notices import Notice, notice
-from stoop.errors import StoopError
-from stoop.vehicle import Vehicle
+from stoop import Notice, Vehicle
+from stoop.extend.arrays import FloatArray
+from stoop.extend.errors import StoopError
+from stoop.extend.notices import notice
 from stoop_analysis.draws import Draws
 from stoop_analysis.propagation.propagation import figures_of
 from stoop_analysis.propagation.quantities import ROUNDING, Figure, Samples

@@ -7,9 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from stoop.base.files import check_targets, make_folder, write_files
-from stoop.base.notices import Notice, notice, paragraph
-from stoop.errors import StoopError
+from stoop import Notice
+from stoop.extend.errors import StoopError
+from stoop.extend.files import check_targets, make_folder, write_files
+from stoop.extend.notices import notice, paragraph
 from stoop_tune.control_laws.table import Firmware
 from stoop_tune.gain_search import FARTHEST, FEW, SLACK, Design, propose
 from stoop_tune.judgment import AxisMargins, worst
@@ -19,7 +20,12 @@ if TYPE_CHECKING:
     import pandas as pd
 
 LADDER: Final = (0.25, 0.5, 0.75, 1.0)  #: shares of the way to the proposal, of trial flights
-SHOWN: Final = ("gain margin", "phase margin", "disk margin", "rejection")  #: of a trial flight
+SHOWN: Final[tuple[str, ...]] = (
+    "gain margin",
+    "phase margin",
+    "disk margin",
+    "rejection",
+)  #: of a trial flight
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,19 +9,13 @@ from typing import Any, Final
 
 import numpy as np
 
-from stoop.base.arrays import FloatArray
-from stoop.base.atmosphere import equivalent_over_true, standard_density
-from stoop.base.notices import Notice, notice
-from stoop.flight import Flight
-from stoop.flight.air_data import RECONSTRUCTED
-from stoop.flight.airborne import airborne
-from stoop.flight.airspeed import TRUE
-from stoop.flight.spectra import power_spectra
-from stoop.report.sheet import Page
-from stoop.simulation import trim
-from stoop.vehicle import Vehicle
-from stoop.workflow.fitted_model import FittedModel
-from stoop.workflow.load import takes_model
+from stoop import FittedModel, Flight, Notice, Vehicle, trim
+from stoop.extend.arrays import FloatArray
+from stoop.extend.fits import takes_model
+from stoop.extend.flights import RECONSTRUCTED, TRUE, airborne, power_spectra
+from stoop.extend.notices import notice
+from stoop.extend.reports import Page
+from stoop.extend.units import equivalent_over_true, standard_density
 from stoop_analysis.draws import POSTERIOR_FILE, Draws, Source, draws_of
 from stoop_analysis.frequency import FrequencyAnalysis
 from stoop_analysis.workflow.propagation import flown_domain

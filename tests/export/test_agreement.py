@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from stoop.simulation import trim
-from stoop.simulation.loads import body_loads
 from stoop.vehicle import parse_vehicle
 from stoop.vehicle.builtin import builtin_text, builtin_vehicle
+from stoop_export import agreement
 from stoop_export.agreement import AXES, Compared, agreement_table, loads_along, loads_of_path, percent
 from stoop_export.exporter import cost_without_actuators
 from stoop_export.reference_flight import reference_flight, reference_record, states_of
@@ -58,7 +58,7 @@ def test_omitted_actuators_have_a_share_of_each_axis() -> None:
     late[1:, column] = record.inputs[:-1, column]
     rows = np.repeat(record.vehicle.values[:, None], len(late), axis=1)
     moved = (u.T.copy() for u in (late, record.inputs))
-    whole, prompt = (body_loads(record.vehicle, rows, states.T.copy(), u)[4] for u in moved)
+    whole, prompt = (agreement.body_loads(record.vehicle, rows, states.T.copy(), u)[4] for u in moved)
     share = np.sqrt(np.mean((prompt - whole) ** 2)) / whole.std()
     assert f"{percent(share)} of My" in said
     assert "0 % of Mx" in said

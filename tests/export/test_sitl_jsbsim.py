@@ -13,7 +13,7 @@ from stoop.errors import VehicleError
 from stoop.simulation.initial import rigid_states
 from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.vehicle.builtin import builtin_text, builtin_vehicle
-from stoop.vehicle.defaults import FULL_DEFLECTION
+from stoop_export.autopilot_outputs import FULL_DEFLECTION
 from stoop_export.jsbsim_flight import simulator
 from stoop_export.sitl import AutopilotCommands, autopilot_commands
 from stoop_export.sitl_folders import ardupilot, px4

@@ -66,9 +66,8 @@ def test_sdist_holds_what_the_checks_need_and_nothing_else(built: Path) -> None:
 
 def test_wheel_holds_the_packages_and_nothing_else(wheel: dict[str, bytes]) -> None:
     dist_info = f"stoop-{PROJECT['version']}.dist-info/"
-    examples = {
-        f"stoop/data/examples/{path.name}" for path in (ROOT / "examples").iterdir() if path.is_file()
-    }
+    files = {path for path in (ROOT / "examples").rglob("*.*") if "__pycache__" not in path.parts}
+    examples = {f"stoop/data/{path.relative_to(ROOT).as_posix()}" for path in files}
     assert {name for name in wheel if not name.startswith(dist_info)} == sources() | examples
     assert "stoop/py.typed" in wheel
     entry_points = wheel[f"{dist_info}entry_points.txt"].decode()

@@ -372,7 +372,7 @@ def test_mixed_inputs_come_as_late_as_the_channels_that_are_mixed() -> None:
 def test_momentum_drag_is_that_at_sea_level(monkeypatch: pytest.MonkeyPatch) -> None:
     """EKF2 multiplies EKF2_MCOEF by the root of the ratio of densities."""
     A = np.diag([-0.2, -0.4])[None]
-    monkeypatch.setattr(physical_formulas, "linear_models", lambda *_: (("u", "v"), A))
+    monkeypatch.setattr("stoop.extend.motion.linear_models", lambda *_: (("u", "v"), A))
     hover = SimpleNamespace(points=None, none=np.zeros(1))
     thin: Any = SimpleNamespace(vehicle=None, density_ratio=0.64, steady=lambda: hover)
     found = physical_formulas.momentum_drag(math.sqrt, thin)

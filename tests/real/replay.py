@@ -13,9 +13,9 @@ from typing import Final
 
 import numpy as np
 
-from stoop.base.arrays import FloatArray
-from stoop.errors import StoopError
-from stoop.logs.recording import Recording, Stream
+from stoop.extend.arrays import FloatArray
+from stoop.extend.errors import StoopError
+from stoop.extend.recordings import Recording, Stream
 from stoop_tune.control_laws.rate_law import ACCELERATION, AXES, RATE, SETPOINT, RateLaw
 
 #: instants of a setpoint that a comparison needs

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import TypeAlias
 
 import numpy as np
@@ -21,11 +20,6 @@ def within_range(x: FloatArray, most: float = MAX_NUMBER) -> FloatArray:
     """Return an array with NaN in place of numbers that are implausibly large."""
     large = np.abs(x) > most
     return np.where(large, np.nan, x) if large.any() else x
-
-
-def empty_columns(columns: Mapping[str, FloatArray]) -> set[str]:
-    """Return the names of the columns without a finite number, which show nothing to any detector."""
-    return {name for name, x in columns.items() if not np.isfinite(x).any()}
 
 
 def runs(mask: BoolArray) -> IntArray:

@@ -64,19 +64,6 @@ def delayed_interrupts() -> Iterator[None]:
         handle()
 
 
-@contextmanager
-def blocked_interrupts() -> Iterator[None]:
-    """Block Ctrl-C for processes started in the block until they call `unblock_interrupts`: Python itself prints a traceback."""
-    if not hasattr(signal, "pthread_sigmask"):
-        yield
-        return
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
-
-
 def unblock_interrupts() -> None:
     """Handle Ctrl-C from here on; one that has come meanwhile raises KeyboardInterrupt."""
     if hasattr(signal, "pthread_sigmask"):

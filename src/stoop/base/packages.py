@@ -3,7 +3,7 @@
 A package is an importable ``stoop_NAME`` with a file ``stoop.toml`` in its folder. The file holds places ``module:name``, which
 are imported at their first use: rows of ``verbs`` and of ``options`` that several of them share, as ``data/verbs.toml`` has them;
 rows of ``more``, options added to a verb of stoop; ``functions`` of ``import stoop``; ``methods`` of a fitted model;
-``optimizers``; and ``hooks``, functions that stoop calls by name.
+``optimizers``, ``estimators`` and ``decisions`` of a fit, ``targets`` of an export; and ``hooks``, functions that stoop calls.
 """
 
 from __future__ import annotations

@@ -13,13 +13,10 @@ Stevens, Lewis, Johnson, *Aircraft Control and Simulation*, 3rd ed., sections 1.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Final
 
 import numpy as np
 
 from stoop.base.arrays import FloatArray
-
-FLIP: Final = np.array([1.0, -1.0, -1.0])  #: forward, right, down <-> forward, left, up
 
 
 def quaternions_of(angles: FloatArray) -> FloatArray:

@@ -5,16 +5,18 @@
 
     `callback` receives the state after each step, and a search resumes from `state`; regressions ignore both.
 
-To add a method, write its function and its :class:`stoop.estimate.estimate.Estimate`, and add one row to `_METHODS`.
+To add a method, write its function and its :class:`stoop.estimate.estimate.Estimate`, and add one row to `_METHODS`; packages
+add theirs as rows of ``estimators`` (`stoop.base.packages`).
 """
 
 from __future__ import annotations
 
-import importlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cache
 from typing import TYPE_CHECKING, Any, Final
 
+from stoop.base.packages import PREFIX, guarded, resolved, rows
 from stoop.base.text import nearest
 from stoop.errors import IdentificationError, StoopError
 
@@ -29,12 +31,12 @@ DEFAULT: Final = "output-error"
 class Method:
     """One method; its function is imported when it is first used."""
 
-    #: ``"module:function"`` of this package, see the head of this module
+    #: ``"module:function"`` of this room, or of a package; see the head of this module
     fit: str
     #: ``"module:class"``, the :class:`stoop.estimate.estimate.Estimate` that it returns
-    estimate: str
+    estimate: str = "fit:OutputErrorEstimate"
     #: purpose, in a few words
-    purpose: str
+    purpose: str = ""
     #: whether residuals are those of a simulation, whose likelihood posterior and profile show
     simulates: bool = True
 
@@ -49,9 +51,8 @@ class Method:
         return found
 
 
-def _imported(name: str) -> Any:
-    module, _, attribute = name.partition(":")
-    return getattr(importlib.import_module(f"stoop.estimate.{module}"), attribute)
+def _imported(place: str) -> Any:
+    return resolved(place if place.startswith(PREFIX) else f"stoop.estimate.{place}")
 
 
 FILTER: Final = "filter_error:FilterEstimate"
@@ -91,6 +92,18 @@ _METHODS: Final[dict[str, Method]] = {
         False,
     ),
 }
+
+
+@cache
+def _methods() -> Mapping[str, Method]:
+    """Return the methods of stoop and those of packages."""
+    found = dict(_METHODS)
+    for package, name, row in rows("estimators", found):
+        with guarded(package, f"its estimator '{name}'"):
+            found[name] = Method(**row)
+    return found
+
+
 #: errors of arrays that are not those of an estimate
 UNREADABLE: Final = (LookupError, TypeError, ValueError, AttributeError, ArithmeticError, RecursionError)
 
@@ -113,18 +126,18 @@ def restore(name: str, arrays: Mapping[str, Any], where: str) -> Estimate:
 
 def refit_problem(kind: str) -> type[RefitProblem]:
     """Return the class of least-squares problems that has a name in packed problems."""
-    problems = (method.estimates().refits for method in _METHODS.values())
+    problems = (method.estimates().refits for method in _methods().values())
     return next(one for one in problems if one.kind == kind)
 
 
 def names() -> tuple[str, ...]:
     """Return the names of all methods."""
-    return tuple(_METHODS)
+    return tuple(_methods())
 
 
 def find(name: str) -> Method:
     """Return a method by its name, output error where none is named; an IdentificationError says that there is none."""
-    found = _METHODS.get(str(name or DEFAULT))
+    found = _METHODS.get(str(name or DEFAULT)) or _methods().get(str(name))
     if found is None:
-        raise IdentificationError(f"method '{name}': not known; {nearest(str(name), _METHODS)}")
+        raise IdentificationError(f"method '{name}': not known; {nearest(str(name), _methods())}")
     return found

@@ -9,23 +9,7 @@ from stoop.flight.load import flight_bytes, load, save, without_faults
 from stoop.flight.maneuvers import ChannelRow, FlightSummary, Maneuver, describe, find_maneuvers
 
 __all__ = [
-    "OUTPUTS",
-    "VARIABLES",
-    "ChannelRow",
-    "Fault",
-    "Flight",
-    "FlightSummary",
-    "Maneuver",
-    "Segment",
-    "SourceRate",
-    "Variable",
-    "describe",
-    "find_maneuvers",
-    "flight_bytes",
-    "from_columns",
-    "load",
-    "save",
-    "segments",
-    "without",
-    "without_faults",
-]
+    "OUTPUTS", "VARIABLES", "ChannelRow", "Fault", "Flight", "FlightSummary", "Maneuver", "Segment",
+    "SourceRate", "Variable", "describe", "find_maneuvers", "flight_bytes", "from_columns", "load", "save",
+    "segments", "without", "without_faults",
+]  # fmt: skip

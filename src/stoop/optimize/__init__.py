@@ -30,26 +30,7 @@ from stoop.optimize.registry import create, names, needs_residuals
 from stoop.optimize.state import Event, Optimizer, State, load_state, load_tagged, save_state
 
 __all__ = [
-    "Evaluations",
-    "Event",
-    "Ledger",
-    "Optimizer",
-    "Outcome",
-    "Problem",
-    "Progress",
-    "Refinement",
-    "ScalarProblem",
-    "Settings",
-    "State",
-    "Stop",
-    "create",
-    "descend",
-    "forward_jacobian",
-    "load_state",
-    "load_tagged",
-    "minimize",
-    "names",
-    "needs_residuals",
-    "refine",
-    "save_state",
-]
+    "Evaluations", "Event", "Ledger", "Optimizer", "Outcome", "Problem", "Progress", "Refinement",
+    "ScalarProblem", "Settings", "State", "Stop", "create", "descend", "forward_jacobian", "load_state",
+    "load_tagged", "minimize", "names", "needs_residuals", "refine", "save_state",
+]  # fmt: skip

@@ -54,7 +54,7 @@ Level = Literal["good", "caution", "bad"]
 
 @dataclass(frozen=True)
 class Prose:
-    """Plain text: a blank line ends a paragraph, lines that begin with ``- `` are a list, `names` stand in backticks."""
+    """Plain text: a blank line ends a paragraph, lines that begin with a dash are a list, `names` stand in backticks."""
 
     template: ClassVar = "prose"
     text: str

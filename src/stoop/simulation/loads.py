@@ -1,4 +1,4 @@
-"""Force and moment of a vehicle without gravity, by its equations of motion, and what these need of the vehicle and the air."""
+"""The tensor of inertia of a vehicle, and the density of the air in a steady flight."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ import numpy as np
 
 from stoop.base.arrays import FloatArray
 from stoop.base.atmosphere import standard_density
-from stoop.base.rotations import to_body
 from stoop.simulation.trim import Trim
 from stoop.vehicle import Vehicle
 
@@ -29,30 +28,3 @@ def air_density(vehicle: Vehicle, point: Trim) -> float:
     if choice == "standard":
         return float(standard_density(np.array(point.start.get("h", 0.0))))
     return vehicle.value("environment.density")
-
-
-def body_loads(vehicle: Vehicle, rows: FloatArray, states: FloatArray, inputs: FloatArray) -> FloatArray:
-    """Return force, N, and moment about the center of gravity, N m, (6, B) at states (n_x, B) and inputs (n_u, B).
-
-    `rows` are kernel parameters (n_p, B).
-    """
-    rates, _ = vehicle.kernel().evaluate(rows, np.ascontiguousarray(states), np.ascontiguousarray(inputs))
-    return motion_loads(vehicle, states, rates)
-
-
-def motion_loads(vehicle: Vehicle, states: FloatArray, rates: FloatArray) -> FloatArray:
-    """Return force, N, and moment, N m, (6, B), that give states (n_x, B) their derivatives (n_x, B)."""
-    at = {name: i for i, name in enumerate(vehicle.states)}
-    velocity, omega, dot, turning = (
-        array[[at[a] for a in axes]] for array in (states, rates) for axes in ("uvw", "pqr")
-    )
-    q = states[[at[f"e{i}"] for i in range(4)]].T
-    down = to_body(q, np.array([0.0, 0.0, vehicle.value("environment.gravity")])).T
-    force = vehicle.value("mass.mass") * (dot + np.cross(omega, velocity, axis=0) - down)
-    return rigid_loads(vehicle, force, omega, turning)
-
-
-def rigid_loads(vehicle: Vehicle, force: FloatArray, omega: FloatArray, turning: FloatArray) -> FloatArray:
-    """Return force, N, and moment, N m, (6, B) from a force, rates, rad/s, and angular accelerations, rad/s2, (3, B) each."""
-    inertia = inertia_tensor(vehicle)
-    return np.vstack([force, inertia @ turning + np.cross(omega, inertia @ omega, axis=0)])

@@ -27,7 +27,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Final, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import AfterValidator, Field, ValidationError, ValidationInfo, model_validator
@@ -58,12 +58,6 @@ def unit_of(control: str) -> str:
     by_channel = {"motor_": "", "throttle": "", "rotor_": "rad/s", "pwm_": "us", "wind_": "m/s"}
     unit = next((unit for head, unit in by_channel.items() if control.startswith(head)), "rad")
     return (EXCITATIONS | SETPOINTS).get(control, unit)
-
-
-def amplitude_text(control: str, value: float) -> str:
-    """Return an amplitude of an input, SI, with its unit."""
-    unit = unit_of(control)
-    return f"{math.degrees(value):.3g} deg" if unit == "rad" else f"{value:.3g} {unit}"
 
 
 def _plausible(value: float, info: ValidationInfo) -> float:
@@ -220,13 +214,6 @@ class Multisine(_TimedSignal):
             phase = -np.pi * k * (k + 1) / self.waves
             waves += np.sin(2.0 * np.pi * harmonic * (t - self.start) / self.duration + phase)
         return self._inside(t, self.amplitude * waves / max(float(np.max(np.abs(waves))), 1e-12))
-
-
-#: `mode_systemid.cpp`: "Axis requires manual throttle"
-MANUAL_THROTTLE: Final = (
-    "enter System ID in flight from a mode with manual throttle (Stabilize, Acro): newer firmware refuses others, and "
-    "throughout the sweep the throttle stick alone holds the height"
-)
 
 
 class Harmonics(_TimedSignal):

@@ -84,27 +84,6 @@ def effects(
     return np.asarray((up[:, 0::2] - up[:, 1::2]) / (2.0 * step))
 
 
-@dataclass(frozen=True, eq=False)
-class AxisCommands:
-    """Rotor channels as accelerations about a steady flight, after all lags: those that they command, and how."""
-
-    channels: tuple[str, ...]
-    effect: FloatArray  #: (4, m), accelerations `AXES` per unit of each channel
-    mixing: FloatArray  #: (m, 4), the smallest channels that command one unit of an acceleration alone
-
-
-def axis_commands(vehicle: Vehicle, start: Mapping[str, ArrayLike], inputs: FloatArray) -> AxisCommands:
-    """Return the axes that the rotors of a vehicle command about a state and channels (n_u,); see :func:`effects`.
-
-    Raises
-    ------
-    SimulationError
-        They do not command all four, each apart from the others.
-    """
-    effect = effects(vehicle, start, inputs, {})
-    return AxisCommands(channel_range(vehicle).names, effect, allocation(vehicle, effect))
-
-
 def allocation(vehicle: Vehicle, effect: FloatArray) -> FloatArray:
     """Return the smallest channels (m, 4) that give one unit of each acceleration and nothing of the others.
 

@@ -1,18 +1,19 @@
-"""The table of all decisions, and which of them a fit takes."""
+"""The table of all decisions, and which of them a fit takes; packages add theirs, which enclose all others."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
-from typing import Final, Literal
+from functools import cached_property, partial
+from typing import Any, Final, Literal
 
+from stoop.base.packages import guarded, resolved, rows, warn
 from stoop.base.text import nearest
-from stoop.errors import IdentificationError
+from stoop.errors import IdentificationError, StoopError
 from stoop.estimate.treatment import Treatment
 from stoop.results.uncertainty import COMPONENTS
 from stoop.strategy.assumptions import ASSUMPTIONS
 from stoop.strategy.bounds import BOUNDS
-from stoop.strategy.decision import Decision
+from stoop.strategy.decision import Decision, Fitter, Setup
 from stoop.strategy.extensions import EXTENSIONS
 from stoop.strategy.faults import FAULTS
 from stoop.strategy.gusts import GUSTS
@@ -21,8 +22,9 @@ from stoop.strategy.instability import INSTABILITY
 from stoop.strategy.method import METHOD
 from stoop.strategy.sensor_delays import SENSOR_DELAYS
 
+POINTS: Final = ("data", "problem", "around")  #: at which functions of packages decide
 #: in the order in which they change the problem; of those around a fit each encloses the ones before it
-DECISIONS: Final[tuple[Decision, ...]] = (
+_BUILT_IN: Final[tuple[Decision, ...]] = (
     FAULTS,
     METHOD,
     INSTABILITY,
@@ -49,6 +51,31 @@ DECISIONS: Final[tuple[Decision, ...]] = (
     EXTENSIONS,
     SENSOR_DELAYS,
 )
+
+
+def _offered() -> list[Decision]:
+    """Return the decisions of packages; their functions are imported when they are called."""
+    found = list[Decision]()
+    for package, name, row in rows("decisions", [one.name for one in _BUILT_IN]):
+        with guarded(package, f"its decision '{name}'"):
+            points: dict[str, Any] = {
+                point: partial(_call, package, str(row[point])) for point in POINTS if point in row
+            }
+            found.append(Decision(name, str(row["question"]), row.get("default") is True, **points))
+    return found
+
+
+def _call(package: str, place: str, setup: Setup, *fitter: Fitter) -> Any:
+    """Take a decision of a package; one that cannot be imported is left out."""
+    try:
+        decide = resolved(place)
+    except (StoopError, ImportError) as error:
+        warn(package, f"a decision is left out: {error}")
+        return fitter[0](setup) if fitter else None
+    return decide(setup, *fitter)
+
+
+DECISIONS: Final = (*_BUILT_IN, *_offered())
 NAMES: Final = tuple(one.name for one in DECISIONS)
 SWITCHED: Final = tuple(name for name in COMPONENTS if name != "noise")  #: components that can be left out
 

@@ -14,7 +14,6 @@ from typing import Final
 from stoop.vehicle import terms
 from stoop.vehicle.schema import WIND, Quantity, Term
 
-FULL_DEFLECTION: Final = math.radians(25.0)  #: of a surface whose recorded channel is its deflection
 SHORTEST_LAG: Final = 0.02  #: s, that is integrated as it is, see `stoop.vehicle.symbolic.forces.lagged`
 COEFFICIENTS: Final = ("CL", "CD", "CQ", "Cl", "Cm", "Cn")
 EQUATION_1: Final[dict[str, dict[str, tuple[str, float, float]]]] = {
@@ -227,15 +226,6 @@ def full_command(channel: str) -> float | None:
     """Return the value of a rotor's channel at full command; None where its name does not imply one."""
     full = {"motor_": 1.0, "servo_": 1.0, "control_": 1.0, "pwm_": 2000.0}
     return next((value for head, value in full.items() if channel.startswith(head)), None)
-
-
-def full_deflection(channel: str, gain: float, neutral: float) -> float | None:
-    """Return the deflection, rad, that a channel makes from its neutral value to full command; None without a known end.
-
-    Its sign is that of the gain, rad per unit of the channel.
-    """
-    full = full_command(channel)
-    return None if full is None else gain * (full - neutral)
 
 
 def thrust_at(numbers: Mapping[str, Quantity], x: float) -> float:

@@ -4,6 +4,8 @@ from collections.abc import Mapping as Mapping
 from collections.abc import Sequence as Sequence
 from pathlib import Path as Path
 from stoop.base.arrays import FloatArray as FloatArray
+from stoop.extend.flights import Flights as Flights
+from stoop.extend.flights import Windows as Windows
 from stoop.flight import Flight as Flight
 from stoop.problem.windows import Windows as Windows
 from stoop.simulation import LinearModel as LinearModel

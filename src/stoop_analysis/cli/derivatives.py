@@ -6,9 +6,7 @@ import argparse
 import math
 from pathlib import Path
 
-from stoop.cli import options
-from stoop.cli.page import numbers, page, shown_unit, words
-from stoop.cli.progress import LiveLine
+from stoop.extend.verbs import LiveLine, numbers, options, page, shown_unit, words
 
 
 def run(arguments: argparse.Namespace) -> int:

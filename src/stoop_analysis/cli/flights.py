@@ -8,14 +8,12 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from stoop.base.files import check_targets
-from stoop.cli import options
-from stoop.cli.page import fixed, numbers, page, words
-from stoop.cli.progress import LiveLine, Watch
-from stoop.errors import FlightError, IdentificationError
+from stoop.extend.errors import FlightError, IdentificationError
+from stoop.extend.files import check_targets
+from stoop.extend.verbs import LiveLine, Watch, fixed, numbers, options, page, words
 
 if TYPE_CHECKING:
-    from stoop.flight import Flight
+    from stoop import Flight
     from stoop_analysis.performance.effectiveness import Assessment, Hover, Reference
 
 MAX_VOLTAGE_DIFFERENCE = 0.05  #: relative; beyond it a flight is named
@@ -23,8 +21,8 @@ MAX_VOLTAGE_DIFFERENCE = 0.05  #: relative; beyond it a flight is named
 
 def polar(arguments: argparse.Namespace) -> int:
     """Fit a drag polar, write where asked to, and print what was found."""
-    from stoop.assessment.covariance import NORMAL_95
-    from stoop.flight import load
+    from stoop import load_flight
+    from stoop.extend.fits import NORMAL_95
     from stoop_analysis.performance.polar import Propulsion
     from stoop_analysis.report.polar import MEANINGS, lift_grid
     from stoop_analysis.workflow.polar import POLAR, drag_polar, write_polar
@@ -33,7 +31,7 @@ def polar(arguments: argparse.Namespace) -> int:
     if folder is not None:
         check_targets(folder, POLAR, arguments.overwrite)
     with LiveLine("reading the log"):
-        flight = load(arguments.flight, arguments.mapping)
+        flight = load_flight(arguments.flight, arguments.mapping)
     efficiency, spread = arguments.efficiency
     propulsion = Propulsion(efficiency, spread, arguments.disc)
     used = options.windows(arguments.window)
@@ -57,10 +55,9 @@ def polar(arguments: argparse.Namespace) -> int:
 
 def rotors(arguments: argparse.Namespace) -> int:
     """Compare flights near hover with healthy ones, and say which rotor gives less than its command says."""
-    from stoop.checks.rotors import foreign_motors
-    from stoop.flight import load
-    from stoop.problem.windows import whole
-    from stoop.vehicle.builtin import resolve_vehicle
+    from stoop import load_flight, load_vehicle
+    from stoop.extend.flights import whole
+    from stoop.extend.vehicles import foreign_motors
     from stoop_analysis.performance import effectiveness
 
     chance = arguments.chance
@@ -73,13 +70,13 @@ def rotors(arguments: argparse.Namespace) -> int:
     for path in paths:  # it would be compared with itself, or count twice
         if known.count(path.resolve()) > 1:
             raise FlightError(f"{path}: given twice; name each flight once, in question or under --healthy")
-    balance = effectiveness.Balance(resolve_vehicle(arguments.vehicle))
+    balance = effectiveness.Balance(load_vehicle(arguments.vehicle))
     flights: dict[str, Flight] = {}
 
     def read_hover(paths: Sequence[Path], watch: Watch) -> tuple[Hover, ...]:
         out = []
         for path in paths:
-            flight = load(path, arguments.mapping)
+            flight = load_flight(path, arguments.mapping)
             out.append(effectiveness.hover(flight, balance))
             flights[flight.name] = flight
             for found in foreign_motors(balance.vehicle, flight, whole({flight.name: flight})):
@@ -108,7 +105,7 @@ def rotors(arguments: argparse.Namespace) -> int:
     for title, items in notes.items():
         out.bullets(items, title)
     if arguments.output is not None:
-        from stoop.report.sheet import write_sheet
+        from stoop.extend.reports import write_sheet
         from stoop_analysis.report.rotors import rotors_sheet
 
         sheet = rotors_sheet(alike, found, flights, notes, chance, options.command_line())
@@ -119,11 +116,10 @@ def rotors(arguments: argparse.Namespace) -> int:
 
 def structure(arguments: argparse.Namespace) -> int:
     """Choose, write, and print what was chosen."""
-    from stoop.base.toml import read_source
-    from stoop.estimate.regression.least_squares import FrequencyDomain
-    from stoop.flight.load import load_several
-    from stoop.vehicle.builtin import resolve_vehicle
-    from stoop.workflow.outputs import by_name
+    from stoop import load_vehicle
+    from stoop.extend.files import by_name, read_source
+    from stoop.extend.fits import FrequencyDomain
+    from stoop.extend.flights import load_several
     from stoop_analysis.structure import Press, orthogonal, parse_candidates, standard_candidates, stepwise
     from stoop_analysis.workflow.structure import FILES, write_structure
     from stoop_analysis.workflow.structure import structure as determined
@@ -140,7 +136,7 @@ def structure(arguments: argparse.Namespace) -> int:
         "press": lambda rows: stepwise(rows, Press()),
         "pse": orthogonal,
     }
-    vehicle = resolve_vehicle(arguments.vehicle)
+    vehicle = load_vehicle(arguments.vehicle)
     candidates: dict[str, tuple[str, ...]] = {} if arguments.candidates else standard_candidates(vehicle)
     for text in arguments.candidates:
         lines, where = [text], "--candidates"

@@ -5,11 +5,9 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
-from stoop.base.text import show
-from stoop.cli import options
-from stoop.cli.page import fixed, numbers, page, points, to_json, words
-from stoop.cli.progress import LiveLine
-from stoop.errors import FlightError
+from stoop.extend.errors import FlightError
+from stoop.extend.text import show
+from stoop.extend.verbs import LiveLine, fixed, numbers, options, page, points, to_json, words
 
 if TYPE_CHECKING:
     from stoop_analysis.frequency import FrequencyAnalysis
@@ -17,7 +15,7 @@ if TYPE_CHECKING:
 
 def run(arguments: argparse.Namespace) -> int:
     """Estimate, write the page where asked to, and print."""
-    from stoop.flight.load import load_several
+    from stoop.extend.flights import load_several
     from stoop_analysis.workflow.frequency import frequency_responses
 
     target = arguments.output
@@ -29,7 +27,7 @@ def run(arguments: argparse.Namespace) -> int:
             flights, arguments.maneuver, arguments.vehicle, arguments.input, arguments.channel, band
         )
     if target is not None:
-        from stoop.report.sheet import write_sheet
+        from stoop.extend.reports import write_sheet
         from stoop_analysis.report.frequency import frequency_sheet
 
         with LiveLine("drawing"):

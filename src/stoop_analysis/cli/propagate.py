@@ -7,11 +7,9 @@ from itertools import groupby
 from pathlib import Path
 from typing import Final
 
-from stoop.base.text import show
-from stoop.cli import options
-from stoop.cli.page import numbers, page, shown_unit, to_json, words
-from stoop.cli.progress import LiveLine
-from stoop.errors import SimulationError, StoopError
+from stoop.extend.errors import SimulationError, StoopError
+from stoop.extend.text import show
+from stoop.extend.verbs import LiveLine, numbers, options, page, shown_unit, to_json, words
 
 LIMITS: Final = (0.0, 10_000.0)  #: m/s, of airspeeds
 MIN_DRAWS: Final = 100  #: below which a 95 % interval says little

@@ -31,11 +31,10 @@ from typing import Final
 import numpy as np
 from scipy import stats
 
-from stoop.base.arrays import BoolArray, FloatArray, run_slices
-from stoop.base.notices import Notice, notice
-from stoop.errors import FlightError, VehicleError
-from stoop.flight import Flight
-from stoop.vehicle import Vehicle
+from stoop import Flight, Notice, Vehicle
+from stoop.extend.arrays import BoolArray, FloatArray, run_slices
+from stoop.extend.errors import FlightError, VehicleError
+from stoop.extend.notices import notice
 
 
 @dataclass(frozen=True)

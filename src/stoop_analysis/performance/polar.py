@@ -33,16 +33,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from stoop.assessment.covariance import NORMAL_95
-from stoop.assessment.error_bars import estimate_uncertainty
-from stoop.base.arrays import FloatArray, run_slices
-from stoop.base.atmosphere import standard_density
-from stoop.base.robust import huber_weights, robust_std
-from stoop.base.units import STANDARD_GRAVITY
-from stoop.errors import FlightError
-from stoop.flight import Flight
-from stoop.flight.airborne import airborne
-from stoop.problem.evidence import PieceEvidence
+from stoop import Flight
+from stoop.extend.arrays import FloatArray, huber_weights, robust_std, run_slices
+from stoop.extend.errors import FlightError
+from stoop.extend.fits import NORMAL_95, PieceEvidence, estimate_uncertainty
+from stoop.extend.flights import airborne
+from stoop.extend.units import STANDARD_GRAVITY, standard_density
 
 MIN_BLOCKS: Final = 12  #: below which no parabola is fitted
 SWITCHED_OFF: Final = 0.02  #: of full throttle

@@ -8,10 +8,11 @@ from typing import Final
 
 import numpy as np
 
-from stoop.base.arrays import FloatArray
-from stoop.base.text import nearest
-from stoop.errors import StoopError
-from stoop.vehicle import Vehicle, terms
+from stoop import Vehicle
+from stoop.extend.arrays import FloatArray
+from stoop.extend.errors import StoopError
+from stoop.extend.text import nearest
+from stoop.extend.vehicles import terms
 from stoop_analysis.propagation.quantities import Samples
 
 NAME: Final = re.compile(r"(?<![\w.])[A-Za-z_]\w*(?:\.[A-Za-z_]\w*)*")

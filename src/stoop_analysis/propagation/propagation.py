@@ -9,13 +9,11 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from stoop.base.arrays import FloatArray
-from stoop.base.html import table
-from stoop.base.notices import Notice, notice
-from stoop.base.numbers import number
-from stoop.base.text import printable
-from stoop.simulation.initial import parameter_rows
-from stoop.vehicle import Vehicle
+from stoop import Notice, Vehicle
+from stoop.extend.arrays import FloatArray
+from stoop.extend.motion import parameter_rows
+from stoop.extend.notices import notice
+from stoop.extend.text import number, printable, table
 from stoop_analysis.draws import Draws
 from stoop_analysis.propagation.expressions import Expression, parse_expressions
 from stoop_analysis.propagation.quantities import (

@@ -9,8 +9,8 @@ from typing import Final
 
 import numpy as np
 
-from stoop.base.arrays import BoolArray, ComplexArray, FloatArray
-from stoop.simulation.linearize import INTEGRATORS, REAL, modes_of, tracked_eigenvalues
+from stoop.extend.arrays import BoolArray, ComplexArray, FloatArray
+from stoop.extend.motion import INTEGRATORS, REAL, modes_of, tracked_eigenvalues
 
 PERCENTILES: Final = (2.5, 25.0, 50.0, 75.0, 97.5)
 MIN_SHARE: Final = 0.1  #: of the variance; what a parameter adds less is not named

@@ -9,14 +9,11 @@ from typing import Final
 
 import numpy as np
 
-from stoop.base.arrays import BoolArray, FloatArray
-from stoop.base.notices import Notice, notice
-from stoop.errors import SimulationError
-from stoop.simulation.newton import solve
-from stoop.simulation.rotors import accelerations, allocation, channel_range, effects
-from stoop.simulation.steady_flight import ROTOR_SCALES, TOLERANCE, Conditions, OnRotors, level_channels
-from stoop.simulation.trim import Trims, neutral_inputs
-from stoop.vehicle import Vehicle
+from stoop import Notice, Vehicle
+from stoop.extend import motion
+from stoop.extend.arrays import BoolArray, FloatArray
+from stoop.extend.errors import SimulationError
+from stoop.extend.notices import notice
 from stoop_analysis.propagation.quantities import Curve, Samples, curve
 from stoop_analysis.propagation.wing_figures import (
     FEW,
@@ -52,12 +49,12 @@ class _Study:
 
     def __init__(self, vehicle: Vehicle, rows: FloatArray, domain: Domain) -> None:
         self.vehicle, self.rows, self.domain = vehicle, rows, domain
-        self.count, self.area, self.notices = rows.shape[1], channel_range(vehicle), list[Notice]()
-        quiet, still = neutral_inputs(vehicle, domain.density, domain.altitude), np.zeros(3)
-        at = Conditions(vehicle, float("nan"), domain.altitude, 0.0, still, still, 0.0, quiet)
-        level = level_channels(at)
-        self.effect = effects(vehicle, {"h": domain.altitude}, level, {})
-        self.flying = OnRotors(at, {}, rows, level, allocation(vehicle, self.effect))
+        self.count, self.area, self.notices = rows.shape[1], motion.channel_range(vehicle), list[Notice]()
+        quiet, still = motion.neutral_inputs(vehicle, domain.density, domain.altitude), np.zeros(3)
+        at = motion.Conditions(vehicle, float("nan"), domain.altitude, 0.0, still, still, 0.0, quiet)
+        level = motion.level_channels(at)
+        self.effect = motion.effects(vehicle, {"h": domain.altitude}, level, {})
+        self.flying = motion.OnRotors(at, {}, rows, level, motion.allocation(vehicle, self.effect))
         self.hover, self.commands, self.hovers = self.flight(0.0, np.zeros((6, self.count)))
         if not self.hovers[0]:
             raise SimulationError(
@@ -68,21 +65,21 @@ class _Study:
         """Return scaled unknowns (6, 1 + D), rotor channels (m, 1 + D), NaN where there is none, and which lanes fly."""
         at = replace(self.flying.at, velocity=np.array([speed, 0.0, 0.0]))
         flying = replace(self.flying, at=at)
-        x, error = solve(flying.residuals, guess, TOLERANCE)
+        x, error = motion.solve(flying.residuals, guess, motion.TOLERANCE)
         commands = flying.trims(x).inputs[self.area.columns]
         inside = ((commands <= self.area.full[:, None]) & (commands >= self.area.idle[:, None])).all(axis=0)
-        flies = (error < TOLERANCE) & inside
+        flies = (error < motion.TOLERANCE) & inside
         return x, np.where(flies, commands, np.nan), np.asarray(flies)
 
     @cached_property
-    def _still(self) -> Trims:
+    def _still(self) -> motion.Trims:
         return self.flying.trims(self.hover)
 
     def _with_channels(self, commands: FloatArray) -> FloatArray:
         """Return the accelerations (6, 1 + D) of rotor channels (m, 1 + D) in the attitude of the hover."""
         inputs = self._still.inputs.copy()
         inputs[self.area.columns] = commands
-        return accelerations(self.vehicle, self._still.start, inputs, self.rows)
+        return motion.accelerations(self.vehicle, self._still.start, inputs, self.rows)
 
     def found(self) -> Found:
         """Return all numbers and curves."""
@@ -134,7 +131,7 @@ class _Study:
         guess, theta, throttle, lost = self.hover, [], [], []
         for speed in speeds:
             guess, commands, flies = self.flight(float(speed), guess)
-            theta.append(np.where(flies, guess[1] * ROTOR_SCALES[1], np.nan))
+            theta.append(np.where(flies, guess[1] * motion.ROTOR_SCALES[1], np.nan))
             throttle.append(commands.mean(axis=0))
             lost.append(1.0 - float(np.mean(flies[1:])))
         self.notices += over_speeds("propagate-no-trim", speeds, np.array(lost))

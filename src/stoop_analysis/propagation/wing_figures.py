@@ -8,13 +8,13 @@ from typing import Final
 
 import numpy as np
 
-from stoop.base.arrays import BoolArray, FloatArray, runs
-from stoop.base.notices import Notice, notice
-from stoop.base.units import STANDARD_GRAVITY
-from stoop.errors import SimulationError
-from stoop.simulation.steady_flight import THRUST, WING_ANGLES, OnWings
-from stoop.vehicle import Vehicle
-from stoop.vehicle.defaults import full_command
+from stoop import Notice, Vehicle
+from stoop.extend.arrays import BoolArray, FloatArray, runs
+from stoop.extend.errors import SimulationError
+from stoop.extend.motion import THRUST, WING_ANGLES, OnWings
+from stoop.extend.notices import notice
+from stoop.extend.units import STANDARD_GRAVITY
+from stoop.extend.vehicles import full_command
 from stoop_analysis.propagation.quantities import Curve, Samples, curve, mode_samples
 from stoop_analysis.propagation.wings import (
     Linear,

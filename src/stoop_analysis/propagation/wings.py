@@ -9,14 +9,10 @@ from typing import Final
 
 import numpy as np
 
-from stoop.base.arrays import BoolArray, FloatArray
-from stoop.simulation.initial import commanded
-from stoop.simulation.linearize import linear_models
-from stoop.simulation.newton import solve
-from stoop.simulation.steady_flight import TOLERANCE, WING_ANGLES, Conditions, OnWings
-from stoop.simulation.trim import neutral_inputs
-from stoop.vehicle import Vehicle, terms
-from stoop.vehicle.defaults import full_command
+from stoop import Vehicle
+from stoop.extend import motion
+from stoop.extend.arrays import BoolArray, FloatArray
+from stoop.extend.vehicles import full_command, terms
 
 STEP: Final = 1e-4  #: rad, of central differences
 LIFT_GRID: Final = 121  #: angles of attack at which a maximum of the lift is looked for
@@ -126,35 +122,35 @@ class Steady:
     overpowered: BoolArray  #: (B,), the throttle would have to be above full
 
 
-def level_flight(vehicle: Vehicle, rows: FloatArray, altitude: float, density: float) -> OnWings:
+def level_flight(vehicle: Vehicle, rows: FloatArray, altitude: float, density: float) -> motion.OnWings:
     """Return the equations of level flight in still air, free of sideslip, for kernel parameters (n_p, B)."""
     vehicle = vehicle.reduced("full") if vehicle.reduce == "lateral" else vehicle.coupled_to(())
-    quiet, still = neutral_inputs(vehicle, density, altitude), np.zeros(3)
-    at = Conditions(vehicle, math.nan, altitude, 0.0, still, still, 0.0, quiet)
-    return OnWings(at, {}, rows, WING_ANGLES[vehicle.reduce][0])
+    quiet, still = motion.neutral_inputs(vehicle, density, altitude), np.zeros(3)
+    at = motion.Conditions(vehicle, math.nan, altitude, 0.0, still, still, 0.0, quiet)
+    return motion.OnWings(at, {}, rows, motion.WING_ANGLES[vehicle.reduce][0])
 
 
 def steady_flights(
-    flight: OnWings, given: Mapping[str, FloatArray], guess: FloatArray | None = None
+    flight: motion.OnWings, given: Mapping[str, FloatArray], guess: FloatArray | None = None
 ) -> Steady:
     """Return the steady flights at airspeeds V, m/s, or angles of attack alpha, rad, (B,), from scaled unknowns (m, B)."""
     flight = replace(flight, given=given)
     vehicle, count = flight.at.vehicle, flight.rows.shape[1]
     starts = [np.repeat(x[:, None], count, axis=1) for x in flight.starts()] if guess is None else [guess]
-    x, error = solve(flight.residuals, starts[0], TOLERANCE)
+    x, error = motion.solve(flight.residuals, starts[0], motion.TOLERANCE)
     for other in starts[1:]:
-        failed = np.flatnonzero(error >= TOLERANCE)
+        failed = np.flatnonzero(error >= motion.TOLERANCE)
         if failed.size:
             again = lambda y, lanes, failed=failed: flight.residuals(y, failed[lanes])  # noqa: E731
-            x[:, failed], error[failed] = solve(again, other[:, failed], TOLERANCE)
+            x[:, failed], error[failed] = motion.solve(again, other[:, failed], motion.TOLERANCE)
     found = flight.trims(x)
     start = {n: np.broadcast_to(np.asarray(v), count) for n, v in found.start.items()}
-    deflections = {c: commanded(vehicle, c, found.rows, found.inputs) for c in vehicle.controls}
+    deflections = {c: motion.commanded(vehicle, c, found.rows, found.inputs) for c in vehicle.controls}
     thrust = {n: np.asarray(v) for n, v in found.thrust.items()}
     with np.errstate(all="ignore"):
         largest = np.max(np.abs([*(start[a] for a in flight.angles), *deflections.values()]), axis=0)
         climb = np.arcsin(np.clip(flight.balance(found)[1], -1.0, 1.0))
-        flies = (error < TOLERANCE) & (largest < math.pi / 2.0) & (start["V"] > 0.0)
+        flies = (error < motion.TOLERANCE) & (largest < math.pi / 2.0) & (start["V"] > 0.0)
     lost = np.where(flies, 0.0, np.nan)
     start, deflections, thrust = (
         {n: v + lost for n, v in some.items()} for some in (start, deflections, thrust)
@@ -180,11 +176,11 @@ class Linear:
         return np.asarray(-self.effects[control][:, i] / self.A[:, i, i])
 
 
-def linear_flights(flight: OnWings, at: Steady) -> Linear:
+def linear_flights(flight: motion.OnWings, at: Steady) -> Linear:
     """Return A and the accelerations by deflections about steady flights; NaN where there is none."""
     vehicle, lanes = flight.at.vehicle, np.flatnonzero(at.flies)
     found = replace(flight, given=at.given).trims(at.solution[:, lanes], lanes)
-    names, A, B, *_ = linear_models(vehicle, found)
+    names, A, B, *_ = motion.linear_models(vehicle, found)
 
     def spread(values: FloatArray) -> FloatArray:
         out = np.full((len(at.flies), *values.shape[1:]), np.nan)

@@ -6,10 +6,9 @@ import math
 from collections.abc import Sequence
 from typing import Final
 
-from stoop.base.numbers import NOTHING, listed, number
-from stoop.report.bode_plots import Pair, response_panels
-from stoop.report.sheet import Bullets, Code, Legend, Panels, Part, Prose, Section, Sheet, Table
-from stoop.results.modes import DerivedValue
+from stoop.extend import reports
+from stoop.extend.fits import DerivedValue
+from stoop.extend.text import NOTHING, listed, number
 from stoop_analysis.frequency import AXES, MAX_ERROR, MIN_COHERENCE, Figures, FrequencyAnalysis, known
 from stoop_analysis.handling import EquivalentSystem
 
@@ -37,7 +36,7 @@ FORMS: Final = {
 UNITS: Final = {"zero": "1/s", "frequency": "rad/s", "time_constant": "s", "delay": "s"}
 
 
-def frequency_sheet(found: FrequencyAnalysis, command: str = "") -> Sheet:
+def frequency_sheet(found: FrequencyAnalysis, command: str = "") -> reports.Sheet:
     """Return the page."""
     parts = [w.flight + " " + f"{w.start:g}:{w.stop:g} s" for w in found.windows]
     lead = LEAD.format(
@@ -54,14 +53,16 @@ def frequency_sheet(found: FrequencyAnalysis, command: str = "") -> Sheet:
         sections += [_bandwidths(bands)] if bands else []
         systems = [one for one in found.figures if one.system is not None]
         sections += [_systems(systems)] if systems else []
-    sections += [Section("Notes", (Bullets(found.notices, "notes"),))] if found.notices else []
-    sections += [Section("Made by", (Code(command),))] if command else []
-    return Sheet(f"Frequency responses: {listed(list(found.flights))}", lead, tuple(sections))
+    sections += (
+        [reports.Section("Notes", (reports.Bullets(found.notices, "notes"),))] if found.notices else []
+    )
+    sections += [reports.Section("Made by", (reports.Code(command),))] if command else []
+    return reports.Sheet(f"Frequency responses: {listed(list(found.flights))}", lead, tuple(sections))
 
 
-def shown_pairs(found: FrequencyAnalysis) -> list[Pair]:
+def shown_pairs(found: FrequencyAnalysis) -> list[reports.Pair]:
     """Return the responses that are drawn: those known well enough, and of each rate that to its own control."""
-    pairs = list[Pair]()
+    pairs = list[reports.Pair]()
     for one in found.responses:
         own = one.input in AXES.get(one.output, ())
         if own or int(known(one).sum()) >= MIN_POINTS:
@@ -75,18 +76,22 @@ def condition_text(found: FrequencyAnalysis) -> str:
     return ", ".join(f"{name} {number(value)} {units[name]}" for name, value in found.condition.items())
 
 
-def _bode(found: FrequencyAnalysis, condition: str) -> Section:
+def _bode(found: FrequencyAnalysis, condition: str) -> reports.Section:
     pairs = shown_pairs(found)
     if not pairs:
-        return Section("Bode plots", (Bullets(["no response is known well enough to be drawn"]),))
-    parts: list[Part] = []
+        return reports.Section(
+            "Bode plots", (reports.Bullets(["no response is known well enough to be drawn"]),)
+        )
+    parts: list[reports.Part] = []
     if found.model:
         parts.append(
-            Prose(f"The model is linearized about its steady straight flight at {condition}.", muted=True)
+            reports.Prose(
+                f"The model is linearized about its steady straight flight at {condition}.", muted=True
+            )
         )
-        parts.append(Legend(LEGEND))
-    parts.append(Panels(response_panels(pairs, MAX_ERROR, MIN_COHERENCE), "large"))
-    return Section("Bode plots", parts)
+        parts.append(reports.Legend(LEGEND))
+    parts.append(reports.Panels(reports.response_panels(pairs, MAX_ERROR, MIN_COHERENCE), "large"))
+    return reports.Section("Bode plots", parts)
 
 
 def estimates(system: EquivalentSystem) -> dict[str, str]:
@@ -110,7 +115,7 @@ def interval(one: DerivedValue, digits: int = 3) -> str:
     return f"{value} ({number(one.ci95_lower, digits)} to {number(one.ci95_upper, digits)})"
 
 
-def _bandwidths(figures: Sequence[Figures]) -> Section:
+def _bandwidths(figures: Sequence[Figures]) -> reports.Section:
     rows = []
     for one in figures:
         band = one.bandwidth
@@ -125,11 +130,13 @@ def _bandwidths(figures: Sequence[Figures]) -> Section:
         "180 deg lag, rad/s",
         "phase delay, s",
     )
-    table = Table("", head, tuple(rows), label="Bandwidth and phase delay")
-    return Section("Bandwidth and phase delay", (Prose(BANDWIDTH_LEAD, muted=True), table), "Bandwidth")
+    table = reports.Table("", head, tuple(rows), label="Bandwidth and phase delay")
+    return reports.Section(
+        "Bandwidth and phase delay", (reports.Prose(BANDWIDTH_LEAD, muted=True), table), "Bandwidth"
+    )
 
 
-def _systems(figures: Sequence[Figures]) -> Section:
+def _systems(figures: Sequence[Figures]) -> reports.Section:
     rows = []
     for one in figures:
         system = one.system
@@ -145,7 +152,7 @@ def _systems(figures: Sequence[Figures]) -> Section:
                 )  # fmt: skip
     head = ("system", "of", "parameter", "estimate (95 % interval)", "rad/s", "cost")
     forms = dict.fromkeys(one.system.name for one in figures if one.system is not None)
-    texts = Bullets([f"{name}: {FORMS[name]}" for name in forms])
-    table = Table("", head, tuple(rows), label="Low-order equivalent systems")
-    parts = (Prose(SYSTEM_LEAD, muted=True), texts, table)
-    return Section("Low-order equivalent systems", parts, "Equivalent systems")
+    texts = reports.Bullets([f"{name}: {FORMS[name]}" for name in forms])
+    table = reports.Table("", head, tuple(rows), label="Low-order equivalent systems")
+    parts = (reports.Prose(SYSTEM_LEAD, muted=True), texts, table)
+    return reports.Section("Low-order equivalent systems", parts, "Equivalent systems")

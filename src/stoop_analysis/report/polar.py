@@ -7,14 +7,12 @@ from typing import Final
 
 import numpy as np
 
-from stoop.assessment.covariance import NORMAL_95
-from stoop.base.arrays import FloatArray
-from stoop.base.notices import Notice
-from stoop.base.numbers import number, rounded_to_error
-from stoop.base.units import DEGREE
-from stoop.report.plots import plot
-from stoop.report.series import Series
-from stoop.report.sheet import Bullets, Code, Figure, Section, Sheet, Table
+from stoop import Notice
+from stoop.extend.arrays import FloatArray
+from stoop.extend.fits import NORMAL_95
+from stoop.extend.reports import Bullets, Code, Figure, Section, Series, Sheet, Table, plot
+from stoop.extend.text import number, rounded_to_error
+from stoop.extend.units import DEGREE
 from stoop_analysis.performance.polar import Polar
 
 MEANINGS: Final = {

@@ -8,11 +8,10 @@ from typing import Final
 
 import numpy as np
 
-from stoop.base.notices import of_severity
-from stoop.base.numbers import NOTHING, factor_and_unit, number, readable_unit, rounded_to_error, share
-from stoop.base.units import FACTORS
-from stoop.report.charts import fan_panel
-from stoop.report.sheet import Bullets, Code, Legend, Page, Panel, Panels, Prose, Section, Sheet, Table
+from stoop.extend import reports
+from stoop.extend.notices import of_severity
+from stoop.extend.text import NOTHING, factor_and_unit, number, readable_unit, rounded_to_error, share
+from stoop.extend.units import FACTORS
 from stoop_analysis.propagation.propagation import EXPRESSIONS, Propagation
 from stoop_analysis.propagation.quantities import Curve, Figure
 from stoop_analysis.propagation.rotor_figures import HOVER, ROTOR_COMMAND
@@ -48,9 +47,9 @@ def rotor_unit(unit: str) -> tuple[float, str]:
     return (1.0 / FACTORS["rpm"], "rpm") if unit == "rad/s" else factor_and_unit(unit)
 
 
-def propagation_page(found: Propagation, command: str = "") -> Page:
+def propagation_page(found: Propagation, command: str = "") -> reports.Page:
     """Return the page."""
-    domain, sections = found.domain, list[Section]()
+    domain, sections = found.domain, list[reports.Section]()
     low, high = domain.airspeed
     where = f"{low:g} to {high:g} m/s at {domain.altitude:.0f} m ({domain.density:.3f} kg/m³)"
     lead = (
@@ -59,23 +58,27 @@ def propagation_page(found: Propagation, command: str = "") -> Page:
     )
     warnings, notes = of_severity(found.notices, "warning"), of_severity(found.notices, "info")
     if warnings:
-        sections.append(Section("Cautions", (Bullets(warnings, "warnings"),)))
+        sections.append(reports.Section("Cautions", (reports.Bullets(warnings, "warnings"),)))
     groups = groupby(found.figures, lambda one: one.group)
-    tables = [Table(group, HEAD, tuple(_row(one) for one in some)) for group, some in groups]
-    sections.append(Section("Figures", (Prose(READ, muted=True), *tables)))
+    tables = [reports.Table(group, HEAD, tuple(_row(one) for one in some)) for group, some in groups]
+    sections.append(reports.Section("Figures", (reports.Prose(READ, muted=True), *tables)))
     if found.curves:
-        fans = Panels([_panel(found, c) for c in found.curves])
+        fans = reports.Panels([_panel(found, c) for c in found.curves])
         sections.append(
-            Section("Over the airspeed", (Legend((*LEGEND, *[BEYOND] * bool(found.extrapolated))), fans))
+            reports.Section(
+                "Over the airspeed", (reports.Legend((*LEGEND, *[BEYOND] * bool(found.extrapolated))), fans)
+            )
         )
     if notes:
-        sections.append(Section("What they rest on", (Bullets(notes),)))
+        sections.append(reports.Section("What they rest on", (reports.Bullets(notes),)))
     if found.expressions:
         rows = tuple(found.expressions.items())
-        sections.append(Section("Expressions", (Table("Given", ("name", "expression"), rows),)))
+        sections.append(
+            reports.Section("Expressions", (reports.Table("Given", ("name", "expression"), rows),))
+        )
     if command:
-        sections.append(Section("Made by", (Code(command),)))
-    return Page(Sheet(f"What the uncertainty means: {found.vehicle}", lead, tuple(sections)))
+        sections.append(reports.Section("Made by", (reports.Code(command),)))
+    return reports.Page(reports.Sheet(f"What the uncertainty means: {found.vehicle}", lead, tuple(sections)))
 
 
 def _row(one: Figure) -> tuple[str, ...]:
@@ -99,11 +102,11 @@ def _fixed(value: float, decimals: int | None) -> str:
     return text.replace("-", "−")
 
 
-def _panel(found: Propagation, one: Curve) -> Panel:
+def _panel(found: Propagation, one: Curve) -> reports.Panel:
     factor, unit = rotor_unit(one.unit) if one.name == ROTOR_COMMAND else factor_and_unit(one.unit)
-    drawing = fan_panel(
+    drawing = reports.fan_panel(
         one.airspeed, factor * one.estimate, factor * one.bands, "airspeed, m/s", one.name, found.extrapolated
     )
     lost = float(np.max(one.failed, initial=0.0))
     note = f"no value for up to {share(lost)} of the draws" if lost > 0.0 else ""
-    return Panel(one.name, drawing, readable_unit(unit), note=note)
+    return reports.Panel(one.name, drawing, readable_unit(unit), note=note)

@@ -8,14 +8,10 @@ from typing import Final
 import numpy as np
 from markupsafe import Markup
 
-from stoop.base.numbers import number
-from stoop.base.variables import RATES
-from stoop.flight import Flight
-from stoop.report.flight import channel_panels
-from stoop.report.palette import light
-from stoop.report.plots import HEIGHT, WIDTH, canvas, svg
-from stoop.report.sheet import Bullets, Code, Figure, Part, Prose, Section, Sheet, Table
-from stoop.report.time_history import TimeHistory
+from stoop import Flight
+from stoop.extend import reports
+from stoop.extend.text import number
+from stoop.extend.variables import RATES
 from stoop_analysis.performance.effectiveness import Assessment, judge
 
 LEAD: Final = """\
@@ -32,7 +28,7 @@ def rotors_sheet(
     notes: Mapping[str, Sequence[str]],
     chance: float,
     command: str,
-) -> Sheet:
+) -> reports.Sheet:
     """Return the page; `healthy` are the healthy flights against each other, `notes` lists by their titles."""
     sections = []
     for title, some in (("Flights in question", found), ("Healthy flights", healthy)):
@@ -42,34 +38,39 @@ def rotors_sheet(
             for one in some
         )  # fmt: skip
         head = ("flight", "most suspect", "factor", "std error", "chance", "verdict")
-        parts: list[Part] = [Table("", head, rows, label=title)]
-        parts += [Figure(f"{one.name}: factor of each rotor", _factors(one)) for one in some]
-        sections += [Section(title, parts)] if some else []
+        parts: list[reports.Part] = [reports.Table("", head, rows, label=title)]
+        parts += [reports.Figure(f"{one.name}: factor of each rotor", _factors(one)) for one in some]
+        sections += [reports.Section(title, parts)] if some else []
     asked = {one.name for one in found}
     for name, flight in sorted(flights.items(), key=lambda pair: pair[0] not in asked):
         shown = [n for n in flight.channels if n in SHOWN or n.startswith(("motor_", "rotor_"))]
-        history = TimeHistory(channel_panels(flight, shown), wide=True, each=True)
+        history = reports.TimeHistory(reports.channel_panels(flight, shown), wide=True, each=True)
         sections.append(
-            Section(f"Time histories of {name}", (Prose("Against time in s.", muted=True), history), name)
+            reports.Section(
+                f"Time histories of {name}", (reports.Prose("Against time in s.", muted=True), history), name
+            )
         )
-    sections += [Section(title, (Bullets(items),)) for title, items in notes.items() if items]
-    sections.append(Section("Made by", (Code(command),)))
-    return Sheet("Rotors", LEAD.format(chance=chance), tuple(sections), "flights near hover")
+    sections += [reports.Section(title, (reports.Bullets(items),)) for title, items in notes.items() if items]
+    sections.append(reports.Section("Made by", (reports.Code(command),)))
+    return reports.Sheet("Rotors", LEAD.format(chance=chance), tuple(sections), "flights near hover")
 
 
 def _factors(one: Assessment) -> Markup:
     """Draw what is left of each rotor's thrust, if it alone had changed."""
     known = [(i, s) for i, s in enumerate(one.weak) if np.isfinite(s.std)]
-    with canvas(WIDTH, [0.4 * HEIGHT], floor=False, titles=False) as (figure, (axes,)):
-        axes.axhline(1.0, color=light("zero"), linewidth=1.5)
+    with reports.canvas(reports.WIDTH, [0.4 * reports.HEIGHT], floor=False, titles=False) as (
+        figure,
+        (axes,),
+    ):
+        axes.axhline(1.0, color=reports.light("zero"), linewidth=1.5)
         for i, s in known:
             role = "lag" if s is one.suspected else "fit"
             axes.errorbar(
-                i, 1.0 - s.size, s.std, color=light(role), marker="o", markersize=7.0, linewidth=2.4
+                i, 1.0 - s.size, s.std, color=reports.light(role), marker="o", markersize=7.0, linewidth=2.4
             )
         axes.set_xticks(range(len(one.weak)), [s.rotor for s in one.weak])
         axes.set_xlim(-0.5, len(one.weak) - 0.5)
         axes.grid(visible=False, axis="x")
-        return svg(
+        return reports.svg(
             figure, f"{one.name}: thrust of each rotor against the healthy flights, with standard errors"
         )

@@ -7,12 +7,10 @@ from typing import Final
 
 import numpy as np
 
-from stoop.base.numbers import NOTHING
-from stoop.estimate.regression.least_squares import TimeDomain
-from stoop.report.series import Series
-from stoop.report.sheet import Bullets, Code, Part, Prose, Section, Sheet, Table
-from stoop.report.time_history import HistoryPanel, TimeHistory, with_residual
-from stoop.vehicle import Vehicle
+from stoop import Vehicle
+from stoop.extend import reports
+from stoop.extend.fits import TimeDomain
+from stoop.extend.text import NOTHING
 from stoop_analysis.structure import Structure
 
 STRUCTURE_LEAD: Final = """\
@@ -27,7 +25,7 @@ def structure_sheet(
     names: Mapping[str, Mapping[str, str]],
     estimates: Mapping[str, tuple[float, float]],
     command: str,
-) -> Sheet:
+) -> reports.Sheet:
     """Return the page: chosen terms, the steps to them, and the coefficients over time.
 
     `names` are parameters by coefficient and term; `estimates` are estimate and standard error by parameter.
@@ -41,7 +39,7 @@ def structure_sheet(
             value, std = estimates.get(name, (np.nan, np.nan))
             shown = [f"{v:.4g}".replace("-", "−") if np.isfinite(value) else NOTHING for v in (value, std)]
             rows.append((term, name, *shown))
-        table = Table("Chosen terms", ("term", "parameter", "estimate", "std. error"), tuple(rows))
+        table = reports.Table("Chosen terms", ("term", "parameter", "estimate", "std. error"), tuple(rows))
         share = 100.0 * chosen.selection.model.r2
         summary = f"{len(chosen.terms)} of {len(chosen.candidates)} candidates; they explain {share:.1f} % of the variation."
         steps = tuple(
@@ -60,16 +58,22 @@ def structure_sheet(
             measured, modeled, time = smooth.rows(columns, history.dt).T
             if len(time):
                 curves = (
-                    Series("measured", time, measured, role="measured", width=2.8),
-                    Series("chosen terms", time, modeled, role="fit"),
+                    reports.Series("measured", time, measured, role="measured", width=2.8),
+                    reports.Series("chosen terms", time, modeled, role="fit"),
                 )
-                strips = with_residual(curves, "measured − chosen terms", measured - modeled)
-                panels.append(HistoryPanel(coefficient, strips, meaning=f"stretch {number}"))
+                strips = reports.with_residual(curves, "measured − chosen terms", measured - modeled)
+                panels.append(reports.HistoryPanel(coefficient, strips, meaning=f"stretch {number}"))
         title = f"{coefficient} as it was flown, smoothed over {smooth.span:g} s, and the chosen terms, against time in s."
-        drawn = [TimeHistory([panel]) for panel in panels]
-        parts: list[Part] = [Prose(summary), table, Prose(title), *drawn, Table(caption, steps_head, steps)]
-        sections.append(Section(coefficient, parts))
+        drawn = [reports.TimeHistory([panel]) for panel in panels]
+        parts: list[reports.Part] = [
+            reports.Prose(summary),
+            table,
+            reports.Prose(title),
+            *drawn,
+            reports.Table(caption, steps_head, steps),
+        ]
+        sections.append(reports.Section(coefficient, parts))
     notes = [n for chosen in structure.chosen.values() for n in chosen.notices] + list(structure.notices)
-    first = [Section("Notes", (Bullets(notes),))] if notes else []
-    made = Section("Made by", (Code(command),))
-    return Sheet(f"Model structure of {vehicle.name}", STRUCTURE_LEAD, (*first, *sections, made))
+    first = [reports.Section("Notes", (reports.Bullets(notes),))] if notes else []
+    made = reports.Section("Made by", (reports.Code(command),))
+    return reports.Sheet(f"Model structure of {vehicle.name}", STRUCTURE_LEAD, (*first, *sections, made))

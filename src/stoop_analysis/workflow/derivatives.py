@@ -10,13 +10,11 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from stoop.base.csv_text import csv_text
-from stoop.base.files import write_text_atomic
-from stoop.base.text import printable_lines
-from stoop.errors import OutputError
-from stoop.vehicle import Vehicle
-from stoop.workflow.fitted_model import FittedModel
-from stoop.workflow.load import takes_model_or_vehicle
+from stoop import FittedModel, Vehicle
+from stoop.extend.errors import OutputError
+from stoop.extend.files import csv_text, write_text_atomic
+from stoop.extend.fits import takes_model_or_vehicle
+from stoop.extend.text import printable_lines
 from stoop_analysis.derivatives import LOADS, Derivatives, Table
 from stoop_analysis.derivatives import derivatives as about
 from stoop_export.export import model_data

@@ -9,33 +9,33 @@ from typing import Final
 
 import numpy as np
 
-from stoop.assessment.covariance import NORMAL_95
-from stoop.base.arrays import BoolArray, FloatArray, run_slices
-from stoop.base.notices import Notice, notice
-from stoop.base.text import nearest
-from stoop.base.variables import EULER, VARIABLES, WRAPPED
-from stoop.errors import FlightError, SimulationError, StoopError
-from stoop.flight import Flight
-from stoop.flight.airborne import flying
-from stoop.flight.frequency_responses import (
+from stoop import FittedModel, Flight, Notice, Vehicle, trim
+from stoop.extend import motion
+from stoop.extend.arrays import BoolArray, FloatArray, run_slices
+from stoop.extend.errors import FlightError, SimulationError, StoopError
+from stoop.extend.files import by_name
+from stoop.extend.fits import NORMAL_95, Result, model_or_vehicle, refusal, takes_model_or_vehicle
+from stoop.extend.flights import (
+    CONTROLS,
     CYCLES,
+    MOTION,
+    Flights,
     FrequencyResponse,
     Stretch,
+    Window,
+    Windows,
+    as_flights,
+    as_windows,
+    commands,
     estimate_responses,
+    flying,
+    moves,
     window_lengths,
+    within,
 )
-from stoop.flight.maneuvers import CONTROLS, MOTION, commands, moves
-from stoop.problem.windows import Window, Windows, as_windows, within
-from stoop.results.result import Result
-from stoop.simulation import Trim, trim
-from stoop.simulation.initial import commanded, parameter_rows
-from stoop.simulation.rotors import EXCITATIONS, AxisCommands, axis_commands, channel_range
-from stoop.vehicle import Vehicle
-from stoop.workflow.fitted_model import FittedModel
-from stoop.workflow.flights import Flights, as_flights
-from stoop.workflow.load import model_or_vehicle, takes_model_or_vehicle
-from stoop.workflow.outputs import by_name
-from stoop.workflow.summary import refusal
+from stoop.extend.notices import notice
+from stoop.extend.text import nearest
+from stoop.extend.variables import EULER, VARIABLES, WRAPPED
 from stoop_analysis.frequency import (
     AXES,
     MIN_COHERENCE,
@@ -55,6 +55,29 @@ MODEL_BAND: Final = (0.1, 60.0)  #: rad/s
 MODEL_POINTS: Final = 300
 #: rad/s, of a model's equivalent system if no flight is known; bandwidths lie above its low end
 FIT_BAND: Final = (1.0, 10.0)
+
+
+@dataclass(frozen=True, eq=False)
+class AxisCommands:
+    """Rotor channels as accelerations about a steady flight, after all lags: those that they command, and how."""
+
+    channels: tuple[str, ...]
+    effect: FloatArray  #: (4, m), accelerations `AXES` per unit of each channel
+    mixing: FloatArray  #: (m, 4), the smallest channels that command one unit of an acceleration alone
+
+
+def axis_commands(
+    vehicle: Vehicle, start: Mapping[str, float | FloatArray], inputs: FloatArray
+) -> AxisCommands:
+    """Return the axes that the rotors of a vehicle command about a state and channels (n_u,); see :func:`effects`.
+
+    Raises
+    ------
+    SimulationError
+        They do not command all four, each apart from the others.
+    """
+    effect = motion.effects(vehicle, start, inputs, {})
+    return AxisCommands(motion.channel_range(vehicle).names, effect, motion.allocation(vehicle, effect))
 
 
 @takes_model_or_vehicle
@@ -170,7 +193,7 @@ def _columns(
     if vehicle is None:
         return {**columns, **({} if inputs else {one.variable: one.u for one in commands(flight)})}
     recorded = {name: flight.column(name) for name in vehicle.inputs if name in flight.names}
-    axes = None if steady is None or set(inputs) & set(channel_range(vehicle).names) else steady.axes
+    axes = None if steady is None or set(inputs) & set(motion.channel_range(vehicle).names) else steady.axes
     return columns | control_inputs(vehicle, recorded, axes)
 
 
@@ -181,17 +204,17 @@ def control_inputs(
 
     Without axes the channels of rotors stand for themselves.
     """
-    rows, count = parameter_rows(vehicle), len(next(iter(recorded.values())))
+    rows, count = motion.parameter_rows(vehicle), len(next(iter(recorded.values())))
     values = np.array([recorded.get(name, np.full(count, np.nan)) for name in vehicle.inputs])
     columns = {
-        control: np.broadcast_to(commanded(vehicle, control, rows, values), (count,)).copy()
+        control: np.broadcast_to(motion.commanded(vehicle, control, rows, values), (count,)).copy()
         for control in vehicle.controls
     }
-    by_channel = {name: values[vehicle.inputs.index(name)] for name in channel_range(vehicle).names}
+    by_channel = {name: values[vehicle.inputs.index(name)] for name in motion.channel_range(vehicle).names}
     if axes is None:
         return columns | by_channel
     demanded = axes.effect @ np.array([by_channel[name] for name in axes.channels])
-    return columns | dict(zip(EXCITATIONS, demanded, strict=True))
+    return columns | dict(zip(motion.EXCITATIONS, demanded, strict=True))
 
 
 def moving_inputs(
@@ -209,9 +232,11 @@ def moving_inputs(
         values = np.concatenate([own[name][mask] for own, mask in zip(columns, masks, strict=True)])
         finite = values[np.isfinite(values)]
         sizes[name] = float(np.std(finite)) if moves(finite) else 0.0
-    largest = max((size for n, size in sizes.items() if n not in EXCITATIONS), default=0.0)
+    largest = max((size for n, size in sizes.items() if n not in motion.EXCITATIONS), default=0.0)
     # accelerations of rotors differ in unit and, by nature, in size
-    moving = [n for n, size in sizes.items() if size > (0.0 if n in EXCITATIONS else MIN_MOVEMENT * largest)]
+    moving = [
+        n for n, size in sizes.items() if size > (0.0 if n in motion.EXCITATIONS else MIN_MOVEMENT * largest)
+    ]
     still = tuple(n for n in sizes if n not in moving)
     if inputs and still:
         raise FlightError(
@@ -282,7 +307,7 @@ class SteadyModel:
 
     vehicle: Vehicle
     condition: dict[str, float]  #: airspeed (m/s), altitude (m), density (kg/m3), of those that are known
-    point: Trim | None
+    point: motion.Trim | None
     axes: AxisCommands | None  #: of a vehicle with rotors
     why: str = ""  #: there is no point
 
@@ -320,7 +345,7 @@ def _modeled(
         return {}, [notice("frequency-no-trim", reason=str(error))]
     axes = steady.axes
     if axes is not None and not set(inputs) & set(axes.channels):
-        found = found.with_inputs(tuple(EXCITATIONS), axes.channels, axes.mixing)
+        found = found.with_inputs(tuple(motion.EXCITATIONS), axes.channels, axes.mixing)
     frequency = np.geomspace(*MODEL_BAND, MODEL_POINTS)
     notices = list(found.notices) + ([notice("frequency-no-band")] if result is None else [])
     return found.responses(inputs, outputs, frequency), notices

@@ -9,15 +9,13 @@ from typing import Any, Final
 
 import numpy as np
 
-from stoop.assessment.covariance import NORMAL_95
-from stoop.base.files import make_folder, write_files
-from stoop.base.notices import Notice, notice
-from stoop.base.numbers import finite_or_none
-from stoop.errors import FlightError
-from stoop.flight import Flight
-from stoop.flight.air_data import RECONSTRUCTED
-from stoop.workflow.outputs import file_hashes, flight_files, versions
-from stoop.workflow.summary import data_notices
+from stoop import Flight, Notice
+from stoop.extend.errors import FlightError
+from stoop.extend.files import file_hashes, flight_files, make_folder, versions, write_files
+from stoop.extend.fits import NORMAL_95, data_notices
+from stoop.extend.flights import RECONSTRUCTED
+from stoop.extend.notices import notice
+from stoop.extend.text import finite_or_none
 from stoop_analysis.performance.polar import DISC, DISC_SPREAD, Polar, Propulsion, blocks, fit_polar
 
 POLAR: Final = ("polar.html", "polar.json")
@@ -95,7 +93,7 @@ def write_polar(
     others: Sequence[Path] = (),
 ) -> None:
     """Write page and result into a folder, both or none; what is not a finite number is null."""
-    from stoop.report.sheet import render_sheet
+    from stoop.extend.reports import render_sheet
     from stoop_analysis.report.polar import polar_sheet
 
     make_folder(folder)

@@ -8,15 +8,13 @@ from typing import Final
 
 import numpy as np
 
-from stoop.base.arrays import FloatArray
-from stoop.base.atmosphere import standard_density
-from stoop.base.variables import EULER, RATES, VELOCITY
-from stoop.errors import StoopError
-from stoop.problem.observation import at_center_of_gravity, true_values
-from stoop.report.sheet import Page
-from stoop.workflow.fitted_model import FittedModel
-from stoop.workflow.load import takes_model
-from stoop.workflow.summary import refusal
+from stoop import FittedModel
+from stoop.extend.arrays import FloatArray
+from stoop.extend.errors import StoopError
+from stoop.extend.fits import at_center_of_gravity, refusal, takes_model, true_values
+from stoop.extend.reports import Page
+from stoop.extend.units import standard_density
+from stoop.extend.variables import EULER, RATES, VELOCITY
 from stoop_analysis.draws import POSTERIOR_FILE, Source, draws_of
 from stoop_analysis.propagation.propagation import Propagation, propagate_draws
 from stoop_analysis.propagation.wing_figures import Domain

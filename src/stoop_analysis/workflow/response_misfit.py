@@ -6,14 +6,11 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from stoop.base.variables import RATES
-from stoop.errors import FlightError
-from stoop.flight import Flight
-from stoop.flight.frequency_responses import Stretch
-from stoop.problem.windows import Window, within
-from stoop.results.extensions import ResponseMisfit
-from stoop.results.result import ManeuverResult, ManeuverTrace
-from stoop.vehicle import Vehicle
+from stoop import Flight, Vehicle
+from stoop.extend.errors import FlightError
+from stoop.extend.fits import ManeuverResult, ManeuverTrace, ResponseMisfit
+from stoop.extend.flights import Stretch, Window, within
+from stoop.extend.variables import RATES
 from stoop_analysis.response_misfit import response_misfits
 from stoop_analysis.workflow.frequency import control_inputs, moving_inputs, steady_model
 

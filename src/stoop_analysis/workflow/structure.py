@@ -10,19 +10,12 @@ from typing import Any, Final
 import numpy as np
 import tomlkit
 
-from stoop.base.csv_text import csv_text
-from stoop.base.files import make_folder, write_files
-from stoop.errors import IdentificationError
-from stoop.estimate.regression import kind_of
-from stoop.estimate.regression.aircraft import AircraftEquations
-from stoop.estimate.regression.least_squares import Domain, estimate
-from stoop.flight import Flight
-from stoop.problem import Layout
-from stoop.problem.windows import parse_window
-from stoop.vehicle import Vehicle
-from stoop.vehicle.defaults import EQUATION_1
-from stoop.vehicle.load import parse_vehicle
-from stoop.vehicle.terms import parameter_name
+from stoop import Flight, Vehicle
+from stoop.extend.errors import IdentificationError
+from stoop.extend.files import csv_text, make_folder, write_files
+from stoop.extend.fits import AircraftEquations, Domain, Layout, estimate, kind_of
+from stoop.extend.flights import parse_window
+from stoop.extend.vehicles import EQUATION_1, parameter_name, parse_vehicle
 from stoop_analysis.structure import Choose, Structure, determine, same_term
 
 FILES: Final = ("vehicle.toml", "structure.csv", "structure.html")
@@ -138,7 +131,7 @@ def _put(table: Any, name: str, term: str, value: float | None) -> None:
 
 def write_structure(found: Determined, folder: Path, command: str) -> None:
     """Write vehicle, table of steps and page into a folder; all or none."""
-    from stoop.report.sheet import render_sheet
+    from stoop.extend.reports import render_sheet
     from stoop_analysis.report.structure import structure_sheet
 
     make_folder(folder)

@@ -12,11 +12,9 @@ from typing import Final
 
 import numpy as np
 
-from stoop.base.arrays import FloatArray
-from stoop.base.robust import robust_std
-from stoop.base.rotations import to_body, to_ground
-from stoop.base.units import DEGREE
-from stoop.base.variables import EULER, VELOCITY
+from stoop.extend.arrays import FloatArray, robust_std, to_body, to_ground
+from stoop.extend.units import DEGREE
+from stoop.extend.variables import EULER, VELOCITY
 from stoop_draft.checks.engine import Evidence, Key, Penalty, Range, Residual, Residuals
 from stoop_draft.checks.kinematics import LIMITS as AGREEMENT
 from stoop_draft.checks.kinematics import Columns, Motion

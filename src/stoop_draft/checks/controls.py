@@ -11,8 +11,8 @@ from typing import Final
 
 import numpy as np
 
-from stoop.base.arrays import FloatArray, runs
-from stoop.base.variables import EFFECTS, RATES
+from stoop.extend.arrays import FloatArray, runs
+from stoop.extend.variables import EFFECTS, RATES
 from stoop_draft.checks.engine import Evidence, Key, Residual, Residuals
 from stoop_draft.checks.kinematics import Columns
 from stoop_draft.checks.lines import Assignment, reading

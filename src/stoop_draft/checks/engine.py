@@ -20,11 +20,15 @@ from typing import Final, Generic, Protocol, TypeAlias, TypeVar
 
 import numpy as np
 
-from stoop.base.arrays import FloatArray, IntArray
-from stoop.base.robust import white_noise
+from stoop.extend.arrays import FloatArray, IntArray, white_noise
 from stoop_draft.checks.entries import Change, Lines, where
 
 State = TypeVar("State")
+
+
+def empty_columns(columns: Mapping[str, FloatArray]) -> set[str]:
+    """Return the names of the columns without a finite number, which show nothing to any detector."""
+    return {name for name, x in columns.items() if not np.isfinite(x).any()}
 
 
 @dataclass(frozen=True)

@@ -10,12 +10,11 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final, NamedTuple, TypeAlias
 
-from stoop.base.files import utf8_text
-from stoop.base.text import enumerated
-from stoop.base.toml import quoted
-from stoop.base.units import FACTORS, MICROSECOND, PULSE_FACTORS, ZEROS
-from stoop.base.variables import VARIABLES
-from stoop.flight.mapping import Source
+from stoop.extend.files import quoted, utf8_text
+from stoop.extend.flights import Source
+from stoop.extend.text import enumerated
+from stoop.extend.units import FACTORS, MICROSECOND, PULSE_FACTORS, ZEROS
+from stoop.extend.variables import VARIABLES
 
 TABLE: Final = "the table"  #: file of lines that are columns in memory
 _SOURCE: Final = re.compile(r"group\.(?P<group>.+)\.sources\[(?P<index>\d+)\]")

@@ -12,9 +12,9 @@ from typing import Final
 
 import numpy as np
 
-from stoop.base.arrays import FloatArray
-from stoop.base.units import STANDARD_GRAVITY
-from stoop.base.variables import EULER, POSITION, SPECIFIC_FORCE, VELOCITY
+from stoop.extend.arrays import FloatArray
+from stoop.extend.units import STANDARD_GRAVITY
+from stoop.extend.variables import EULER, POSITION, SPECIFIC_FORCE, VELOCITY
 from stoop_draft.checks.engine import Evidence, Key, Range, Residual, Residuals
 from stoop_draft.checks.kinematics import LIMITS as AGREEMENT
 from stoop_draft.checks.kinematics import Columns

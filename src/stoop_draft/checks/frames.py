@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from typing import Final, TypeAlias
 
-from stoop.base.variables import EULER, POSITION, RATES, SPECIFIC_FORCE, VELOCITY
+from stoop.extend.variables import EULER, POSITION, RATES, SPECIFIC_FORCE, VELOCITY
 from stoop_draft.checks.engine import Edit
 from stoop_draft.checks.entries import Lines
 from stoop_draft.checks.lines import ODDS, Assignment, LineEdit, counted_from_east, exchanged, multiplied

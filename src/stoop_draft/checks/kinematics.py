@@ -14,12 +14,11 @@ from typing import Final, TypeAlias
 
 import numpy as np
 
-from stoop.base.arrays import FloatArray
-from stoop.base.notices import Notice, notice
-from stoop.base.robust import MAD
-from stoop.base.rotations import conjugate, euler_angles, product, quaternions_of, to_ground, vectors_of
-from stoop.base.units import DEGREE, STANDARD_GRAVITY
-from stoop.base.variables import EULER, QUATERNION, RATES, SPECIFIC_FORCE, VELOCITY
+from stoop import Notice
+from stoop.extend import arrays
+from stoop.extend.notices import notice
+from stoop.extend.units import DEGREE, STANDARD_GRAVITY
+from stoop.extend.variables import EULER, QUATERNION, RATES, SPECIFIC_FORCE, VELOCITY
 from stoop_draft.checks.engine import Evidence, Key, Range, Residual, Residuals
 from stoop_draft.checks.entries import Lines, where
 from stoop_draft.checks.lines import AIRSPEEDS, VANES, Assignment, reading
@@ -50,7 +49,7 @@ class Agreement:
 
 
 LIMITS: Final = Agreement()
-Columns: TypeAlias = Mapping[str, FloatArray]  #: variable -> (n,) SI, on one uniform grid
+Columns: TypeAlias = Mapping[str, arrays.FloatArray]  #: variable -> (n,) SI, on one uniform grid
 
 
 def thinned(data: Columns, rate: float) -> tuple[Columns, float]:
@@ -64,7 +63,7 @@ def thinned(data: Columns, rate: float) -> tuple[Columns, float]:
     first = starts[int(np.argmax(motions))]
     thin = {name: x[first : first + many : step] for name, x in data.items()}
     if set(QUATERNION) <= thin.keys() and not set(EULER) & thin.keys():
-        angles = euler_angles(np.column_stack([thin[name] for name in QUATERNION]))
+        angles = arrays.euler_angles(np.column_stack([thin[name] for name in QUATERNION]))
         thin |= dict(zip(EULER, angles.T, strict=True))
     return thin, rate / step
 
@@ -80,7 +79,7 @@ class Motion:
         self.felt = {*SPECIFIC_FORCE, *EULER} <= there
         self.flown = self.felt and set(VELOCITY) <= there
         self.speed = next((name for name in AIRSPEEDS if name in there), "")
-        self._kept: dict[Hashable, FloatArray] = {}
+        self._kept: dict[Hashable, arrays.FloatArray] = {}
         self.turn = max(2, round(LIMITS.turn * rate))
 
     def __call__(self, state: Assignment, changed: Collection[str] | None) -> Residuals:
@@ -90,7 +89,9 @@ class Motion:
             return changed is None or bool(set(names) & set(changed))
 
         out: dict[Key, Evidence] = {}
-        parts: dict[Key, tuple[FloatArray, FloatArray]] = {}  # measured, and predicted by the others
+        parts: dict[
+            Key, tuple[arrays.FloatArray, arrays.FloatArray]
+        ] = {}  # measured, and predicted by the others
         if self.turned and concerned(*RATES, *EULER):
             implied = self._implied(state)
             for i, name in enumerate(RATES):
@@ -126,15 +127,15 @@ class Motion:
             names: gain for names, (gain, nearest) in gains.items() if abs(nearest - 1.0) > LIMITS.calibration
         }
 
-    def attitude(self, state: Assignment) -> FloatArray:
+    def attitude(self, state: Assignment) -> arrays.FloatArray:
         """Return the quaternions (n, 4), of edited angles where they are."""
         columns = tuple(reading(state, name) for name in EULER)
         if set(QUATERNION) <= self.data.keys() and columns == tuple((name, 1.0) for name in EULER):
             return self._keep("q", lambda: np.column_stack([self.data[name] for name in QUATERNION]))
         angles = (factor * self.data[column] for column, factor in columns)
-        return self._keep(("q", columns), lambda: quaternions_of(np.column_stack([*angles])))
+        return self._keep(("q", columns), lambda: arrays.quaternions_of(np.column_stack([*angles])))
 
-    def _keep(self, key: Hashable, make: Callable[[], FloatArray]) -> FloatArray:
+    def _keep(self, key: Hashable, make: Callable[[], arrays.FloatArray]) -> arrays.FloatArray:
         if key not in self._kept:
             self._kept[key] = make()
         return self._kept[key]
@@ -142,21 +143,23 @@ class Motion:
     def _readings(self, state: Assignment, names: Collection[str]) -> tuple[tuple[str, float], ...]:
         return tuple(reading(state, name) for name in names)
 
-    def _slope(self, state: Assignment, name: str) -> FloatArray:
+    def _slope(self, state: Assignment, name: str) -> arrays.FloatArray:
         (column, factor), steps = reading(state, name), self.steps
         x = self.data[column]
         return factor * self._keep(("slope", column), lambda: (x[steps:] - x[:-steps]) * self.rate / steps)
 
-    def _mean(self, state: Assignment, name: str, steps: int) -> FloatArray:
+    def _mean(self, state: Assignment, name: str, steps: int) -> arrays.FloatArray:
         column, factor = reading(state, name)
         return factor * self._keep(("mean", column, steps), lambda: _means(self.data[column], steps))
 
-    def _implied(self, state: Assignment) -> FloatArray:
+    def _implied(self, state: Assignment) -> arrays.FloatArray:
         """Return the mean rates (m, 3) over a span that the attitude implies, rad/s."""
         steps, q = self.turn, self.attitude(state)
         return self._keep(
             ("implied", *self._readings(state, EULER)),
-            lambda: vectors_of(product(conjugate(q[:-steps]), q[steps:])) * self.rate / steps,
+            lambda: (
+                arrays.vectors_of(arrays.product(arrays.conjugate(q[:-steps]), q[steps:])) * self.rate / steps
+            ),
         )
 
     def _gains(self, state: Assignment) -> dict[tuple[str, ...], tuple[float, float]]:
@@ -169,7 +172,7 @@ class Motion:
             ("slow", *self._readings(state, EULER)),
             lambda: np.column_stack([_means(x, steps) for x in self._implied(state).T]),
         )
-        moments: dict[tuple[str, ...], FloatArray] = {}
+        moments: dict[tuple[str, ...], arrays.FloatArray] = {}
         for y, name in zip(implied.T, RATES, strict=True):
             moments[name,] = _moments(y, _means(self._mean(state, name, self.turn), steps))
         moments[RATES] = np.sum([*moments.values()], axis=0)
@@ -181,38 +184,38 @@ class Motion:
         gains = self._gains(state).items()
         return {("gain", *names): Range(nearest, *bounds, LIMITS.odds) for names, (_, nearest) in gains}
 
-    def _felt(self, state: Assignment) -> FloatArray:
+    def _felt(self, state: Assignment) -> arrays.FloatArray:
         """Return the mean acceleration (m, 3) over a span, north, east, down, that the specific force makes."""
         columns = self._readings(state, SPECIFIC_FORCE)
 
-        def make() -> FloatArray:
+        def make() -> arrays.FloatArray:
             body = np.column_stack([factor * self.data[column] for column, factor in columns])
-            felt = to_ground(self.attitude(state), body)
+            felt = arrays.to_ground(self.attitude(state), body)
             felt[:, 2] += STANDARD_GRAVITY
             return np.column_stack([_means(x, self.steps) for x in felt.T])
 
         return self._keep(("felt", *self._readings(state, EULER), *columns), make)
 
-    def _air_slopes(self, state: Assignment) -> FloatArray:
+    def _air_slopes(self, state: Assignment) -> arrays.FloatArray:
         """Return the mean change (m, 3) of the velocity through the air, north, east, down."""
         measured, steps = (self.speed, *VANES), self.steps
 
-        def make() -> FloatArray:
+        def make() -> arrays.FloatArray:
             speed, alpha, beta = (self._column(state, name) for name in measured)
             side, ahead = speed * np.sin(beta), speed * np.cos(beta)
             body = np.column_stack([ahead * np.cos(alpha), side, ahead * np.sin(alpha)])
-            through = to_ground(self.attitude(state), body)
+            through = arrays.to_ground(self.attitude(state), body)
             return np.asarray((through[steps:] - through[:-steps]) * self.rate / steps)
 
         return self._keep(("air", *self._readings(state, (*EULER, *measured))), make)
 
-    def _column(self, state: Assignment, name: str) -> FloatArray:
+    def _column(self, state: Assignment, name: str) -> arrays.FloatArray:
         column, factor = reading(state, name)
         size = next(iter(self.data.values())).size
         return factor * self.data[column] if column in self.data else np.zeros(size)
 
 
-def _moments(y: FloatArray, x: FloatArray) -> FloatArray:
+def _moments(y: arrays.FloatArray, x: arrays.FloatArray) -> arrays.FloatArray:
     """Return count, yx, xx, yy, and yy and xx of neighbors, in which white noise is not, of two columns (n,)."""
     known = np.isfinite(x) & np.isfinite(y)
     y, x = y[known], x[known]
@@ -222,7 +225,7 @@ def _moments(y: FloatArray, x: FloatArray) -> FloatArray:
     return np.array([x.size, y @ x, x @ x, y @ y, y[1:] @ y[:-1], x[1:] @ x[:-1]])
 
 
-def _gain(moments: FloatArray, span: float, axes: int) -> tuple[float, float]:
+def _gain(moments: arrays.FloatArray, span: float, axes: int) -> tuple[float, float]:
     """Return the gain of y over x, and the gain nearest to one that is not excluded; NaN where x hardly moves, or y otherwise.
 
     Both regressions bound the gain, whatever is late or noisy [1]_; samples of `span`, about each of the axes, are as good as
@@ -243,17 +246,19 @@ def _gain(moments: FloatArray, span: float, axes: int) -> tuple[float, float]:
     return math.sqrt(power), min(max(low, 1.0), high)
 
 
-def _means(x: FloatArray, steps: int) -> FloatArray:
+def _means(x: arrays.FloatArray, steps: int) -> arrays.FloatArray:
     """Return the mean over each span by the trapezoidal rule, NaN where a sample is missing."""
     known = np.nan_to_num(x)
     running = np.concatenate([[0.0], np.cumsum(0.5 * (known[1:] + known[:-1]))])
     gone = np.concatenate([[0], np.cumsum(~np.isfinite(x))])
-    out: FloatArray = (running[steps:] - running[:-steps]) / steps
+    out: arrays.FloatArray = (running[steps:] - running[:-steps]) / steps
     out[gone[steps + 1 :] != gone[: -steps - 1]] = np.nan
     return out
 
 
-def _mean_rates(data: Columns, span: float, rate: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _mean_rates(
+    data: Columns, span: float, rate: float
+) -> tuple[arrays.FloatArray, arrays.FloatArray, arrays.FloatArray]:
     """Return the mean rates (n, 3) over a span [s] that the attitude implies and those measured, rad/s; and where."""
     steps = max(2, round(span * rate))
     attitude = np.column_stack([data[name] for name in QUATERNION])
@@ -264,7 +269,7 @@ def _mean_rates(data: Columns, span: float, rate: float) -> tuple[FloatArray, Fl
     first = np.arange(len(attitude) - steps)
     first = first[gone[first + steps + 1] == gone[first]]
     mean = (running[first + steps + 1] - running[first] - 0.5 * (rates[first] + rates[first + steps])) / steps
-    turned = vectors_of(product(conjugate(attitude[first]), attitude[first + steps]))
+    turned = arrays.vectors_of(arrays.product(arrays.conjugate(attitude[first]), attitude[first + steps]))
     return turned * rate / steps, mean, first
 
 
@@ -286,7 +291,7 @@ def check_rates(data: Columns, rate: float, lines: Lines) -> list[Notice]:
     left[at] = (close - rates) * max(2, steps) / rate
     jumps = left[steps:] - left[:-steps]
     known = jumps[np.isfinite(jumps).all(axis=1)]
-    noise = MAD * np.median(np.abs(known), axis=0) / np.sqrt(6.0) if len(known) else np.zeros(3)
+    noise = arrays.MAD * np.median(np.abs(known), axis=0) / np.sqrt(6.0) if len(known) else np.zeros(3)
     noise = noise * np.sqrt(2.0) * rate / max(2, round(LIMITS.turn * rate))
     implied, measured = implied - implied.mean(axis=0), measured - measured.mean(axis=0)
     out = []

@@ -11,10 +11,9 @@ from typing import Final, TypeAlias
 
 import numpy as np
 
-from stoop.base.arrays import FloatArray
-from stoop.base.rotations import quaternions_of
-from stoop.base.units import DEGREE, FACTORS, KINDS, PULSE_FACTORS, ZERO_CELSIUS
-from stoop.base.variables import (
+from stoop.extend.arrays import FloatArray, quaternions_of
+from stoop.extend.units import DEGREE, FACTORS, KINDS, PULSE_FACTORS, ZERO_CELSIUS
+from stoop.extend.variables import (
     EULER,
     MOTORS,
     OUTPUT_PINS,

@@ -8,19 +8,15 @@ from typing import Final
 
 import numpy as np
 
-from stoop.base.arrays import BoolArray, FloatArray, empty_columns
-from stoop.base.notices import Notice, Value, attempt, notice
-from stoop.base.variables import EULER, RATES, VARIABLES
-from stoop.errors import FlightError
-from stoop.flight import Flight
-from stoop.flight.alignment import attitude_delay
-from stoop.flight.apply_mapping import Mapped
-from stoop.flight.faults import INCONSISTENT, Fault, without_faulty
-from stoop.flight.gridding import Channels
-from stoop.flight.load import SUSPECT_CLOCK
+from stoop import Flight, Notice
+from stoop.extend import flights
+from stoop.extend.arrays import BoolArray, FloatArray
+from stoop.extend.errors import FlightError
+from stoop.extend.notices import Value, attempt, notice
+from stoop.extend.variables import EULER, RATES, VARIABLES
 from stoop_draft.checks.air import Air
 from stoop_draft.checks.controls import Controls
-from stoop_draft.checks.engine import Edit, Finding, Range, Residuals, search
+from stoop_draft.checks.engine import Edit, Finding, Range, Residuals, empty_columns, search
 from stoop_draft.checks.entries import TABLE, Line, Lines, read_lines, ready_line, where
 from stoop_draft.checks.flight_path import FlightPath
 from stoop_draft.checks.frames import frame_edits
@@ -184,10 +180,10 @@ class ContradictedError(FlightError):
 def judge_mapping(
     flight: Flight,
     up: BoolArray,
-    channels: Sequence[Channels],
-    faults: Sequence[Fault],
+    channels: Sequence[flights.Channels],
+    faults: Sequence[flights.Fault],
     failed: list[Notice],
-    mapped: Mapped | None,
+    mapped: flights.Mapped | None,
 ) -> list[Notice]:
     """Return what contradicts the units, signs and axes of a flight's columns, from samples in the air (`up`).
 
@@ -218,9 +214,11 @@ def judge_mapping(
         in_air[name] = x[np.rint(np.interp(time, t, np.arange(t.size))).astype(int)]
     judged: dict[str, FloatArray] = {}
     # slower body rates are those of a wrong clock
-    if not any(0.0 < flight.sources[name].rate < SUSPECT_CLOCK for name in RATES if name in flight.sources):
+    if not any(
+        0.0 < flight.sources[name].rate < flights.SUSPECT_CLOCK for name in RATES if name in flight.sources
+    ):
         judged = {
-            name: without_faulty(time, x, [fault for fault in faults if fault.variable == name])
+            name: flights.without_faulty(time, x, [fault for fault in faults if fault.variable == name])
             for name, x in in_air.items()
         }
     found = attempt(failed, Judgment((), (), {}), check_mapping, signals, judged, rate, lines)
@@ -231,7 +229,7 @@ def judge_mapping(
     if found.refused:
         said, every = str(found.refused[0]).removesuffix("."), (*found.refused, *found.notices, *of_rates)
         raise ContradictedError(f"{flight.path or flight.name}: {said}", every)
-    if any(one.code.startswith(INCONSISTENT) for one in (*found.notices, *of_rates)):
+    if any(one.code.startswith(flights.INCONSISTENT) for one in (*found.notices, *of_rates)):
         # a late attitude explains one unlike its rates
-        of_rates = attempt(failed, [], attitude_delay, channels) or of_rates
+        of_rates = attempt(failed, [], flights.attitude_delay, channels) or of_rates
     return [*found.notices, *of_rates]

@@ -17,17 +17,14 @@ from typing import Final, TypeAlias
 
 import numpy as np
 
-from stoop.base.arrays import BoolArray, FloatArray, runs
-from stoop.base.notices import Notice, notice
-from stoop.base.text import enumerated
-from stoop.base.variables import RATES
-from stoop.flight import Flight
-from stoop.flight.airborne import flying
-from stoop.problem.windows import Window, within
-from stoop.simulation.delays import delayed, first_order_lag
-from stoop.simulation.rotors import Range, channel_range, effects
-from stoop.vehicle import Vehicle
-from stoop.vehicle.vehicle import GROUND_FRAME
+from stoop import Flight, Notice, Vehicle
+from stoop.extend.arrays import BoolArray, FloatArray, runs
+from stoop.extend.flights import Window, flying, within
+from stoop.extend.motion import Range, channel_range, delayed, effects, first_order_lag
+from stoop.extend.notices import notice
+from stoop.extend.text import enumerated
+from stoop.extend.variables import RATES
+from stoop.extend.vehicles import GROUND_FRAME
 from stoop_draft.checks.engine import Edit, Evidence, Key, Residual, Residuals, search
 
 AXES: Final = ("roll", "pitch", "yaw")

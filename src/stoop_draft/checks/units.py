@@ -12,9 +12,9 @@ from typing import Final
 
 import numpy as np
 
-from stoop.base.arrays import FloatArray
-from stoop.base.units import DEGREE
-from stoop.base.variables import EULER, SPECIFIC_FORCE, VARIABLES, WRAPPED
+from stoop.extend.arrays import FloatArray
+from stoop.extend.units import DEGREE
+from stoop.extend.variables import EULER, SPECIFIC_FORCE, VARIABLES, WRAPPED
 from stoop_draft.checks.engine import Key, Range, Residuals
 from stoop_draft.checks.lines import EAST, TWICE, Assignment, Signal, reading
 

@@ -14,9 +14,9 @@ from typing import Any, Final
 
 import numpy as np
 
-from stoop.base.arrays import FloatArray
-from stoop.base.extras import install
-from stoop.errors import VehicleError
+from stoop.extend.arrays import FloatArray
+from stoop.extend.errors import VehicleError
+from stoop.extend.verbs import install
 from stoop_draft.vehicle_draft import handbook
 from stoop_draft.vehicle_draft.geometry import Geometry
 from stoop_draft.vehicle_draft.parts import Flap, Surface

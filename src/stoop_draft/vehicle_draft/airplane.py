@@ -7,13 +7,11 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Final
 
-from stoop.base.atmosphere import SEA_LEVEL_DENSITY
-from stoop.base.notices import Notice, notice
-from stoop.base.units import DEGREE, STANDARD_GRAVITY
-from stoop.flight import Flight
-from stoop.vehicle.assumptions import USUAL as ASSUMED
-from stoop.vehicle.defaults import COEFFICIENTS, EQUATION_1, MOMENT_ARMS
-from stoop.vehicle.load import STANDARD_CONTROLS
+from stoop import Flight, Notice
+from stoop.extend.notices import notice
+from stoop.extend.units import DEGREE, SEA_LEVEL_DENSITY, STANDARD_GRAVITY
+from stoop.extend.vehicles import COEFFICIENTS, EQUATION_1, MOMENT_ARMS, STANDARD_CONTROLS
+from stoop.extend.vehicles import USUAL as ASSUMED
 from stoop_draft.vehicle_draft import inertia, plausibility
 from stoop_draft.vehicle_draft.apriori import Apriori
 from stoop_draft.vehicle_draft.autopilot import Scale

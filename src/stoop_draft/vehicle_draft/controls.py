@@ -13,10 +13,10 @@ from typing import Final
 
 import numpy as np
 
-from stoop.base.arrays import FloatArray
-from stoop.base.units import DEGREE
-from stoop.flight import Flight
-from stoop.flight.maneuvers import directions, output_families
+from stoop import Flight
+from stoop.extend.arrays import FloatArray
+from stoop.extend.flights import directions, output_families
+from stoop.extend.units import DEGREE
 from stoop_draft.vehicle_draft.autopilot import Scale, Setup
 from stoop_draft.vehicle_draft.steady import STEADY, turning
 

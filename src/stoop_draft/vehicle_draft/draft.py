@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from stoop.base.notices import Notice, distinct
-from stoop.base.text import Summarized
-from stoop.errors import VehicleError
-from stoop.flight import Flight
-from stoop.vehicle.load import parse_vehicle
-from stoop.vehicle.vehicle import Vehicle
+from stoop import Flight, Notice, Vehicle
+from stoop.extend.errors import VehicleError
+from stoop.extend.notices import distinct
+from stoop.extend.text import Summarized
+from stoop.extend.vehicles import parse_vehicle
 from stoop_draft.vehicle_draft import inertia, plausibility
 from stoop_draft.vehicle_draft.airplane import Airplane
 from stoop_draft.vehicle_draft.geometry import WINGED

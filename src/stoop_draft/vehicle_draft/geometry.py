@@ -13,10 +13,9 @@ from typing import Annotated, Any, Final, Literal, get_args
 
 from pydantic import Field, ValidationError
 
-from stoop.base.schema_errors import first_complaint
-from stoop.base.toml import parse_source, read_source
-from stoop.errors import VehicleError
-from stoop.vehicle.schema import Number
+from stoop.extend.errors import VehicleError
+from stoop.extend.files import first_complaint, parse_source, read_source
+from stoop.extend.vehicles import Number
 from stoop_draft.vehicle_draft import proportions
 from stoop_draft.vehicle_draft.parts import NOWHERE, Fin, Fuselage, Part, Point, Tail, Wing
 

@@ -14,10 +14,9 @@ from typing import Final
 
 import numpy as np
 
-from stoop.base.arrays import FloatArray
-from stoop.base.atmosphere import SEA_LEVEL_DENSITY
-from stoop.base.units import STANDARD_GRAVITY
-from stoop.vehicle.defaults import EQUATION_1
+from stoop.extend.arrays import FloatArray
+from stoop.extend.units import SEA_LEVEL_DENSITY, STANDARD_GRAVITY
+from stoop.extend.vehicles import EQUATION_1
 from stoop_draft.vehicle_draft.apriori import METHOD, Apriori, typical_std
 from stoop_draft.vehicle_draft.geometry import Geometry
 from stoop_draft.vehicle_draft.parts import Fin, Surface, Tail

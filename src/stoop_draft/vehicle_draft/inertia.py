@@ -12,8 +12,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from stoop.base.autopilots import Point
-from stoop.base.units import FOOT, POUND_FORCE, SLUG, STANDARD_GRAVITY
+from stoop.extend.units import FOOT, POUND_FORCE, SLUG, STANDARD_GRAVITY
+from stoop.extend.variables import Point
 from stoop_draft.vehicle_draft.apriori import Apriori
 
 

@@ -7,7 +7,7 @@ from typing import Annotated, Final
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
-from stoop.vehicle.schema import Number
+from stoop.extend.vehicles import Number
 
 UNKNOWN: Final = math.nan  #: of a number that a file leaves out
 MAX_ANGLE: Final = 1.2  #: of sweep, dihedral and incidence; above, degrees were meant

@@ -7,10 +7,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from stoop.base.notices import Notice, notice
-from stoop.base.units import STANDARD_GRAVITY
-from stoop.flight.airborne import carried_by_rotors
-from stoop.flight.maneuvers import find_maneuvers
+from stoop import Notice
+from stoop.extend.flights import carried_by_rotors, find_maneuvers
+from stoop.extend.notices import notice
+from stoop.extend.units import STANDARD_GRAVITY
 from stoop_draft.vehicle_draft.controls import AXES, Controls
 from stoop_draft.vehicle_draft.geometry import WINGED, Geometry
 from stoop_draft.vehicle_draft.power import Lift, running_rotors

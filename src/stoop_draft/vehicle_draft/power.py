@@ -10,12 +10,10 @@ from typing import Final
 
 import numpy as np
 
-from stoop.base.autopilots import Point, Spin
-from stoop.base.units import STANDARD_GRAVITY
-from stoop.base.variables import MOTORS, OUTPUT_PINS, ROTORS
-from stoop.flight import Flight
-from stoop.flight.airborne import FLYING, flying, rotor_pulses
-from stoop.vehicle.builtin import builtin_vehicle
+from stoop import Flight, load_vehicle
+from stoop.extend.flights import FLYING, flying, rotor_pulses
+from stoop.extend.units import STANDARD_GRAVITY
+from stoop.extend.variables import MOTORS, OUTPUT_PINS, ROTORS, Point, Spin
 from stoop_draft.vehicle_draft.apriori import Apriori
 from stoop_draft.vehicle_draft.autopilot import DEFAULT_PULSES, Motor, Scale, Setup
 from stoop_draft.vehicle_draft.controls import ENOUGH, recorded
@@ -230,7 +228,7 @@ def _of_template(flight: Flight | None, count: int, name: str) -> Lift | None:
         channels = channels[:count]
     if not name or len(channels) != count:
         return None
-    like = builtin_vehicle(name)
+    like = load_vehicle(name)
     rotors = []
     for channel, (own, rotor) in zip(channels, like.file.rotor.items(), strict=True):
         x, y, z = (like.value(f"rotor.{own}.position.{axis}") for axis in "xyz")

@@ -11,7 +11,7 @@ import math
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Final
 
-from stoop.errors import VehicleError
+from stoop.extend.errors import VehicleError
 from stoop_draft.vehicle_draft.parts import Fin, Flap, Fuselage, Part, Surface, Tail, Wing
 
 if TYPE_CHECKING:

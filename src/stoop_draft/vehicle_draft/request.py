@@ -7,10 +7,10 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
-from stoop.errors import VehicleError
-from stoop.flight import Flight
-from stoop.flight.airborne import carried_by_rotors
-from stoop.vehicle.usual import ASPECT_RATIOS, MASS_BY_SPAN
+from stoop import Flight
+from stoop.extend.errors import VehicleError
+from stoop.extend.flights import carried_by_rotors
+from stoop.extend.vehicles import ASPECT_RATIOS, MASS_BY_SPAN
 from stoop_draft.vehicle_draft import aerosandbox, handbook
 from stoop_draft.vehicle_draft.apriori import Apriori
 from stoop_draft.vehicle_draft.autopilot import Setup, read_setup

@@ -9,14 +9,11 @@ from typing import Final
 
 import numpy as np
 
-from stoop.base.arrays import BoolArray, FloatArray
-from stoop.base.atmosphere import SEA_LEVEL_DENSITY
-from stoop.base.units import STANDARD_GRAVITY
-from stoop.base.variables import RATES, VELOCITY
-from stoop.flight import Flight
-from stoop.flight.airborne import FLYING, airborne, flying
-from stoop.flight.airspeed import PLAUSIBLE, density_of
-from stoop.flight.maneuvers import band_pass
+from stoop import Flight
+from stoop.extend.arrays import BoolArray, FloatArray
+from stoop.extend.flights import FLYING, PLAUSIBLE, airborne, band_pass, density_of, flying
+from stoop.extend.units import SEA_LEVEL_DENSITY, STANDARD_GRAVITY
+from stoop.extend.variables import RATES, VELOCITY
 from stoop_draft.checks.lines import AIRSPEEDS
 
 

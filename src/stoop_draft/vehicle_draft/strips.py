@@ -17,7 +17,7 @@ from typing import Final
 
 import numpy as np
 
-from stoop.base.arrays import FloatArray
+from stoop.extend.arrays import FloatArray
 from stoop_draft.vehicle_draft.parts import Flap, Surface
 
 COUNT: Final = 24  #: strips of a half

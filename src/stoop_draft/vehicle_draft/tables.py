@@ -11,10 +11,10 @@ from typing import Final
 
 import numpy as np
 
-from stoop.base.toml import quoted, quoted_key
-from stoop.base.variables import POSITION, SPECIFIC_FORCE
-from stoop.errors import one_line
-from stoop.vehicle.assumptions import USUAL as ASSUMED
+from stoop.extend.errors import one_line
+from stoop.extend.files import quoted, quoted_key
+from stoop.extend.variables import POSITION, SPECIFIC_FORCE
+from stoop.extend.vehicles import USUAL as ASSUMED
 from stoop_draft.vehicle_draft.apriori import Apriori
 from stoop_draft.vehicle_draft.controls import Controls, recorded
 from stoop_draft.vehicle_draft.power import USUAL, Lift, hover_level, thrust_law

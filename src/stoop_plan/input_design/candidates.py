@@ -9,16 +9,14 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from stoop.base.arrays import BoolArray, FloatArray, run_slices
-from stoop.base.variables import RATES
-from stoop.flight import Flight, Maneuver, find_maneuvers
-from stoop.flight.airborne import flying
-from stoop.flight.maneuvers import LIMITS as COMMANDS
-from stoop.flight.maneuvers import MOTION, Axis, Feedback, band_pass, by_axis, commands, usual_deviation
+from stoop import Flight
+from stoop.extend import flights
+from stoop.extend.arrays import BoolArray, FloatArray, run_slices
+from stoop.extend.variables import RATES
 
 if TYPE_CHECKING:
-    from stoop.problem.windows import Window
-    from stoop.vehicle import Vehicle
+    from stoop import Vehicle
+    from stoop.extend.flights import Window
 
 LENGTHS: Final = (4.0, 8.0)  #: s, of windows that are tried all along the flight
 
@@ -28,7 +26,7 @@ class CandidateLimits:
     """Lengths and thresholds of the windows that are tried."""
 
     stride: float = 2.0  #: s from one such window to the next
-    shortest: float = COMMANDS.lead + COMMANDS.tail  #: s, those of a maneuver about its input
+    shortest: float = flights.LIMITS.lead + flights.LIMITS.tail  #: s, those of a maneuver about its input
     min_usable: float = 0.6  #: share of a window; pieces between holes are fitted separately
     limit_margin: float = 0.002  #: of its range, within which a command is at its limit
     min_saturated: int = 5  #: samples in a row at the limit
@@ -50,7 +48,7 @@ class Candidate:
     flight: str
     start: float
     stop: float
-    maneuver: Maneuver | None = None
+    maneuver: flights.Maneuver | None = None
 
     @property
     def seconds(self) -> float:
@@ -60,7 +58,7 @@ class Candidate:
     @property
     def window(self) -> Window:
         """The same as a window to fit."""
-        from stoop.problem.windows import Window
+        from stoop.extend.flights import Window
 
         return Window(self.flight, self.start, self.stop)
 
@@ -75,7 +73,9 @@ def candidates(flight: Flight, channels: Sequence[str]) -> list[Candidate]:
     Windows that are too short, or have too many holes, are left out.
     """
     good, time = usable(flight, channels), flight.time
-    spans: list[tuple[float, float, Maneuver | None]] = [(m.start, m.stop, m) for m in find_maneuvers(flight)]
+    spans: list[tuple[float, float, flights.Maneuver | None]] = [
+        (m.start, m.stop, m) for m in flights.find_maneuvers(flight)
+    ]
     if good.any():
         first, last = float(time[good][0]), float(time[good][-1])
         for length in LENGTHS:
@@ -98,7 +98,7 @@ def candidates(flight: Flight, channels: Sequence[str]) -> list[Candidate]:
 
 def usable(flight: Flight, channels: Sequence[str]) -> BoolArray:
     """Tell at which samples (n,) a window may lie: flying, commands there, nothing stuck or at its limit."""
-    up = flying(flight)
+    up = flights.flying(flight)
     good = up.copy()
     for name in (*channels, *(rate for rate in RATES if rate in flight.names)):
         good &= np.isfinite(flight.column(name))
@@ -166,7 +166,7 @@ class Excitation:
     """
 
     names: tuple[str, ...]
-    axes: tuple[Axis, ...]
+    axes: tuple[flights.Axis, ...]
     values: FloatArray
     own: FloatArray
 
@@ -179,21 +179,23 @@ class Excitation:
     @classmethod
     def of(cls, flight: Flight) -> Excitation | None:
         """Return those of a flight; None where no command or no rate was recorded."""
-        by_command = by_axis(commands(flight))
-        rates = {axis: name for axis, name in MOTION.items() if name in RATES and name in flight.names}
+        by_command = flights.by_axis(flights.commands(flight))
+        rates = {
+            axis: name for axis, name in flights.MOTION.items() if name in RATES and name in flight.names
+        }
         if not by_command or not rates:
             return None
         columns = [*(c.u for c in by_command.values()), *(flight.column(name) for name in rates.values())]
         names = (*(f"{axis} command" for axis in by_command), *(f"{axis} rate" for axis in rates))
-        x, up = np.column_stack(columns), flying(flight)
-        x = band_pass(flight, x)
+        x, up = np.column_stack(columns), flights.flying(flight)
+        x = flights.band_pass(flight, x)
         sizes = []
         for column in x.T:  # where a signal usually rests, a share of its largest excursion
             seen = column[up & np.isfinite(column)]
             largest = float(np.max(np.abs(seen))) if seen.size else 0.0
-            sizes.append(max(usual_deviation(column, up), COMMANDS.min_usual * largest) or 1.0)
+            sizes.append(max(flights.usual_deviation(column, up), flights.LIMITS.min_usual * largest) or 1.0)
         x = x / np.array(sizes)
-        own = Feedback.of(flight, up).taken_off([*by_command.values()], x[:, : len(by_command)])
+        own = flights.Feedback.of(flight, up).taken_off([*by_command.values()], x[:, : len(by_command)])
         return cls(names, (*by_command, *rates), x, own)
 
     def inside(self, flight: Flight, one: Candidate) -> FloatArray:
@@ -202,20 +204,20 @@ class Excitation:
         rows = rows[np.isfinite(rows).all(axis=1)]
         return rows - rows.mean(axis=0) if len(rows) else rows
 
-    def strengths(self, flight: Flight, one: Candidate) -> Mapping[Axis, float]:
+    def strengths(self, flight: Flight, one: Candidate) -> Mapping[flights.Axis, float]:
         """Return how many times the usual the command of each axis moves in a window."""
         rows = self.inside(flight, one)
         sizes = np.sqrt(np.mean(rows**2, axis=0)) if len(rows) else np.zeros(len(self.names))
         pairs = zip(self.axes, self.names, sizes, strict=True)
         return {axis: float(size) for axis, name, size in pairs if name.endswith("command")}
 
-    def commanded(self, flight: Flight, one: Candidate) -> dict[Axis, float]:
+    def commanded(self, flight: Flight, one: Candidate) -> dict[flights.Axis, float]:
         """Return how many times the usual each command moves in a window that stands out there, and is no feedback's."""
         inside = flight.between(one.start, one.stop)
         moved, own = (np.nansum(x[inside] ** 2, axis=0) for x in (self.values, self.own))
         sizes = self.strengths(flight, one)
         shares = zip(self.axes, moved, own, strict=False)
-        real = {a for a, power, left in shares if left >= COMMANDS.commanded * power > 0.0}
+        real = {a for a, power, left in shares if left >= flights.LIMITS.commanded * power > 0.0}
         return {a: size for a, size in sizes.items() if a in real and size > LIMITS.min_excitation}
 
     def moves(self, flight: Flight) -> bool:
@@ -223,13 +225,13 @@ class Excitation:
 
         Combinations of outputs are made by such a regression: that they explain an acceleration proves nothing.
         """
-        if not any(command.variable in flight.names for command in commands(flight)):
+        if not any(command.variable in flight.names for command in flights.commands(flight)):
             return False
         count, out = self.own.shape[1], False
         rates = self.values[:, count:]
         changes = np.gradient(rates, axis=0)
-        good = flying(flight) & np.isfinite(np.column_stack([self.own, rates, changes])).all(axis=1)
-        if good.sum() < COMMANDS.samples:
+        good = flights.flying(flight) & np.isfinite(np.column_stack([self.own, rates, changes])).all(axis=1)
+        if good.sum() < flights.LIMITS.samples:
             return False
         for k, axis in enumerate(self.axes[count:]):
             columns = [i for i in range(count) if self.axes[i] == axis]
@@ -237,7 +239,9 @@ class Excitation:
             x = np.column_stack([self.own[good][:, columns], rates[good]])
             part = x[:, : len(columns)] @ np.linalg.lstsq(x, y, rcond=None)[0][: len(columns)]
             left, every = (float(np.sum(u[good][:, columns] ** 2)) for u in (self.own, self.values))
-            out |= bool(left > COMMANDS.moved * every and part @ part > COMMANDS.moved * float(y @ y))
+            out |= bool(
+                left > flights.LIMITS.moved * every and part @ part > flights.LIMITS.moved * float(y @ y)
+            )
         return out
 
     def condition(self, flight: Flight, one: Candidate) -> float:

@@ -20,20 +20,12 @@ from typing import Final
 
 import numpy as np
 
-from stoop.assessment.covariance import marked, standard_errors
-from stoop.base.arrays import FloatArray
-from stoop.errors import IdentificationError, SimulationError
-from stoop.flight import Flight
-from stoop.problem import Layout, Misfit, Piece, Weights
-from stoop.problem.evidence import invert
-from stoop.problem.prepare import Prepared, nuisances, prepare
-from stoop.problem.windows import Window
-from stoop.results.result import Result
-from stoop.simulation import Trim
-from stoop.simulation.fly import simulate_together
-from stoop.simulation.maneuver import Maneuver, amplitude_text
-from stoop.simulation.trim import inputs_about
-from stoop.vehicle import Vehicle
+from stoop import Flight, Vehicle
+from stoop.extend import fits
+from stoop.extend.arrays import FloatArray
+from stoop.extend.errors import IdentificationError, SimulationError
+from stoop.extend.flights import Window
+from stoop.extend.motion import Maneuver, Trim, inputs_about, simulate_together, unit_of
 from stoop_plan.input_design.sensitivity import BOX_INFORMATION, PIECES, CandidateProblem, VehicleInformation
 
 Span = tuple[float, float]
@@ -52,6 +44,12 @@ ROTOR_WIDTH: Final = {
     **dict.fromkeys(("vn", "ve", "vd"), 4.0), **dict.fromkeys(("p", "q", "r"), math.radians(150.0)),
     **dict.fromkeys(("phi", "theta"), math.radians(25.0)),
 }  #: about hover, m/s, rad/s, rad  # fmt: skip
+
+
+def amplitude_text(control: str, value: float) -> str:
+    """Return an amplitude of an input, SI, with its unit."""
+    unit = unit_of(control)
+    return f"{math.degrees(value):.3g} deg" if unit == "rad" else f"{value:.3g} {unit}"
 
 
 @dataclass(frozen=True)
@@ -188,12 +186,12 @@ class Knowledge:
         return cls((), np.zeros((0, 0)))
 
     @classmethod
-    def of_result(cls, result: Result) -> Knowledge:
+    def of_result(cls, result: fits.Result) -> Knowledge:
         """Return the information of an identification about its identifiable parameters."""
         covariance, names, parameters = result.covariance.matrix, result.covariance.names, result.parameters
         finite = (np.diag(covariance) > 0.0) & (np.diag(covariance) < np.inf)
         known = [i for i, n in enumerate(names) if parameters[n].identifiable and finite[i]]
-        return cls(tuple(names[i] for i in known), invert(covariance[np.ix_(known, known)]).matrix)
+        return cls(tuple(names[i] for i in known), fits.invert(covariance[np.ix_(known, known)]).matrix)
 
     def among(self, names: tuple[str, ...]) -> FloatArray:
         """Return the information (n, n) about the parameters of a list, zeros for unknown ones."""
@@ -204,7 +202,7 @@ class Knowledge:
         own = self.information[np.ix_(shared, shared)]
         if others:  # the others are unknown: marginal information
             cross = self.information[np.ix_(shared, others)]
-            lost: FloatArray = cross @ invert(self.information[np.ix_(others, others)]).matrix @ cross.T
+            lost: FloatArray = cross @ fits.invert(self.information[np.ix_(others, others)]).matrix @ cross.T
             own = own - lost
         out[np.ix_(place, place)] = own
         return out
@@ -240,9 +238,9 @@ class Setup:
     retrim: float | None = None
 
     @cached_property
-    def layout(self) -> Layout:
+    def layout(self) -> fits.Layout:
         """Parameters without priors: prior information stands in `knowledge` alone."""
-        layout = Layout.of(self.vehicle, ())
+        layout = fits.Layout.of(self.vehicle, ())
         if not layout.parameters:
             raise IdentificationError(
                 f"{self.vehicle.where}: no number is free; set free = true or use --free NAME"
@@ -285,7 +283,7 @@ class Setup:
 
     def with_values(self, values: FloatArray) -> Setup:
         """Return the setup with other values (D,) of the parameters, trimmed at the same speed."""
-        from stoop.simulation import trim
+        from stoop import trim
 
         vehicle = self.vehicle.with_numbers(
             {n: {"value": float(v)} for n, v in zip(self.names, values, strict=True)}
@@ -297,8 +295,8 @@ class Setup:
 
 def information_errors(information: FloatArray) -> FloatArray:
     """Return the standard errors (n,) that information (n, n) leaves; infinite where it determines nothing."""
-    inverse = invert(information)
-    return standard_errors(marked(inverse.matrix, inverse.determined))
+    inverse = fits.invert(information)
+    return fits.standard_errors(fits.marked(inverse.matrix, inverse.determined))
 
 
 def marginal(J: FloatArray, d: int) -> FloatArray:
@@ -309,7 +307,7 @@ def marginal(J: FloatArray, d: int) -> FloatArray:
     """
     J = J[np.isfinite(J).all(axis=1)]
     whole = J.T @ J
-    shared = invert(whole[d:, d:]).factor.T @ whole[d:, :d]
+    shared = fits.invert(whole[d:, d:]).factor.T @ whole[d:, :d]
     out: FloatArray = whole[:d, :d] - shared.T @ shared
     return 0.5 * (out + out.T)
 
@@ -361,10 +359,10 @@ def _forecast_of_line(setup: Setup, maneuver: Maneuver, only_inside: bool) -> Fo
     vehicle, t = setup.vehicle, maneuver.time
     inputs = inputs_about(vehicle, setup.trim, maneuver.deflections(), len(t))
     blank = np.zeros((len(t), len(vehicle.outputs)))
-    piece = Piece(0, t, inputs, blank, setup.trim.start, setup.trim.changes)
-    prepared = Prepared((Window("design", 0.0, float(t[-1])),), (piece,), ())
-    layout = replace(setup.layout, nuisances=nuisances(vehicle, prepared))
-    problem = Misfit(layout, (piece,), Weights.of(setup.noise), ((len(t),),))
+    piece = fits.Piece(0, t, inputs, blank, setup.trim.start, setup.trim.changes)
+    prepared = fits.Prepared((Window("design", 0.0, float(t[-1])),), (piece,), ())
+    layout = replace(setup.layout, nuisances=fits.nuisances(vehicle, prepared))
+    problem = fits.Misfit(layout, (piece,), fits.Weights.of(setup.noise), ((len(t),),))
     z = np.concatenate([setup.layout.unit(setup.values), np.zeros(problem.extra)])
     with np.errstate(invalid="ignore", over="ignore"):
         readings = problem.outputs(z, 0)
@@ -389,10 +387,10 @@ def forecast_on_rotors(
     if only_inside and excess > 0.0:
         return Forecast(readings, excess, nothing)
     # without noise a reading that does not change is not stuck
-    prepared = prepare(vehicle, {flight.name: flight}, [Window(flight.name, 0.0, maneuver.duration)])
+    prepared = fits.prepare(vehicle, {flight.name: flight}, [Window(flight.name, 0.0, maneuver.duration)])
     pieces = tuple(part for piece in prepared.pieces for part in PIECES[vehicle.frame](vehicle, piece))
     problem = CandidateProblem(replace(prepared, pieces=pieces), (len(pieces),))
     unit = setup.layout.unit(setup.values)
-    at = VehicleInformation(vehicle, unit, Weights.of(setup.noise), np.inf)
+    at = VehicleInformation(vehicle, unit, fits.Weights.of(setup.noise), np.inf)
     information = at.information(problem)
     return Forecast(readings, excess, nothing if information is None else information)

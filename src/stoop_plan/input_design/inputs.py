@@ -14,9 +14,9 @@ from typing import Final
 import numpy as np
 from scipy.optimize import brentq
 
-from stoop.base.arrays import FloatArray, IntArray
-from stoop.errors import SimulationError
-from stoop.simulation.maneuver import PATTERNS, Harmonics, Input, Levels, Steps, Sweep, unit_of
+from stoop.extend.arrays import FloatArray, IntArray
+from stoop.extend.errors import SimulationError
+from stoop.extend.motion import PATTERNS, Harmonics, Input, Levels, Steps, Sweep, unit_of
 
 LEAD: Final = 0.5  #: s of steady flight before and after the inputs
 SLEW_SHARE: Final = 0.999  #: of the slew that is used, against rounding

@@ -11,16 +11,14 @@ from typing import Any, Final
 import numpy as np
 from pydantic import ValidationError
 
-from stoop import optimize
-from stoop.base.arrays import FloatArray
-from stoop.base.blas import on_one_blas_thread
-from stoop.base.notices import Notice, notice
-from stoop.base.schema_errors import first_complaint
-from stoop.base.text import Summarized
-from stoop.errors import SimulationError
-from stoop.optimize.problem import ScalarProblem
-from stoop.problem.evidence import invert
-from stoop.simulation.maneuver import Maneuver
+from stoop import Notice
+from stoop.extend.arrays import FloatArray, on_one_blas_thread
+from stoop.extend.errors import SimulationError
+from stoop.extend.files import first_complaint
+from stoop.extend.fits import ScalarProblem, invert, optimize
+from stoop.extend.motion import Maneuver
+from stoop.extend.notices import notice
+from stoop.extend.text import Summarized
 from stoop_plan.input_design.information import Forecast, Setup, forecasts
 from stoop_plan.input_design.inputs import (
     COUNTED_SHAPES,

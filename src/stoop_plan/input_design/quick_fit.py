@@ -12,22 +12,16 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Final
 
-from stoop.assessment.error_bars import error_bars
-from stoop.errors import FlightError, IdentificationError
-from stoop.estimate.fit import DEFAULTS
-from stoop.flight import Flight
-from stoop.problem.windows import Window
-from stoop.strategy.assumptions import assume
-from stoop.strategy.bounds import BOUNDS
-from stoop.strategy.gusts import GUSTS
-from stoop.strategy.run import FIT_ALONE, setup_of
-from stoop.strategy.run import fit as fit_by
-from stoop.vehicle import Vehicle
+from stoop import Flight, Options, Vehicle
+from stoop.extend.errors import FlightError, IdentificationError
+from stoop.extend.fits import FIT_ALONE, assume, error_bars, setup_of
+from stoop.extend.fits import fit as fit_by
+from stoop.extend.flights import Window
 
 #: a search that has not ended by then finds several optima, and which of them would not make other windows worth more
-QUICK: Final = replace(DEFAULTS, budget=15_000.0)
+QUICK: Final = Options(budget=15_000.0)
 #: of a fit about whose estimates windows are linearized: it need not be the best one, and its error bars are not asked for
-FIRST: Final = FIT_ALONE.without(GUSTS.name, BOUNDS.name)
+FIRST: Final = FIT_ALONE.without("gusts", "bounds")
 
 
 @dataclass(frozen=True)

@@ -17,16 +17,11 @@ from typing import Final
 
 import numpy as np
 
-from stoop.base.arrays import FloatArray
-from stoop.errors import FlightError, IdentificationError
-from stoop.estimate.noise import correlation_times
-from stoop.estimate.shooting_windows import WINDOW_LENGTH
-from stoop.flight import Flight
-from stoop.problem import Layout, Misfit, Piece, Weights
-from stoop.problem.observation import guess_start, state_channels
-from stoop.problem.prepare import Prepared, nuisances, prepare, without_stuck_channels
-from stoop.vehicle import Vehicle
-from stoop.vehicle.vehicle import AIR_FRAME, GROUND_FRAME, Frame
+from stoop import Flight, Vehicle
+from stoop.extend import fits
+from stoop.extend.arrays import FloatArray
+from stoop.extend.errors import FlightError, IdentificationError
+from stoop.extend.vehicles import AIR_FRAME, GROUND_FRAME, Frame
 from stoop_plan.input_design.candidates import Candidate
 
 #: of a number that is only known to lie in the unit box: one over its variance
@@ -42,30 +37,30 @@ NOISE_FLOOR: Final = 0.1  #: of the noise that the vehicle file gives a sensor
 class CandidateProblem:
     """A candidate as a least-squares problem, and how many of its pieces make each stretch without a hole."""
 
-    prepared: Prepared
+    prepared: fits.Prepared
     counts: tuple[int, ...]
 
-    def misfit(self, vehicle: Vehicle, weights: Weights) -> Misfit:
+    def misfit(self, vehicle: Vehicle, weights: fits.Weights) -> fits.Misfit:
         """Return the problem with this window's nuisances."""
         pieces = self.prepared.pieces
-        layout = Layout.of(vehicle, nuisances(vehicle, self.prepared))
-        return Misfit(layout, pieces, weights, (tuple(len(p.time) for p in pieces),))
+        layout = fits.Layout.of(vehicle, fits.nuisances(vehicle, self.prepared))
+        return fits.Misfit(layout, pieces, weights, (tuple(len(p.time) for p in pieces),))
 
 
-def _short_pieces(vehicle: Vehicle, piece: Piece) -> list[Piece]:
+def _short_pieces(vehicle: Vehicle, piece: fits.Piece) -> list[fits.Piece]:
     """Cut a piece into windows of about a second, of those that begin where the state was measured."""
-    out, count = [], max(1, round((piece.time[-1] - piece.time[0]) / WINDOW_LENGTH))
+    out, count = [], max(1, round((piece.time[-1] - piece.time[0]) / fits.WINDOW_LENGTH))
     for a, b in pairwise(np.linspace(0, len(piece.time), count + 1).astype(int)):
         columns = dict(zip(vehicle.outputs, piece.whole[a:b].T, strict=True))
-        readings = {c: columns[c] for c in state_channels(vehicle) if c in columns}
-        start, missing = guess_start(vehicle, piece.time[a:b], readings, "")
+        readings = {c: columns[c] for c in fits.state_channels(vehicle) if c in columns}
+        start, missing = fits.guess_start(vehicle, piece.time[a:b], readings, "")
         if not missing:
             out.append(piece.part(a, b, {**start, "h": piece.start.get("h", 0.0)}))
     return out
 
 
 #: what hovers is unstable: by short pieces that each begin anew
-PIECES: Final[Mapping[Frame, Callable[[Vehicle, Piece], list[Piece]]]] = {
+PIECES: Final[Mapping[Frame, Callable[[Vehicle, fits.Piece], list[fits.Piece]]]] = {
     AIR_FRAME: lambda _, piece: [piece],
     GROUND_FRAME: _short_pieces,
 }
@@ -74,10 +69,10 @@ PIECES: Final[Mapping[Frame, Callable[[Vehicle, Piece], list[Piece]]]] = {
 def candidate_problem(vehicle: Vehicle, flight: Flight, one: Candidate) -> CandidateProblem | None:
     """Prepare a candidate as for a fit; None where the vehicle's state or its inputs were not measured."""
     try:
-        prepared = prepare(vehicle, {flight.name: flight}, [one.window])
+        prepared = fits.prepare(vehicle, {flight.name: flight}, [one.window])
     except FlightError:
         return None
-    prepared = without_stuck_channels(vehicle, prepared)
+    prepared = fits.without_stuck_channels(vehicle, prepared)
     cut = [parts for piece in prepared.pieces if (parts := PIECES[vehicle.frame](vehicle, piece))]
     if not cut:
         return None
@@ -94,13 +89,13 @@ class VehicleInformation:
 
     vehicle: Vehicle
     unit: FloatArray
-    weights: Weights
+    weights: fits.Weights
     usual: float
 
     @cached_property
-    def layout(self) -> Layout:
+    def layout(self) -> fits.Layout:
         """Free numbers alone."""
-        return Layout.of(self.vehicle, ())
+        return fits.Layout.of(self.vehicle, ())
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -129,8 +124,8 @@ class VehicleInformation:
         # One by one: all sensitivities at once are zero for the most part.
         for i, piece in enumerate(whole.pieces):
             own = tuple(replace(n, piece=0) for n in every if not n.is_bias and n.piece == i)
-            layout = Layout.of(self.vehicle, (*biases, *own))
-            problem = Misfit(layout, (piece,), self.weights, ((len(piece.time),),))
+            layout = fits.Layout.of(self.vehicle, (*biases, *own))
+            problem = fits.Misfit(layout, (piece,), self.weights, ((len(piece.time),),))
             r, J = _linearized(problem, self.unit)
             if not np.isfinite(r).all():
                 return None
@@ -142,7 +137,7 @@ class VehicleInformation:
         return _eliminated(total, d)
 
 
-def _blocks(problem: Misfit) -> list[slice]:
+def _blocks(problem: fits.Misfit) -> list[slice]:
     """Return the rows of each piece."""
     channels = len(problem.layout.vehicle.outputs)
     edges = np.cumsum([0, *(channels * len(p.time) for p in problem.pieces)])
@@ -161,7 +156,7 @@ def _eliminated(information: FloatArray, kept: int) -> FloatArray:
     return np.asarray(0.5 * (out + out.T))
 
 
-def _linearized(problem: Misfit, unit: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _linearized(problem: fits.Misfit, unit: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return residuals and sensitivities at parameters (D,) in the unit box, nuisances at their guess."""
     z = np.concatenate([unit, np.zeros(problem.extra)])
     with np.errstate(invalid="ignore", over="ignore"):
@@ -182,10 +177,10 @@ def linearization_point(
         Nothing is free, or the simulation diverges in all windows.
     """
     sample = candidates[:NOISE_WINDOWS]
-    layout = Layout.of(vehicle, ())
+    layout = fits.Layout.of(vehicle, ())
     if not layout.dimension:
         raise IdentificationError(f"{vehicle.where}: no number is free; set free = true or use --free NAME")
-    weights = Weights.of(np.diag(sensor_noise(vehicle)))
+    weights = fits.Weights.of(np.diag(sensor_noise(vehicle)))
     unit = layout.unit(np.array([estimates.get(p.name, p.value) for p in layout.parameters]))
     linear = [(one, p, *_linearized(p, unit)) for one in sample for p in [one.misfit(vehicle, weights)]]
     linear = [one for one in linear if np.isfinite(one[2]).all()]
@@ -195,7 +190,7 @@ def linearization_point(
             "check values and units, or find windows without --vehicle"
         )
     for _ in range(NOISE_ROUNDS):
-        weights = Weights.of(_noise(vehicle, linear, weights))
+        weights = fits.Weights.of(_noise(vehicle, linear, weights))
     rms = []
     for one, *_ in linear:
         problem = one.misfit(vehicle, weights)
@@ -206,8 +201,8 @@ def linearization_point(
 
 def _noise(
     vehicle: Vehicle,
-    linear: Sequence[tuple[CandidateProblem, Misfit, FloatArray, FloatArray]],
-    weights: Weights,
+    linear: Sequence[tuple[CandidateProblem, fits.Misfit, FloatArray, FloatArray]],
+    weights: fits.Weights,
 ) -> FloatArray:
     """Return the variance (n_y,) of the residuals after a linear step, times their correlation time in samples."""
     stated = np.diag(sensor_noise(vehicle))
@@ -219,12 +214,17 @@ def _noise(
     variance[seen] = np.nanmean(errors[:, seen] ** 2, axis=0)
     variance = np.maximum(variance, NOISE_FLOOR**2 * stated)
     dt = linear[0][1].pieces[0].dt
-    common = float(np.median(correlation_times(left, dt)[seen])) if seen.any() else 1.0
+    common = float(np.median(fits.correlation_times(left, dt)[seen])) if seen.any() else 1.0
     return np.asarray(variance * common)
 
 
 def _residuals_after_step(
-    one: CandidateProblem, problem: Misfit, r: FloatArray, J: FloatArray, ratio: FloatArray, sigma: FloatArray
+    one: CandidateProblem,
+    problem: fits.Misfit,
+    r: FloatArray,
+    J: FloatArray,
+    ratio: FloatArray,
+    sigma: FloatArray,
 ) -> list[FloatArray]:
     """Return the residuals (n, n_y), SI, of each stretch after a linear step; NaN where nothing was measured."""
     channels, d = len(ratio), problem.dimension

@@ -15,19 +15,28 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from stoop.base.arrays import FloatArray
-from stoop.base.notices import Notice, notice
-from stoop.base.text import remaining
-from stoop.base.variables import RATES
-from stoop.errors import FlightError
-from stoop.flight import Flight
-from stoop.flight.airborne import flying, require_motors_ran
-from stoop.flight.maneuvers import Axis, commands, moves, output_families
-from stoop.flight.windows import Expected, Found, Proposed, Use
+from stoop import Flight, Notice
+from stoop.extend.arrays import FloatArray
+from stoop.extend.errors import FlightError
+from stoop.extend.flights import (
+    Axis,
+    Expected,
+    Found,
+    Proposed,
+    Use,
+    commands,
+    flying,
+    moves,
+    output_families,
+    require_motors_ran,
+)
+from stoop.extend.notices import notice
+from stoop.extend.text import remaining
+from stoop.extend.variables import RATES
 from stoop_plan.input_design.candidates import Candidate, Excitation, candidates, with_motors
 
 if TYPE_CHECKING:  # fits are imported where a vehicle is given: without one nothing is fitted
-    from stoop.vehicle import Vehicle
+    from stoop import Vehicle
     from stoop_plan.input_design.sensitivity import CandidateProblem, VehicleInformation
 
 
@@ -182,7 +191,7 @@ def excitation_information(
 
 def doubts(flights: Mapping[str, Flight], vehicle: Vehicle) -> list[Notice]:
     """Return why a flight is hardly of this vehicle; a FlightError where it lacks an input of it."""
-    from stoop.checks.vehicle import check_vehicle
+    from stoop.extend.vehicles import check_vehicle
 
     for flight in flights.values():
         _check_inputs(flight, vehicle)
@@ -394,8 +403,7 @@ def _check_inputs(flight: Flight, vehicle: Vehicle | None) -> None:
     """Refuse a flight that lacks an input of the vehicle's equations; without a vehicle, rates or commands of any kind."""
     missing = [r for r in RATES if r not in flight.names or not np.isfinite(flight.column(r)).any()]
     if vehicle is not None:
-        from stoop.checks.rotors import KINDS
-        from stoop.checks.vehicle import require_channels
+        from stoop.extend.vehicles import KINDS, require_channels
 
         require_channels(vehicle, flight)
         for require in KINDS[vehicle.frame].flight:

@@ -8,9 +8,8 @@ from typing import Final, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from stoop.base.schema_errors import first_complaint
-from stoop.base.toml import parse_source, quoted, read_source
-from stoop.errors import FlightError, one_line
+from stoop.extend.errors import FlightError, one_line
+from stoop.extend.files import first_complaint, parse_source, quoted, read_source
 
 FORMAT: Final = "stoop-windows/1"
 NAME: Final = "windows.toml"

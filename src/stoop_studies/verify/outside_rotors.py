@@ -16,13 +16,14 @@ from typing import Any, Final
 import numpy as np
 
 from stoop.base.arrays import FloatArray
-from stoop.base.rotations import FLIP, euler_angles, to_body
+from stoop.base.rotations import euler_angles, to_body
 from stoop.base.units import FOOT, SLUG
 from stoop.base.variables import EULER, RATES, SPECIFIC_FORCE, VELOCITY
 from stoop.errors import StoopError
 from stoop.results.result import Covariance
 from stoop.vehicle import Vehicle
 from stoop.vehicle.defaults import SHORTEST_LAG
+from stoop_export.exporter import FLIP
 from stoop_export.rotorpy_flight import TURN
 from stoop_studies.verify import jsbsim_flight, multirotor, truths
 from stoop_studies.verify.outside_aircraft import TABLES, OutsideFlight

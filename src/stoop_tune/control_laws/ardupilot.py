@@ -21,7 +21,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Final
 
-from stoop.base.arrays import FloatArray
+from stoop.extend.arrays import FloatArray
 from stoop_tune.control_laws.filters import Filter, butterworth, difference, low_pass, series
 from stoop_tune.control_laws.mixing import by_place, thrust_slope
 from stoop_tune.control_laws.parameters import Parameters

@@ -27,10 +27,10 @@ import numpy as np
 from numpy.polynomial import Polynomial
 from scipy.optimize import brentq
 
-from stoop.base.arrays import FloatArray
-from stoop.base.units import DEGREE
-from stoop.errors import StoopError
-from stoop.logs.blackbox_units import DSHOT, is_digital
+from stoop.extend.arrays import FloatArray
+from stoop.extend.errors import StoopError
+from stoop.extend.recordings import DSHOT, is_digital
+from stoop.extend.units import DEGREE
 from stoop_tune.control_laws.filters import (
     PASS,
     Filter,

@@ -19,8 +19,8 @@ import math
 from collections.abc import Mapping
 from typing import Final
 
-from stoop.base.arrays import FloatArray
-from stoop.base.units import DEGREE
+from stoop.extend.arrays import FloatArray
+from stoop.extend.units import DEGREE
 from stoop_tune.control_laws.filters import PASS, Filter, butterworth, difference, series
 from stoop_tune.control_laws.mixing import by_place
 from stoop_tune.control_laws.parameters import Parameters

@@ -15,8 +15,8 @@ from typing import Final, Self
 import numpy as np
 from scipy.signal import butter, iirnotch, lfilter, lfiltic
 
-from stoop.base.arrays import ComplexArray, FloatArray
-from stoop.errors import StoopError
+from stoop.extend.arrays import ComplexArray, FloatArray
+from stoop.extend.errors import StoopError
 
 
 @dataclass(frozen=True)

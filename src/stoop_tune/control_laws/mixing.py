@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
-from stoop.base.arrays import FloatArray
-from stoop.errors import StoopError
+from stoop.extend.arrays import FloatArray
+from stoop.extend.errors import StoopError
 
 
 def by_place(positions: FloatArray, turning: FloatArray, most: tuple[float, float, float]) -> FloatArray:

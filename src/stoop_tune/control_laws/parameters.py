@@ -9,9 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from stoop.errors import StoopError
-from stoop.logs.read import read
-from stoop.logs.recording import log_content
+from stoop.extend.errors import StoopError
+from stoop.extend.recordings import log_content, read
 from stoop_tune.control_laws.rate_law import AXES
 
 ENDINGS: Final = frozenset({".params", ".parm", ".param", ".config"})

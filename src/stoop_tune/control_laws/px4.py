@@ -20,7 +20,7 @@ from typing import Final
 
 import numpy as np
 
-from stoop.base.arrays import FloatArray
+from stoop.extend.arrays import FloatArray
 from stoop_tune.control_laws.filters import Filter, butterworth, difference, low_pass, notch, series
 from stoop_tune.control_laws.mixing import command_of, thrust_slope
 from stoop_tune.control_laws.parameters import Parameters

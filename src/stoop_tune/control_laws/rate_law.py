@@ -14,7 +14,7 @@ from typing import Final
 
 import numpy as np
 
-from stoop.base.arrays import ComplexArray, FloatArray
+from stoop.extend.arrays import ComplexArray, FloatArray
 from stoop_tune.control_laws.filters import PASS, Filter
 
 AXES: Final = ("roll", "pitch", "yaw")

@@ -15,7 +15,7 @@ from typing import Final
 
 import numpy as np
 
-from stoop.base.arrays import FloatArray
+from stoop.extend.arrays import FloatArray
 from stoop_tune.control_laws.filters import PASS, Filter
 from stoop_tune.control_laws.rate_law import SETPOINT, RateLaw
 

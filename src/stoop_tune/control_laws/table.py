@@ -7,8 +7,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Final
 
-from stoop.base.arrays import FloatArray
-from stoop.errors import StoopError
+from stoop.extend.arrays import FloatArray
+from stoop.extend.errors import StoopError
 from stoop_tune.control_laws import ardupilot, betaflight, crazyflie, px4
 from stoop_tune.control_laws.parameters import COMMANDS
 from stoop_tune.control_laws.rate_law import AXES, RateLaw

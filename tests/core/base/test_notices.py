@@ -11,10 +11,11 @@ import numpy as np
 import pytest
 
 from stoop.base import notices
-from stoop.base.arrays import empty_columns, within_range
+from stoop.base.arrays import within_range
 from stoop.base.notices import Notice, as_notice, attempt, detector_failed, from_dict, message, notice
 from stoop.errors import FlightError
 from stoop.flight import describe, load
+from stoop_draft.checks.engine import empty_columns
 
 ROOT = Path(__file__).parents[3]
 
