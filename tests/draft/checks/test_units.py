@@ -13,6 +13,7 @@ from stoop.base.notices import Notice
 from stoop.base.rotations import wrap
 from stoop.errors import FlightError
 from stoop.flight import Flight, load
+from stoop_draft.checks.engine import empty_columns
 from stoop_draft.checks.entries import Line, Lines
 from stoop_draft.checks.mapping import check_mapping
 from stoop_draft.checks.units import Sizes, without_jumps
@@ -187,3 +188,8 @@ def test_siblings_show_the_wrong_unit_and_a_heading_counted_through_turns_is_non
     assert check({"psi": wrap(heading), "r": rate}) == []
     (found,) = check({"psi": wrap(heading) * DEG, "r": rate})
     assert found.values["lines"] == ("psi",)
+
+
+def test_a_column_without_a_finite_number_is_empty() -> None:
+    nothing, something = np.array([np.nan, np.inf]), np.array([np.nan, 1.0])
+    assert empty_columns({"a": nothing, "b": something, "c": np.empty(0)}) == {"a", "c"}
