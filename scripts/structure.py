@@ -24,17 +24,17 @@ FLAG = re.compile(
 )  #: tests whether a vehicle has rotors
 #: package, or room of the core -> lines at most; "stoop" is the whole core
 BUDGETS = {
-    "stoop": 53803,
+    "stoop": 53917,
     "stoop_analysis": 6447,
     "stoop_app": 4022,
     "stoop_draft": 7293,
     "stoop_export": 7337,
     "stoop_fleet": 3659,
-    "stoop_plan": 5297,
+    "stoop_plan": 5199,
     "stoop_studies": 15042,
     "stoop_tune": 4466,
     "api": 73,
-    "assessment": 4708,
+    "assessment": 4822,
     "base": 2607,
     "checks": 600,
     "cli": 2176,

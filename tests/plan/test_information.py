@@ -19,7 +19,7 @@ from stoop_plan.input_design.information import Knowledge, Limits, Setup, flight
 from stoop_plan.input_design.inputs import SHAPES, Frame
 from stoop_plan.input_design.optimization import Plan, design, propose, robustness, textbook_maneuver
 from stoop_plan.input_design.sensitivity import sensor_noise
-from stoop_plan.maneuver_advice import FlownModel, Term
+from stoop_plan.maneuver_advice import FlownModel, Term, advice
 from stoop_studies.verify.design import mean_ratio
 
 PLAN = Plan(duration=8.0, rate=50.0, evaluations=40, seed=1)
@@ -266,7 +266,7 @@ def test_the_advice_follows_from_the_motion_flown() -> None:
         ("propulsion.CT0", [rate], (), ("advice-propulsion",), {"power": "throttle"}, ""),
         ("controls.elevator.lag", [rate], (), ("advice-controls",), {}, ""),
     ):  # fmt: skip
-        first = flown_advice(*(term(*one) for one in given)).advice(name, partners)[0]
+        first = advice(flown_advice(*(term(*one) for one in given)), name, partners)[0]
         codes = (first.code, getattr(first.values.get("maneuver"), "code", ""))
         assert codes[: len(wanted)] == wanted, (name, partners)
         assert dict(first.values) | values == first.values, (name, partners)

@@ -40,6 +40,7 @@ from stoop.assessment.error_bars import (
     scaled_singular_values,
     worst_pairs,
 )
+from stoop.assessment.flown_model import flown_model
 from stoop.assessment.verdict import CONFIRMED
 from stoop.base.arrays import FloatArray
 from stoop.base.notices import Notice, notice
@@ -96,7 +97,7 @@ def with_uncertainty(result: Result, fit: Estimate, bars: ErrorBars) -> Result:
     variances = {c: dict(zip(names, own, strict=True)) for c, own in parts.items()}
     components = Components(variances, tuple(n for n in COMPONENTS if n in bars.left_out))
     related = correlation(bars.covariance[: len(names), : len(names)])
-    models = [model(result, fit) for model in hooks("flown_model")]
+    flown, advisers = flown_model(result, fit), hooks("advice")
     singular, directions = _directions(fit, bars, names)
     analyses = {}
     for i, name in enumerate(names):
@@ -107,7 +108,7 @@ def with_uncertainty(result: Result, fit: Estimate, bars: ErrorBars) -> Result:
         if not bars.at_bound[i]:
             one = bars.identifiability[name]
             numbers, doubt = (one.conditional_std, one.marginal_std, one.multiple_correlation), one.reason
-        advised = tuple(n for m in models for n in m.advice(name, stand_ins)) if doubt else ()
+        advised = tuple(n for advice in advisers for n in advice(flown, name, stand_ins)) if doubt else ()
         analyses[name] = ParameterIdentifiability(*numbers, stand_ins, doubt, advised)
     return replace(
         result,

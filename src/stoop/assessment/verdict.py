@@ -80,7 +80,7 @@ INERTIA: Final = {"roll": "mass.inertia.xx", "pitch": "mass.inertia.yy", "yaw": 
 def uses(vehicle: Vehicle, sizes: Mapping[str, float] | None = None) -> tuple[Use, ...]:
     """Return the requirements of each use: free parameters by their part in the equations, and channels.
 
-    `sizes` are those of :class:`stoop_plan.maneuver_advice.FlownModel`.
+    `sizes` are those of :class:`stoop.assessment.flown_model.FlownModel`.
     """
     of_effect = sizes or {}
     free = [p.name for p in vehicle.parameters if p.free]

@@ -11,6 +11,8 @@ from stoop.assessment.error_bars import ErrorBars as ErrorBars
 from stoop.assessment.error_bars import error_bars as error_bars
 from stoop.assessment.error_bars import estimate_uncertainty as estimate_uncertainty
 from stoop.assessment.extensions import GIVEN as GIVEN
+from stoop.assessment.flown_model import FlownModel as FlownModel
+from stoop.assessment.flown_model import Term as Term
 from stoop.assessment.modes import Condition as Condition
 from stoop.assessment.uncertainty import MAX_RHAT as MAX_RHAT
 from stoop.estimate import methods as methods
@@ -39,7 +41,6 @@ from stoop.problem.misfit import Misfit as Misfit
 from stoop.problem.misfit import Piece as Piece
 from stoop.problem.observation import at_center_of_gravity as at_center_of_gravity
 from stoop.problem.observation import guess_start as guess_start
-from stoop.problem.observation import observation_model as observation_model
 from stoop.problem.observation import state_channels as state_channels
 from stoop.problem.observation import true_values as true_values
 from stoop.problem.prepare import Prepared as Prepared

@@ -12,6 +12,7 @@ import numpy as np
 from stoop.assessment.covariance import NORMAL_95
 from stoop.assessment.error_bars import ErrorBars
 from stoop.assessment.extensions import extension_notices
+from stoop.assessment.flown_model import flown_model
 from stoop.assessment.goodness_of_fit import left_out_residuals, press_notices
 from stoop.assessment.modes import modes
 from stoop.assessment.uncertainty import with_uncertainty
@@ -105,8 +106,7 @@ def fitted_model(decided: Fitted) -> FittedModel:
         *failed,
     ]
     result = replace(result, notices=tuple(notices), seconds=time.perf_counter() - origin.began)
-    sizes = {n: x for model in hooks("flown_model") for n, x in model(result, fit).sizes.items()}
-    result = replace(result, verdict=verdict(result, uses(vehicle, sizes)))
+    result = replace(result, verdict=verdict(result, uses(vehicle, flown_model(result, fit).sizes)))
     return FittedModel(
         vehicle=model.vehicle.coupled_to(()),
         result=result,

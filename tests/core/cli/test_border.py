@@ -30,7 +30,9 @@ CALL = re.compile(r"\b(print|pprint|print_exc|print_exception|Console|input|os\.
 
 
 def printing_calls() -> Iterator[tuple[str, str, ast.Call]]:
-    for path in Path(stoop.__file__ or "").parents[1].glob("stoop*/**/*.py"):
+    folder = Path(stoop.__file__ or "").parents[1]
+    examples = folder / "stoop" / "data" / "examples"  # of a wheel
+    for path in (p for p in folder.glob("stoop*/**/*.py") if not p.is_relative_to(examples)):
         text = path.read_text(encoding="utf-8")
         if not CALL.search(text) and path.name not in ("page.py", "progress.py"):
             continue
