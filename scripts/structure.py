@@ -24,7 +24,7 @@ FLAG = re.compile(
 )  #: tests whether a vehicle has rotors
 #: package, or room of the core -> lines at most; "stoop" is the whole core
 BUDGETS = {
-    "stoop": 53917,
+    "stoop": 53938,
     "stoop_analysis": 6447,
     "stoop_app": 4022,
     "stoop_draft": 7293,
@@ -35,7 +35,7 @@ BUDGETS = {
     "stoop_tune": 4466,
     "api": 73,
     "assessment": 4822,
-    "base": 2607,
+    "base": 2612,
     "checks": 600,
     "cli": 2176,
     "estimate": 7314,
@@ -44,7 +44,7 @@ BUDGETS = {
     "kernels": 2802,
     "logs": 5147,
     "optimize": 2747,
-    "parallel": 1254,
+    "parallel": 1270,
     "prediction": 634,
     "problem": 2029,
     "reconstruction": 835,

@@ -11,15 +11,20 @@ from typing import Any, Final
 _LINE: Final = re.compile(r"^from (\S+) import (\w+) as \2$", re.MULTILINE)
 
 
+def places(stub: Path) -> dict[str, str]:
+    """Return the module of each name that a stub imports."""
+    return {name: place for place, name in _LINE.findall(stub.read_text("utf-8"))}
+
+
 def attach(module: str, file: str) -> tuple[Callable[[str], Any], Callable[[], list[str]], list[str]]:
     """Return `__getattr__`, `__dir__` and `__all__` of a module, whose stub has lines ``from place import name as name``."""
-    places = {name: place for place, name in _LINE.findall(Path(file).with_suffix(".pyi").read_text("utf-8"))}
+    known = places(Path(file).with_suffix(".pyi"))
 
     def imported(name: str) -> Any:
-        if name not in places:
+        if name not in known:
             raise AttributeError(f"module '{module}' has no attribute '{name}'")
-        value = getattr(__import__(places[name], fromlist=[name]), name)
+        value = getattr(__import__(known[name], fromlist=[name]), name)
         setattr(sys.modules[module], name, value)
         return value
 
-    return imported, lambda: sorted(places), sorted(places)
+    return imported, lambda: sorted(known), sorted(known)

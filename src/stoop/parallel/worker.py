@@ -13,6 +13,7 @@ import importlib
 import importlib.util
 import os
 import socket
+import threading
 import traceback
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
@@ -20,7 +21,9 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Final, TypedDict
 
+import stoop
 from stoop.base.interrupts import reraise_interrupt
+from stoop.base.lazy import places
 from stoop.base.packages import packages
 from stoop.errors import CampaignError, StoopError
 from stoop.parallel.plan import from_text, to_text
@@ -36,6 +39,7 @@ ROOMS: Final = (
 EXCLUDED: Final = frozenset(
     f"stoop.{name}" for name in (*ROOMS, "parallel", "cli", "report", "errors", "base.files")
 )
+PARSER: Final = threading.Lock()  #: Python 3.11 parses for one thread at a time
 BLOCKS: Final = ("body", "orelse", "finalbody", "handlers", "cases")  #: of statements in a statement
 Roots = Mapping[str, list[Path]]  #: top-level package or module -> its folders, or its file
 
@@ -201,11 +205,12 @@ def _place(name: str, roots: Roots) -> Path | None:
 def _imported(key: str, content: bytes, roots: Roots) -> list[str]:
     """Return the modules of the roots that a file imports; of a package, the module that is named, or all of it."""
     try:
-        tree = ast.parse(content if key.endswith(".py") else b"")
+        with PARSER:
+            tree = ast.parse(content if key.endswith(".py") else b"")
     except (SyntaxError, ValueError):  # importing it reports this
         return []
-    package = key.removesuffix(".py").split(".")[:-1]
-    found: list[str] = []
+    module = key.removesuffix(".py")
+    package, found = module.split(".")[:-1], [*_lazy(module, roots).values()]
     statements = list[ast.AST](tree.body)
     while statements:
         node = statements.pop()
@@ -215,6 +220,17 @@ def _imported(key: str, content: bytes, roots: Roots) -> list[str]:
         elif isinstance(node, ast.ImportFrom):
             near = package[: len(package) - node.level + 1] if node.level else []
             base = ".".join((*near, *filter(None, [node.module])))
-            inner = [f"{base}.{alias.name}" for alias in node.names]
-            found += [name if _place(name, roots) else base for name in inner]
+            lazy = _lazy(base, roots)
+            inner = [(alias.name, f"{base}.{alias.name}") for alias in node.names]
+            found += [lazy.get(n) or (name if _place(name, roots) else base) for n, name in inner]
     return [name for name in found if name.partition(".")[0] in roots]
+
+
+def _lazy(module: str, roots: Roots) -> dict[str, str]:
+    """Return the module of each name of a module that imports names at their first use: of `stoop`, or by its stub."""
+    if module == "stoop":
+        return {n: place.partition(":")[0] for n, place in stoop.PLACES.items() if n != "errors"}
+    place = _place(module, roots) if module.startswith("stoop.extend.") else None
+    stub = place.with_suffix(".pyi") if place else None
+    named = places(stub).items() if stub and stub.is_file() else ()
+    return {n: f"{above}.{n}" if _place(f"{above}.{n}", roots) else above for n, above in named}
