@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from stoop.extend.errors import StoopError
 from stoop.extend.text import nearest
-from stoop.extend.verbs import guarded, resolved, rows
+from stoop.extend.verbs import made, resolved
 
 if TYPE_CHECKING:
     from stoop_export.exporter import Condition, Exported, Exporter, ModelData
@@ -46,9 +46,7 @@ TARGETS: Final[dict[str, Target]] = {
     "crazyflow": Target("Crazyflow and drone-models", "stoop_export.crazyflow:Crazyflow"),
     "gazebo": Target("Gazebo", "stoop_export.gazebo:Gazebo"),
 }
-for _package, _name, _row in rows("targets", TARGETS):
-    with guarded(_package, f"its target '{_name}'"):
-        TARGETS[_name] = Target(**_row)
+TARGETS.update(made("targets", "target", Target, TARGETS))
 
 
 def export(model: ModelData, target: str, condition: Condition | None = None) -> Exported:

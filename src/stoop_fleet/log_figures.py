@@ -49,7 +49,6 @@ INSTRUMENTS: Final = {
 }  # fmt: skip
 """First part of the name of an instrument error -> place of the instrument."""
 FEWEST: Final = 30  #: blocks for a mean or a slope
-POOR_WIND: Final = 1.5  #: m/s, standard error of a wind that is hardly known
 STEADY: Final = 2.0  #: s, of blocks of airplanes
 SAME: Final = 1e-6  #: standard deviation of what is the same in all flights
 MOVED: Final = 0.02  #: A, rms of its changes that tells it
@@ -368,8 +367,7 @@ def conditions(flight: Flight) -> Mapping[str, float]:
         read["density"] = density[0]
     means: dict[str, float] = {n: float(np.nanmean(x)) for n, x in read.items() if np.isfinite(x).any()}
     air = flight.air
-    known = air is not None and max(air.wind_n_std, air.wind_e_std) < POOR_WIND
-    if air is not None and known and air.method != "still air":
+    if air is not None and air.wind_known and air.method != "still air":
         means = {"wind_n": air.wind_n, "wind_e": air.wind_e} | means
     if {"wind_n", "wind_e"} <= means.keys():
         means["wind"] = float(np.hypot(means["wind_n"], means["wind_e"]))

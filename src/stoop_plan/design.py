@@ -93,7 +93,7 @@ def design(
     envelope : mapping, optional
         Lowest and highest value of a channel, SI.
     shapes : sequence of str, optional
-        Of :data:`stoop_plan.input_design.SHAPES`; the usual ones when absent.
+        Of :data:`stoop_plan.input_design.inputs.SHAPES`; the usual ones when absent.
     seed : int
     min_amplitude : mapping, optional
         Smallest amplitude of each control that can be flown; 0.5 deg when absent.

@@ -20,12 +20,8 @@ if TYPE_CHECKING:
     import pandas as pd
 
 LADDER: Final = (0.25, 0.5, 0.75, 1.0)  #: shares of the way to the proposal, of trial flights
-SHOWN: Final[tuple[str, ...]] = (
-    "gain margin",
-    "phase margin",
-    "disk margin",
-    "rejection",
-)  #: of a trial flight
+#: of a trial flight
+SHOWN: Final[tuple[str, ...]] = ("gain margin", "phase margin", "disk margin", "rejection")
 
 
 @dataclass(frozen=True, eq=False)

@@ -40,7 +40,7 @@ from stoop.assessment.error_bars import (
     scaled_singular_values,
     worst_pairs,
 )
-from stoop.assessment.flown_model import flown_model
+from stoop.assessment.flown_model import FlownModel
 from stoop.assessment.verdict import CONFIRMED
 from stoop.base.arrays import FloatArray
 from stoop.base.notices import Notice, notice
@@ -77,7 +77,7 @@ MAX_RHAT: Final = 1.01  #: of every parameter; above it a posterior says nothing
 MAX_PRIOR_SHARE: Final = 0.5  #: of an estimate: beyond, the prior knows more than the maneuver
 
 
-def with_uncertainty(result: Result, fit: Estimate, bars: ErrorBars) -> Result:
+def with_uncertainty(result: Result, fit: Estimate, bars: ErrorBars, flown: FlownModel) -> Result:
     """Return the result with its two error bars side by side, which to trust, and what the data can tell."""
     errors = {"corrected": bars.std}
     if not {c.name for c in bars.components} <= {*GIVEN_MODEL}:
@@ -97,7 +97,7 @@ def with_uncertainty(result: Result, fit: Estimate, bars: ErrorBars) -> Result:
     variances = {c: dict(zip(names, own, strict=True)) for c, own in parts.items()}
     components = Components(variances, tuple(n for n in COMPONENTS if n in bars.left_out))
     related = correlation(bars.covariance[: len(names), : len(names)])
-    flown, advisers = flown_model(result, fit), hooks("advice")
+    advisers = hooks("advice")
     singular, directions = _directions(fit, bars, names)
     analyses = {}
     for i, name in enumerate(names):

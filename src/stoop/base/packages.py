@@ -16,13 +16,14 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
 from stoop.errors import PackageWarning, StoopError
 
 PREFIX: Final = "stoop_"
 FILE: Final = "stoop.toml"
 INTERFACE: Final = 1  #: version of what a package may build on; that of its file must be the same
+Made = TypeVar("Made")
 LARGEST: Final = 1_000_000  #: bytes of a file
 
 
@@ -54,23 +55,38 @@ def _content(path: Path) -> Mapping[str, Any]:
     return content
 
 
+def tables(kind: str) -> Iterator[tuple[str, Mapping[str, Any]]]:
+    """Yield package and table of all that offer a kind; what is no table costs a warning."""
+    for package, content in packages().items():
+        table = content.get(kind, {})
+        if isinstance(table, Mapping):
+            yield package, table
+        else:
+            warn(package, f"'{kind}' is no table")
+
+
 def rows(kind: str, taken: Iterable[str] = ()) -> Iterator[tuple[str, str, Any]]:
     """Yield package, name and row of all that packages offer of a kind.
 
     Of two rows of one name the first is taken, with a warning; names that are `taken` are those of stoop.
     """
     known = dict.fromkeys(taken, "stoop")
-    for package, content in packages().items():
-        table = content.get(kind, {})
-        if not isinstance(table, Mapping):
-            warn(package, f"'{kind}' is no table")
-            continue
+    for package, table in tables(kind):
         for name, row in table.items():
             if name in known:
                 warn(package, f"'{name}' of its {kind} is one of {known[name]} already")
             else:
                 known[name] = package
                 yield package, name, row
+
+
+def made(kind: str, what: str, make: Callable[..., Made], taken: Iterable[str]) -> dict[str, Made]:
+    """Return what packages offer of a kind by name, each made of the keys of its row; see `rows`."""
+    out = dict[str, Made]()
+    for package, name, row in rows(kind, taken):
+        with guarded(package, f"its {what} '{name}'"):
+            out[name] = make(**row)
+    return out
 
 
 def places(kind: str, taken: Iterable[str] = ()) -> dict[str, str]:
@@ -80,8 +96,8 @@ def places(kind: str, taken: Iterable[str] = ()) -> dict[str, str]:
 
 def hooks(name: str) -> list[Callable[..., Any]]:
     """Return the functions of all packages that stoop calls under a name; one that cannot be imported costs a warning."""
-    tables = [(p, t) for p, content in packages().items() if isinstance(t := content.get("hooks"), Mapping)]
-    return [one for p, t in tables if name in t for one in found(p, f"its hook '{name}'", t[name])]
+    offered = ((package, table[name]) for package, table in tables("hooks") if name in table)
+    return [one for package, place in offered for one in found(package, f"its hook '{name}'", place)]
 
 
 def found(package: str, what: str, place: str) -> list[Any]:

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING, Any, Final
 
-from stoop.base.packages import PREFIX, guarded, resolved, rows
+from stoop.base.packages import PREFIX, made, resolved
 from stoop.base.text import nearest
 from stoop.errors import IdentificationError, StoopError
 
@@ -97,11 +97,7 @@ _METHODS: Final[dict[str, Method]] = {
 @cache
 def _methods() -> Mapping[str, Method]:
     """Return the methods of stoop and those of packages."""
-    found = dict(_METHODS)
-    for package, name, row in rows("estimators", found):
-        with guarded(package, f"its estimator '{name}'"):
-            found[name] = Method(**row)
-    return found
+    return _METHODS | made("estimators", "estimator", Method, _METHODS)
 
 
 #: errors of arrays that are not those of an estimate

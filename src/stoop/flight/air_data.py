@@ -34,7 +34,7 @@ from stoop.base.units import DEGREE
 from stoop.base.variables import EULER, QUATERNION, RATES, SPECIFIC_FORCE, VARIABLES, VELOCITY
 from stoop.flight import airspeed
 from stoop.flight.airborne import carried_by_rotors, hovered
-from stoop.flight.flight import NAN, AirData, Flight, Gridded
+from stoop.flight.flight import NAN, POOR_WIND, AirData, Flight, Gridded
 from stoop.flight.gridding import complete
 from stoop.flight.instrument_errors import prior_std
 from stoop.flight.velocity_smoother import Smoothed, smooth_velocity
@@ -58,7 +58,6 @@ class Limits:
     kappa: float = 2000.0  #: m, prior; 2 m / (rho S) is 40 m for a small drone, 2000 m for an airliner
     log_wind: float = 0.5  #: m/s; no logged wind is believed more than this
     sideslip: float = 0.15  #: rad, rms; a larger scatter says that the vehicle does not weathercock
-    poor_wind: float = 1.5  #: m/s, standard error of a wind that is hardly known
     heading_error: float = 1.5 * DEGREE
     delay: float = 0.015  #: s
     rest_offset: float = 0.5  #: m/s
@@ -345,7 +344,7 @@ def _best_wind(
     options: list[tuple[str, airspeed.Fit]] = []
     if pitot:
         options.append(("pitot", airspeed.fit(pitot, *prior)))
-        if options[0][1].wind_std < LIMITS.poor_wind:
+        if options[0][1].wind_std < POOR_WIND:
             return options[0]
         if sideslip is not None:
             both = airspeed.fit([*pitot, (airspeed.sideslip_equation, samples)], *prior)
@@ -366,11 +365,10 @@ def _notices(
     """Return what was found at a typical true airspeed [m/s] and a density [kg/m3]."""
     found = [notice("wind-unknown")]
     if air.method != "still air":
-        poor = max(air.wind_n_std, air.wind_e_std) > LIMITS.poor_wind
         wind = {"north": air.wind_n, "east": air.wind_e, "speed": float(np.hypot(air.wind_n, air.wind_e))}
         wind["direction"] = float(np.arctan2(-air.wind_e, -air.wind_n) % (2.0 * np.pi))
         wind |= {"north_std": air.wind_n_std, "east_std": air.wind_e_std}
-        code = "steady-wind-poor" if poor else "steady-wind"
+        code = "steady-wind" if air.wind_known else "steady-wind-poor"
         found = [notice(code, "", **wind, source=_WIND_SOURCES[air.method])]
     found += _pitot_notices(air, speed, density)
     north, east, north_std, east_std = air.sideslip_wind

@@ -33,6 +33,7 @@ ENDINGS: Final = (
 MAX_TRIM: Final = 0.05
 MIN_SEGMENT: Final = 0.5  #: s; shorter pieces say nothing about the aircraft and are dropped
 NAN: Final = float("nan")
+POOR_WIND: Final = 1.5  #: m/s, standard error of a wind that is hardly known
 
 
 @dataclass(frozen=True)
@@ -67,6 +68,11 @@ class AirData:
     #: name -> (n,), airborne samples to plot: time, speed_inertial (|v - w|), pitot, pitot_corrected, wind_n_log,
     #: wind_e_log, beta, beta_from_force
     traces: Mapping[str, FloatArray] = field(default_factory=dict, compare=False, repr=False)
+
+    @property
+    def wind_known(self) -> bool:
+        """Whether the standard errors of the wind are less than `POOR_WIND`."""
+        return max(self.wind_n_std, self.wind_e_std) < POOR_WIND
 
 
 @dataclass(frozen=True, eq=False)

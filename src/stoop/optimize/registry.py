@@ -9,7 +9,7 @@ from math import isfinite
 from types import MappingProxyType
 from typing import Any, Final
 
-from stoop.base.packages import guarded, resolved, rows
+from stoop.base.packages import made, resolved
 from stoop.errors import IdentificationError
 from stoop.optimize.state import Optimizer
 
@@ -38,11 +38,7 @@ _BUILT_IN: Final[dict[str, Entry]] = {
 @cache
 def _entries() -> Mapping[str, Entry]:
     """Return the built-in optimizers and those of packages."""
-    found = dict(_BUILT_IN)
-    for package, name, row in rows("optimizers", found):
-        with guarded(package, f"its optimizer '{name}'"):
-            found[name] = Entry(**row)
-    return MappingProxyType(found)
+    return MappingProxyType(_BUILT_IN | made("optimizers", "optimizer", Entry, _BUILT_IN))
 
 
 def names() -> tuple[str, ...]:

@@ -24,7 +24,7 @@ from typing import Final, TypedDict
 import stoop
 from stoop.base.interrupts import reraise_interrupt
 from stoop.base.lazy import places
-from stoop.base.packages import packages
+from stoop.base.packages import tables
 from stoop.errors import CampaignError, StoopError
 from stoop.parallel.plan import from_text, to_text
 
@@ -93,9 +93,7 @@ def environment() -> Mapping[str, str]:
         with suppress(metadata.PackageNotFoundError):
             found[name] = metadata.version(name)
     found["sources of stoop"] = source_digest(*(Path(__file__).parents[1] / room for room in ROOMS))
-    hooks = [
-        str(place).partition(":")[0] for own in packages().values() for place in own.get("hooks", {}).values()
-    ]
+    hooks = (str(place).partition(":")[0] for _, table in tables("hooks") for place in table.values())
     found["sources of hooks"] = _hashed(source_files(*hooks))
     return MappingProxyType(found)
 
@@ -149,10 +147,9 @@ _own_sources: Final = functools.cache(work_sources)
 def source_files(*modules: str) -> dict[str, bytes]:
     """Return name and content of each file of modules and of what they import."""
     beside = (p.parent.name for p in Path(__file__).parents[2].glob("stoop_*/__init__.py"))
-    tops = {*(module.partition(".")[0] for module in modules), "stoop", *beside}
+    files, queue, visited = dict[str, bytes](), [*modules], {*EXCLUDED}
+    tops = {*(module.partition(".")[0] for module in queue), "stoop", *beside}
     roots = {top: found for top in tops if (found := _roots(top))}
-    files: dict[str, bytes] = {}
-    queue, visited = [*modules], {*EXCLUDED}
     while queue:
         name = queue.pop()
         if name in visited or any(name.startswith(f"{other}.") for other in EXCLUDED):
@@ -210,7 +207,7 @@ def _imported(key: str, content: bytes, roots: Roots) -> list[str]:
     except (SyntaxError, ValueError):  # importing it reports this
         return []
     module = key.removesuffix(".py")
-    package, found = module.split(".")[:-1], [*_lazy(module, roots).values()]
+    package, found = module.split(".")[:-1], [_module_of(module, name, roots) for name in _lazy(module)]
     statements = list[ast.AST](tree.body)
     while statements:
         node = statements.pop()
@@ -220,17 +217,21 @@ def _imported(key: str, content: bytes, roots: Roots) -> list[str]:
         elif isinstance(node, ast.ImportFrom):
             near = package[: len(package) - node.level + 1] if node.level else []
             base = ".".join((*near, *filter(None, [node.module])))
-            lazy = _lazy(base, roots)
-            inner = [(alias.name, f"{base}.{alias.name}") for alias in node.names]
-            found += [lazy.get(n) or (name if _place(name, roots) else base) for n, name in inner]
+            found += [_module_of(base, alias.name, roots) for alias in node.names]
     return [name for name in found if name.partition(".")[0] in roots]
 
 
-def _lazy(module: str, roots: Roots) -> dict[str, str]:
-    """Return the module of each name of a module that imports names at their first use: of `stoop`, or by its stub."""
+def _module_of(base: str, name: str, roots: Roots) -> str:
+    """Return the module that importing a name from a module reads: the one of that name, or the one that holds it."""
+    above = _lazy(base).get(name, base)
+    return inner if _place(inner := f"{above}.{name}", roots) else above
+
+
+@functools.cache
+def _lazy(module: str) -> Mapping[str, str]:
+    """Return name -> module that holds it, of a module that imports its names at their first use: `stoop`, or by its stub."""
     if module == "stoop":
-        return {n: place.partition(":")[0] for n, place in stoop.PLACES.items() if n != "errors"}
-    place = _place(module, roots) if module.startswith("stoop.extend.") else None
-    stub = place.with_suffix(".pyi") if place else None
-    named = places(stub).items() if stub and stub.is_file() else ()
-    return {n: f"{above}.{n}" if _place(f"{above}.{n}", roots) else above for n, above in named}
+        return {name: place.partition(":")[0] for name, place in stoop.PLACES.items()}
+    extend, _, group = module.rpartition(".")
+    stub = Path(__file__).parents[1] / "extend" / f"{group}.pyi"
+    return places(stub) if extend == "stoop.extend" and stub.is_file() else {}

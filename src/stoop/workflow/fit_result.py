@@ -83,7 +83,8 @@ def fitted_model(decided: Fitted) -> FittedModel:
     flown = (model.vehicle.coupled_to(()), flights, maneuvers, traces)
     left = tuple(one for find in hooks("response_misfits") for one in attempt(failed, (), find, *flown))
     result = replace(result, modes=found, extensions=decided.tested.tests, response_misfits=left)
-    result = with_uncertainty(result, fit, bars)
+    terms = flown_model(result, fit)
+    result = with_uncertainty(result, fit, bars, terms)
 
     prepared = [one for group in groups for one in group.prepared.notices]
     of_flights = [one for flight in flights.values() for one in flight.notices]
@@ -106,7 +107,7 @@ def fitted_model(decided: Fitted) -> FittedModel:
         *failed,
     ]
     result = replace(result, notices=tuple(notices), seconds=time.perf_counter() - origin.began)
-    result = replace(result, verdict=verdict(result, uses(vehicle, flown_model(result, fit).sizes)))
+    result = replace(result, verdict=verdict(result, uses(vehicle, terms.sizes)))
     return FittedModel(
         vehicle=model.vehicle.coupled_to(()),
         result=result,

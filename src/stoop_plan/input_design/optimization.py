@@ -60,7 +60,7 @@ class Plan:
 
 @dataclass(frozen=True, eq=False)
 class Design:
-    """An optimized maneuver, its forecast at its own rate, and its gain (:meth:`stoop_plan.input_design.Setup.gain`)."""
+    """An optimized maneuver, its forecast at its own rate, and its gain (`information.Setup.gain`)."""
 
     shape: str
     maneuver: Maneuver
@@ -109,7 +109,7 @@ def design(
     shape: str = "multisine",
     callback: Callable[[optimize.Progress], None] | None = None,
 ) -> Design:
-    """Return the D-optimal maneuver of a family of inputs, a name of :data:`stoop_plan.input_design.SHAPES`.
+    """Return the D-optimal maneuver of a family of inputs, a name of `inputs.SHAPES`.
 
     The callback gets an :class:`stoop.optimize.Progress` after each generation.
 
@@ -265,7 +265,7 @@ def uncertainty_ratio(setup: Setup, one: Forecast, other: Forecast) -> float:
 class Proposal(Summarized):
     """What to fly next: one design per family, the best first, beside the textbook's maneuver.
 
-    Designs with more information (:meth:`stoop_plan.input_design.Setup.gain`) go first. Where none has more than the textbook's
+    Designs with more information (`information.Setup.gain`) go first. Where none has more than the textbook's
     maneuver, that is the first, as the family :data:`TEXTBOOK`, unless it cannot be flown.
 
     Attributes
@@ -320,7 +320,7 @@ def propose(
 ) -> Proposal:
     """Design the best maneuver of every family, and compare it with the textbook's and for other models.
 
-    The maneuver begins at the trim. Families are names of :data:`stoop_plan.input_design.SHAPES`, by default the usual ones;
+    The maneuver begins at the trim. Families are names of `inputs.SHAPES`, by default the usual ones;
     the callback gets the name and an :class:`stoop.optimize.Progress` after each generation, None in its place where a family,
     "textbook" or "robustness" begins; `source` says where the knowledge of the model comes from. A family of which no maneuver
     can be flown is left out.

@@ -101,7 +101,7 @@ def test_a_worker_or_a_store_of_other_sources_is_refused(herd: Path) -> None:
 
 
 def test_functions_that_stoop_calls_by_name_count(herd: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(worker, "packages", lambda: {"stoop_herd": {"hooks": {"graze": WORK}}})
+    monkeypatch.setattr(worker, "tables", lambda _: [("stoop_herd", {"graze": WORK})])
     before = environment.__wrapped__()
     (herd / "grass.py").write_text("GREEN = 2\n")
     assert differences(before, environment.__wrapped__()) == "sources of hooks"
