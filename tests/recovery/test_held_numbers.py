@@ -5,7 +5,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from stoop.assessment.components import held_inertia
+from stoop.assessment.components import held_mass_properties
 from stoop.assessment.error_bars import error_bars
 from stoop.estimate.estimate import Estimate
 from stoop.estimate.fit import Options
@@ -80,7 +80,7 @@ def test_a_held_moment_without_a_prior_is_known_as_its_bounds_say() -> None:
     """Evenly: the standard deviation is that of a number which is anywhere between them."""
     vehicle = pitching(8.0)
     (moment,) = (p for p in vehicle.parameters if p.name == PITCH)
-    found = held_inertia(done(vehicle).estimate)
+    found = held_mass_properties(done(vehicle).estimate)
     assert found == {PITCH: pytest.approx(np.std(np.linspace(moment.lower, moment.upper, 100_001)), rel=1e-4)}
 
 
@@ -102,14 +102,21 @@ def held(value: float, known: float | None) -> Estimate:
     return done(pitching(1.0, free=False, value=value, prior=known), Strategy.textbook()).estimate
 
 
-@pytest.mark.parametrize("share", [0.03, 0.3])
-def test_a_held_moment_widens_error_bars_as_a_free_one_does(share: float) -> None:
-    truth = scenes.aircraft().value(PITCH)
-    free = done(pitching(1.0, prior=share * truth), Strategy.textbook()).estimate
-    held_there, alone = held(free.estimates[PITCH], share * truth), held(free.estimates[PITCH], None)
-    for name in ("Cmalpha", "Cmq"):
+@pytest.mark.parametrize(("number", "share"), [(PITCH, 0.03), (PITCH, 0.3), ("mass.mass", 0.002)])
+def test_a_held_mass_property_widens_error_bars_as_a_free_one_does(number: str, share: float) -> None:
+    """Consider covariance (Tapley, Schutz and Born) against the joint estimate of the number itself."""
+    names = ("CLalpha", "CLq") if number == "mass.mass" else ("Cmalpha", "Cmq")
+    prior = share * scenes.aircraft().value(number)
+
+    def fitted(**told: object) -> Estimate:
+        return done(user(**{n: {} for n in names}, **{number: told}), Strategy.textbook()).estimate
+
+    value = fitted().estimates[number]  # so that no prior pulls
+    free = fitted(value=value, prior=prior)
+    held_there, alone = (fitted(free=False, value=value, prior=known) for known in (prior, None))
+    for name in names:
         assert std(held_there, name) == pytest.approx(std(free, name), rel=0.02)
-    assert std(held_there, "Cmalpha") > 1.02 * std(alone, "Cmalpha")
+    assert std(held_there, names[0]) > 1.02 * std(alone, names[0])
 
 
 def test_the_prior_of_a_moment_that_the_flight_contradicts_counts_whole() -> None:

@@ -6,7 +6,7 @@ The covariance of the estimates is the sum of
 - ``color``: what correlated residuals and the curvature of the cost add to it (`stoop.assessment.coloring`);
 - ``windows``: what the scatter between windows that begin anew adds (`stoop.assessment.covariance`);
 - ``maneuvers``: what the disagreement of maneuvers or flights adds (`stoop.assessment.clusters`);
-- ``held``: the priors of moments of inertia that are held (consider covariance);
+- ``held``: the priors of mass properties that are held (consider covariance);
 - ``model``: what the model lacks, by the score tests of its extensions (`stoop.assessment.model_error`) and by what chance
   does not explain of the difference of two weightings.
 
@@ -101,22 +101,19 @@ def within_priors(shifts: FloatArray, priors: FloatArray, joint: BoolArray) -> F
     return np.asarray(limited * np.outer(each, each))
 
 
-def held_inertia(fit: Estimate) -> dict[str, float]:
-    """Return the priors of the moments of inertia that are held, by name."""
-    return {
-        p.name: p.prior
-        for p in fit.problem.layout.vehicle.parameters
-        if p.name.startswith("mass.inertia.") and not p.free and p.prior is not None
-    }
+def held_mass_properties(fit: Estimate) -> dict[str, float]:
+    """Return the priors of the mass and of the moments of inertia that are held, by name."""
+    parameters = [p for p in fit.problem.layout.vehicle.parameters if p.name.startswith("mass.")]
+    return {p.name: p.prior for p in parameters if not p.free and p.prior is not None}
 
 
-def of_held_inertia(fit: Estimate, coloring: Coloring) -> FloatArray:
-    """Return the covariance (f, f) that moments of inertia add which are held.
+def of_held_mass_properties(fit: Estimate, coloring: Coloring) -> FloatArray:
+    """Return the covariance (f, f) that mass properties add which are held at values with priors.
 
     The estimates move with a held number c by dx/dc = -D^-1 S' s, with the sensitivities S and s of the readings. How wrong c may
     be is what the flight leaves of its prior, and how far the flight would move it, if no further than the prior.
     """
-    held = held_inertia(fit)
+    held = held_mass_properties(fit)
     responses = fit.responses() if held else Responses()
     own = [(j, held[e.name]) for j, e in enumerate(responses.extensions) if e.name in held]
     if not own:

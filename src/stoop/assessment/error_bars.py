@@ -21,7 +21,7 @@ from stoop.assessment.components import (
     beyond_chance,
     excess,
     nonzero,
-    of_held_inertia,
+    of_held_mass_properties,
     of_scatter,
     within_priors,
 )
@@ -210,7 +210,7 @@ def error_bars(fit: Estimate) -> ErrorBars:
     given = _given_model(pieces, prior, uncertainty, evidence.inflation)
     covariance = np.sum([c.covariance for c in given], axis=0)
     scatter = _scatter(fit, uncertainty, sum(u.kind == "parameter" for u in estimated))
-    held = nonzero(Component("held", of_held_inertia(fit, uncertainty.coloring)))
+    held = nonzero(Component("held", of_held_mass_properties(fit, uncertainty.coloring)))
     maneuvers = () if scatter is None else nonzero(Component("maneuvers", of_scatter(scatter, covariance)))
     at_bound = np.array([u.fixed == "bound" for u in unknowns])
     plain, apart = uncertainty, fit.disagreement[free]

@@ -14,7 +14,7 @@ from typing import Any, Final, TypeAlias
 
 import numpy as np
 
-from stoop.assessment.components import held_inertia
+from stoop.assessment.components import held_mass_properties
 from stoop.assessment.error_bars import ErrorBars, error_bars
 from stoop.assessment.extensions import scored, tests_of
 from stoop.assessment.model_error import model_error
@@ -174,7 +174,7 @@ def test(found: Estimate, left_out: Collection[str]) -> tuple[Tested, bool]:
         tests, known = ExtensionTests(), attempt(notices, None, scored, found, bars)
         if known is not None:
             nothing = np.zeros((len(bars.free),) * 2)
-            shifts = attempt(notices, nothing, model_error, known, held_inertia(found))
+            shifts = attempt(notices, nothing, model_error, known, held_mass_properties(found))
             given, bars = bars, bars.with_model_error(shifts).without(left_out)
             tests = attempt(notices, tests, tests_of, known, found, bars)
             notices += _widened(found, given, bars)

@@ -22,6 +22,7 @@ from stoop_draft.vehicle_draft.request import Evidence, Request
 from stoop_draft.vehicle_draft.steady import Steady, steady_flight
 
 CAPTURE_NOISE: Final = 0.002  #: m, usual of motion capture
+WEIGHING: Final = 0.01  #: standard error of a mass as weighed, relative
 MEANINGS: Final[Mapping[str, str]] = {
     "CL0": "lift at V* and alpha*", "CLalpha": "lift slope", "CLq": "lift by pitch rate", "CLV": "by airspeed",
     "CLelevator": "lift of the elevator",
@@ -144,7 +145,11 @@ class FileText:
         """Write mass and inertia, some of it held: its priors widen the error bars of what depends on it."""
         sheet = self.sheet
         sheet.table("mass")
-        sheet.entry("mass", plain(self.mass), "kg, as given: forces are known per mass only, so weigh it")
+        sheet.entry(
+            "mass",
+            quantity(self.mass, WEIGHING * self.mass, free=False),
+            "kg, as given: forces are known per mass only",
+        )
         sheet.table(
             "mass.inertia",
             "kg m2; a flight determines moments per inertia: a swing test is worth more than this guess",

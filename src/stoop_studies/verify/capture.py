@@ -74,19 +74,19 @@ def fly(case: str, seed: int, folder: Path) -> tuple[defaults.Flown, float]:
     place, attitude = COLUMNS[seed % len(COLUMNS)]
     if len(attitude) == 4:
         pose[3:] = [*continuous(quaternions_of(np.column_stack(pose[3:]))).T]
-    sent = {n: np.interp(clock + late, clock, flown[n]) for n in truth.recorded}
-    # not from those at the pilot's instants: interpolated twice they would be smoothed
-    commands = [np.interp(seen + late, clock, flown[n]) for n in sent]
-    rows = np.column_stack([seen, *pose, *commands])
+    rows = np.column_stack([seen, *pose, *(np.interp(seen + late, clock, flown[n]) for n in truth.recorded)])
     path = folder / f"capture{seed}.csv"
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
-        names = (n.removeprefix("control_") for n in sent)
+        names = (n.removeprefix("control_") for n in truth.recorded)
         writer.writerow(["t", *place, *attitude, *names])
         writer.writerows(np.round(rows, 6).tolist())
     airspeed = float(np.mean(flown["V"])) if made.winged else 0.0
     defect = instruments.Defect("none", delay={"commands": late})
-    return defaults.Flown(made, path, "stoop", "calm", defect, clock, {**flown, **sent}, airspeed), late
+    # a grid of 10 ms or finer has all corners of the commands, so that these are not smoothed
+    fine = np.linspace(0.0, clock[-1], 4 * len(clock) - 3)
+    true = {n: np.interp(fine + late * (n in truth.recorded), clock, x) for n, x in flown.items()}
+    return defaults.Flown(made, path, "stoop", "calm", defect, fine, true, airspeed), late
 
 
 def _pose(flown: Mapping[str, FloatArray], clock: FloatArray) -> list[tuple[CubicSpline, float]]:

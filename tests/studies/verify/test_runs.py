@@ -66,8 +66,11 @@ def test_a_log_holds_noisy_poses_and_commands_as_they_were_sent(tmp_path: Path, 
         flown, late = fly("wings", seed, tmp_path)
         table = np.genfromtxt(flown.path, delimiter=",", names=True)
         time = table["t"]
-        sent = np.interp(time + late, flown.time, moved[-1]["elevator"])
+        pilot = moved[-1]["elevator"]
+        sent = np.interp(time + late, np.arange(len(pilot)) / pilots.RATE, pilot)
         np.testing.assert_allclose(table["elevator"], sent, atol=2e-5)
+        truth = np.interp(time, flown.time, flown.commands["elevator"])  # not smoothed: the gain of 1 stays
+        np.testing.assert_allclose(table["elevator"], truth, atol=2e-5)
         name = "x_n" if seed % 2 == 0 else "pos_n"
         third = np.diff(table[name], 3)  # of white noise they have 20 times its variance
         assert 0.9 < np.std(third) / (np.sqrt(20.0) * NOISE["position"]) < 1.1
