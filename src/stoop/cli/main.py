@@ -23,8 +23,7 @@ from itertools import pairwise, takewhile
 from typing import Any, Final, NoReturn
 
 from stoop.base.files import recorded_inputs
-from stoop.base.interrupts import restore_interrupts, unblock_interrupts
-from stoop.base.memory import keep_freed_memory
+from stoop.base.interrupts import keep_freed_memory, restore_interrupts, unblock_interrupts
 from stoop.base.packages import resolved
 from stoop.base.streams import flush_or_discard, open_missing_streams
 from stoop.base.text import nearest, printable, show

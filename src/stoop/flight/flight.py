@@ -12,10 +12,9 @@ import numpy as np
 
 from stoop.base.arrays import FloatArray, run_slices
 from stoop.base.html import table
-from stoop.base.names import unknown_name
 from stoop.base.notices import Notice, notice
 from stoop.base.rotations import continuous, euler_angles, normalized, quaternions_of, wrap
-from stoop.base.text import printable
+from stoop.base.text import printable, unknown_name
 from stoop.base.variables import EULER, QUATERNION, VARIABLES, WRAPPED, variable
 from stoop.errors import FlightError
 from stoop.flight.faults import Fault

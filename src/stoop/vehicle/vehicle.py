@@ -16,9 +16,8 @@ from pydantic import BaseModel
 
 from stoop.base.arrays import FloatArray
 from stoop.base.html import table
-from stoop.base.names import unknown_name
 from stoop.base.numbers import count, number
-from stoop.base.text import nearest, printable
+from stoop.base.text import nearest, printable, unknown_name
 from stoop.base.variables import POSITION
 from stoop.errors import VehicleError
 from stoop.kernels import Kernel, load_kernel
