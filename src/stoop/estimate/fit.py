@@ -28,12 +28,13 @@ from stoop.estimate import iterates
 from stoop.estimate.estimate import Estimate, simulation_inflation
 from stoop.estimate.noise import (
     channel_residuals,
+    color_record,
+    colored_weights,
     common_time,
     effective_variance,
     first_variance,
     noise_covariance,
 )
-from stoop.estimate.noise_color import color_record, colored_weights
 from stoop.estimate.noise_model import with_noise
 from stoop.estimate.refit_problem import SimulationProblem
 from stoop.estimate.regression import start_value

@@ -17,7 +17,6 @@ from stoop.base.text import nearest
 from stoop.errors import StoopError
 from stoop.report import sheet
 from stoop.report.charts import convergence_panel
-from stoop.report.decisions import decisions_section
 from stoop.report.estimates import (
     body_parts,
     correlation_section,
@@ -28,7 +27,7 @@ from stoop.report.estimates import (
     repeatability_section,
     uncertainty_section,
 )
-from stoop.report.extensions import extensions_section, responses_section
+from stoop.report.extensions import decisions_section, extensions_section, responses_section
 from stoop.report.maneuvers import (
     TITLES,
     air_section,

@@ -12,7 +12,7 @@ from stoop.base.notices import Notice, notice
 from stoop.errors import IdentificationError
 from stoop.estimate import methods
 from stoop.estimate.filter_likelihood import SCORING
-from stoop.estimate.gusts import doubt, exceed_sensors, gust_levels, unexplained, with_turbulence
+from stoop.estimate.gusts import doubt, exceed_sensors, gust_bias, gust_levels, unexplained, with_turbulence
 from stoop.results.decisions import DecisionRecord
 from stoop.strategy.decision import Change, Decision, Fitted, Fitter, Setup
 from stoop.strategy.instability import late_sensors
@@ -51,8 +51,6 @@ def fit_in_gusts(setup: Setup, fit: Fitter) -> Fitted:
         found = fit(setup)
         if not any(n.code == "gusts-ignored" for n in found.setup.notices):
             return found
-        from stoop.estimate.gust_bias import gust_bias
-
         return found.noting(*gust_bias(found.estimate, found.setup.flights))
     began, calm = time.perf_counter(), None
     filtered, doubts = None, tuple[Notice, ...]()
