@@ -177,7 +177,8 @@ def compatibility(arguments: argparse.Namespace) -> int:
     from stoop.base.notices import of_severity
     from stoop.base.numbers import factor_and_unit, number, rounded_to_error
     from stoop.flight import load
-    from stoop.workflow.reconstruction import COMPATIBILITY, check_compatibility, write_compatibility
+    from stoop.reconstruction.compatibility import check, corrected_flight
+    from stoop.workflow.reconstruction import COMPATIBILITY, write_compatibility
 
     folder, others = arguments.output, options.given_paths(arguments.mapping)
     if folder is not None:
@@ -185,7 +186,8 @@ def compatibility(arguments: argparse.Namespace) -> int:
     with LiveLine("reading the log"):
         flight = load(arguments.flight, arguments.mapping)
     with LiveLine("integrating and comparing"):
-        result, corrected = check_compatibility(flight, options.windows(arguments.window))
+        result, found = check(flight, options.windows(arguments.window))
+        corrected = corrected_flight(found)
     out = page()
     out.heading("Sensors")
     rows = []
