@@ -16,14 +16,8 @@ from typing import Any, Final
 from stoop.base import packages
 from stoop.errors import StoopError
 
-GROUPS: Final = (
-    "flights",
-    "models",
-    "uses",
-    "fleets",
-    "studies",
-    "help",
-)  #: of verbs, in the order of their list
+#: of verbs, in the order of their list
+GROUPS: Final = ("flights", "models", "uses", "fleets", "studies", "help")
 KINDS: Final = (
     "text", "switch", "file", "data", "vehicle", "source", "output", "output-or-print", "page", "folder", "names", "count",
     "at-least-one", "positive", "finite",

@@ -31,11 +31,8 @@ from stoop.simulation import parameter_rows
 from stoop.vehicle import Vehicle
 from stoop.vehicle.vehicle import GUST_STATES
 
-GUST_SHARES: Final = {
-    "u": (1.0,),
-    "v": (0.5**0.5, 0.5),
-    "w": (0.5**0.5, 0.5),
-}  #: of the intensity in each gust state
+#: of the intensity in each gust state
+GUST_SHARES: Final = {"u": (1.0,), "v": (0.5**0.5, 0.5), "w": (0.5**0.5, 0.5)}
 #: of the gains: at what was measured, then along the states that the filter finds
 LINEARIZATIONS: Final = 2
 

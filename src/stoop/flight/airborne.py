@@ -145,9 +145,8 @@ def lift_command(flight: Flight) -> FloatArray | None:
 
 def _moving(flight: Flight, kind: str, size: int) -> list[str]:
     """Return the channels of a kind that are not still at zero; of pulses those that ArduPilot's parameters allow a motor."""
-    functions = {
-        n: flight.parameters.get(f"SERVO{n}_FUNCTION", 0.0) for n in range(1, size + 1)
-    }  # 0: none said
+    # 0: none said
+    functions = {n: flight.parameters.get(f"SERVO{n}_FUNCTION", 0.0) for n in range(1, size + 1)}
     outputs = [n for n, use in functions.items() if kind != "pwm" or use == 0.0 or use in MOTOR_FUNCTIONS]
     there = [name for name in (f"{kind}_{n}" for n in outputs) if name in flight.names]
     return [name for name in there if np.nanmax(np.abs(np.append(flight.column(name), 0.0))) > 0.0]

@@ -244,9 +244,7 @@ def _running_means(sums: tuple[FloatArray, FloatArray], width: int, least: float
     """Return the means (n, m) over `width` samples, NaN where less than a share of them is there."""
     size = len(sums[0]) - 1
     width = max(1, min(width, size))
-    lead = (
-        width // 2
-    )  # the window of a sample begins so much before it, that of the first ones with the record
+    lead = width // 2  # by which a window begins before its sample; those of the first begin with the record
     last = np.minimum(np.arange(size - lead) + width, size)
     many = least * (last - np.arange(size - lead))[:, None]
 

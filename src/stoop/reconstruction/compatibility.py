@@ -268,9 +268,8 @@ def _estimate(pieces: Pieces) -> Estimate:
     shifts = problem.scales * systematic_shifts(
         found.coloring.segments, found.information, found.noise, problem.shared
     )
-    sigmas = np.hypot(
-        standard_errors(found.corrected)[: problem.shared], shifts / problem.scales
-    )  # of the prior's
+    # of the prior's
+    sigmas = np.hypot(standard_errors(found.corrected)[: problem.shared], shifts / problem.scales)
     for one, value, sigma in zip(judged, problem.values(z[None, :])[0], sigmas, strict=True):
         reason = notice("delay-beyond-margin", one.name, margin=PIECES.margin)
         if one.name.endswith(".delay") and abs(float(value)) > PIECES.margin:

@@ -199,9 +199,8 @@ def _mode_name(weights: dict[str, float], oscillates: bool) -> str:
     def share(*names: str) -> float:
         return sum(weights.get(n, 0.0) for n in names)
 
-    if (
-        "w" in weights
-    ):  # on rotors tilt drives speed, speed drives the rates (the hovering cubic of helicopters)
+    # on rotors tilt drives speed, speed drives the rates (the hovering cubic of helicopters)
+    if "w" in weights:
         motions = {"pitch": ("u", "q", "theta"), "roll": ("v", "p", "phi"), "yaw": ("r",), "heave": ("w",)}
         found = {name: share(*states) for name, states in (motions | {"lag": tuple(lags)}).items()}
         kind = max(found, key=lambda name: found[name])
@@ -231,9 +230,7 @@ def linear_models(
     Inputs are those of :func:`model_inputs`. Flow angles have no meaning in a hover.
     """
     names = state_names(vehicle, points.start)
-    inputs = points.inputs[
-        : len(vehicle.inputs)
-    ]  # a lateral model lacks noise, zero, of the gusts of its trim
+    inputs = points.inputs[: len(vehicle.inputs)]  # a lateral model lacks noise, zero, of its trim's gusts
     values = [*initial_states(vehicle, points.start, points.rows, inputs), *inputs]
     n, count = len(vehicle.states), len(values)
     variables = [Dual(x, e) for x, e in zip(values, np.eye(count)[:, :, None], strict=True)]

@@ -110,9 +110,8 @@ class OnWings(SteadyFlight):
     angles: tuple[str, ...]
     #: the airspeed, m/s, or the angle of attack, rad, (B,), that is given; the conditions' airspeed when empty
     given: Mapping[str, FloatArray] = field(default_factory=dict)
-    powered: bool = (
-        True  #: whether propulsion, where there is one, holds the flight-path angle; it is free without
-    )
+    #: whether propulsion, where there is one, holds the flight-path angle; it is free without
+    powered: bool = True
 
     commands = ()
     refused = ("velocity", "wind")
@@ -140,11 +139,8 @@ class OnWings(SteadyFlight):
         worst = max(named, key=lambda name: abs(named[name]))
         unsolved = not point.residual < TOLERANCE
         if unsolved or abs(named[worst]) > math.pi / 2.0:
-            why = (
-                f"accelerations of {point.residual:.2g} remain"
-                if unsolved
-                else f"{worst} would be {named[worst]:.3g} rad"
-            )
+            beyond = f"{worst} would be {named[worst]:.3g} rad"
+            why = f"accelerations of {point.residual:.2g} remain" if unsolved else beyond
             raise SimulationError(
                 f"{vehicle.where}: no steady flight found at {at.airspeed:g} m/s ({why}); "
                 "try another airspeed, check thrust, CL and Cm, or trim the longitudinal model"
