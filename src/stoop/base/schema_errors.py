@@ -75,12 +75,9 @@ def _message(first: Any, model: type[BaseModel]) -> str:
     plain = first["msg"].removeprefix("Value error, ")
     if kind in _REMEDIES or kind == "value_error":
         return _REMEDIES.get(kind) or plain
-    shown = (
-        plain.replace("Input should", "it must")
-        if plain.startswith("Input ")
-        else plain[:1].lower() + plain[1:]
-    )
-    return f"{shown}; correct it"
+    if plain.startswith("Input "):
+        return f"{plain.replace('Input should', 'it must')}; correct it"
+    return f"{plain[:1].lower()}{plain[1:]}; correct it"
 
 
 def _known(location: tuple[int | str, ...], model: type[BaseModel]) -> str:

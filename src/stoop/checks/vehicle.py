@@ -130,14 +130,8 @@ def inertia_notices(vehicle: Vehicle, estimates: Mapping[str, float] | None = No
         if not known.least <= radius <= known.most:
             usual = mass * (length * 0.5 * (known.low + known.high)) ** 2
             code = f"inertia-{'large' if moment > usual else 'small'}"
-            values = {
-                "inertia": moment,
-                "radius": radius,
-                "low": known.low,
-                "high": known.high,
-                "usual": usual,
-            }
-            out.append(notice(code, name, **values, unit=unit))
+            values = {"inertia": moment, "radius": radius, "usual": usual}
+            out.append(notice(code, name, **values, low=known.low, high=known.high, unit=unit))
     small, middle, large = principal_moments(vehicle)
     if (excess := large / (small + middle) - 1.0) > ROUNDING:
         values = {"largest": large, "others": small + middle, "excess": excess}

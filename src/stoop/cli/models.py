@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 from contextlib import suppress
+from typing import Literal
 
 from stoop.base.files import check_targets, recorded_inputs
 from stoop.cli import options
@@ -51,13 +52,9 @@ def validate(arguments: argparse.Namespace) -> int:
     check_targets(arguments.output, NAMES, arguments.overwrite)
     with LiveLine("reading and predicting"):
         flights = load_several(arguments.flight, arguments.mapping)
-        done = validated(
-            arguments.result,
-            flights,
-            arguments.maneuver,
-            options.command_line(),
-            "measured" if arguments.open_loop else None,
-        )
+        start: Literal["measured"] | None = "measured" if arguments.open_loop else None
+        windows, command = arguments.maneuver, options.command_line()
+        done = validated(arguments.result, flights, windows, command, start)
     done.save(arguments.output, arguments.overwrite)
     out, record, verdict = page(), done.record, done.model.result.verdict
     refused = verdict.grade == "do not use"

@@ -243,7 +243,9 @@ def refined(
                 continue
             shifted = recorded
             if not given:
-                residuals = partial(_residuals, problem, at)
+                residuals = partial(
+                    lambda problem, at, own: problem.of_problem(own).residuals(at), problem, at
+                )
                 noise, shifted = with_noise(recorded, residuals, noise, options.treatment)
             before, problem = held.noise_logdet, problem.of_problem(shifted)
             problem = problem.with_likeliest_wind_steps(at)
@@ -251,11 +253,6 @@ def refined(
     except KeyboardInterrupt:
         status = "interrupted"
     return Refined(problem, end, iterations, status, noise_converged, noise)
-
-
-def _residuals(problem: ShootingProblem, at: Iterate, own: Misfit) -> list[FloatArray]:
-    """Return the residuals (n, n_y) of each piece of another problem in the same windows."""
-    return problem.of_problem(own).residuals(at)
 
 
 def as_one_flight(problem: ShootingProblem, at: Iterate, schedule: Sequence[float]) -> Iterate:
@@ -384,15 +381,10 @@ class LinearizedNodes(RefitProblem):
         for shots, own, windows, weights in each:
             readings, slopes = shots.responses(model, z, own)
             white = whitened(weights, readings, np.isfinite(shots.piece.measured))
-            parts = zip(
-                windows,
-                np.split(white, shots.edges[1:-1]),
-                [*slopes, slopes[:0].reshape(0, len(ones))],
-                strict=True,
-            )
-            found = self._shooting.sensitivities(
-                [replace(w, by_unknown=by, gap_by_unknown=gap) for w, by, gap in parts], ones
-            )
+            by_window, ends = np.split(white, shots.edges[1:-1]), [*slopes, slopes[:0].reshape(0, len(ones))]
+            parts = zip(windows, by_window, ends, strict=True)
+            changed = [replace(w, by_unknown=by, gap_by_unknown=gap) for w, by, gap in parts]
+            found = self._shooting.sensitivities(changed, ones)
             pieces.append(np.concatenate(found[0]))
             gaps.append(found[1])
         return Responses(model.extensions, tuple(pieces), () if self.strict else tuple(gaps))

@@ -81,7 +81,8 @@ def of_recording(
         return _restore(recording, flight_name(path))
     cleaned = [drop_outliers(group) for group in mapped.channels]
     if pose_alone({name for group in mapped.channels for name in group.values}):
-        cleaned = [_tracked(*one) for one in cleaned]
+        tracked = [(without_jumps(group), found) for group, found in cleaned]
+        cleaned = [(kept, [*found, *lost]) for (kept, lost), found in tracked]
     apart = [at_own_rates(group) for group, _ in cleaned]
     channels = [one for groups, _ in apart for one in groups]
     grid, data, sources = grid_channels(channels, rate, str(path))
@@ -127,19 +128,8 @@ def of_recording(
         counts = tuple(f"{name} {s.gaps} (up to {s.longest_gap:.2f} s)" for name, s in gaps.items())
         notices.append(notice("gaps", counts=counts))
     notices += [fault.notice for fault in faults]
-    columns = Gridded(grid.time, data)
-    flight = Flight(
-        flight_name(path),
-        path,
-        columns,
-        rate,
-        sources,
-        tuple(notices),
-        None,
-        faults,
-        mapped.unmapped,
-        recording.parameters,
-    )
+    common = (flight_name(path), path, Gridded(grid.time, data), rate, sources, tuple(notices), None, faults)
+    flight = Flight(*common, mapped.unmapped, recording.parameters)
     flight = attempt(failed, flight, with_air, attempt(failed, flight, with_motion, flight))
     # what this record cannot show, whatever is fitted to it
     limits = []
@@ -153,12 +143,6 @@ def of_recording(
     if not {"V", "alpha", "beta"} & flight.names and not carried_by_rotors(flight) and not explained:
         limits.append(notice("no-air-data"))
     return flight.with_notices((*limits, *failed))
-
-
-def _tracked(group: Channels, found: list[Notice]) -> tuple[Channels, list[Notice]]:
-    """Return a group without a pose where tracking was lost, and what was found of it."""
-    kept, lost = without_jumps(group)
-    return kept, [*found, *lost]
 
 
 def load_several(

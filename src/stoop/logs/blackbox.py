@@ -169,12 +169,8 @@ def _joined(parts: list[tuple[FloatArray, Columns]]) -> Columns:
     if len(parts) == 1:
         return parts[0][1]
     names = dict.fromkeys(name for _, columns in parts for name in columns)
-    return {
-        name: np.concatenate(
-            [columns.get(name, np.full(time.size, np.nan, np.float32)) for time, columns in parts]
-        )
-        for name in names
-    }
+    whole = [(columns, np.full(time.size, np.nan, np.float32)) for time, columns in parts]
+    return {n: np.concatenate([columns.get(n, nothing) for columns, nothing in whole]) for n in names}
 
 
 def _header(data: bytes, at: int, end: int) -> tuple[dict[str, str], int]:

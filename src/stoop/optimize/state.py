@@ -157,11 +157,6 @@ def save_state(path: Path, state: State, tag: str = "") -> None:
     write_bytes_atomic(path, content.getvalue())
 
 
-def load_state(path: Path) -> State:
-    """Read a state, as `load_tagged` without the tag."""
-    return load_tagged(path)[0]
-
-
 def load_tagged(path: Path) -> tuple[State, str]:
     """Read a state and its tag.
 

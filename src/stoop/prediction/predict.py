@@ -218,11 +218,8 @@ def _of_window(
             notices.append(_unrecorded_start(code, window, biased, missing, whole))
         late += [] if stretch.first else [float(piece.time[0])]
     if late:
-        notices.append(
-            notice(
-                "start-from-prediction", str(window), times=tuple(late), stretch=STRETCH, least=MIN_STRETCH
-            )
-        )
+        spans = {"stretch": STRETCH, "least": MIN_STRETCH}
+        notices.append(notice("start-from-prediction", str(window), times=tuple(late), **spans))
     changed = tuple(replace(p, changes={**p.changes, **biases}) for p in prepared.pieces)
     prepared = replace(prepared, pieces=changed, notices=tuple(notices))
     return prepared, found, innovations(model, prepared, priors)

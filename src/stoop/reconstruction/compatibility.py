@@ -199,11 +199,8 @@ def check(flight: Flight, windows: Sequence[tuple[float, float]] = ()) -> tuple[
         mean = np.where(known, piece.measured, 0.0).sum(axis=0) / np.maximum(known.sum(axis=0), 1)
         moved.append(piece.measured - mean)
     movement = np.concatenate(moved)
-    channels = {
-        name: Consistency(_rms(left[:, i]), _rms(movement[:, i]), VARIABLES[name].unit)
-        for i, name in enumerate(OUTPUTS)
-        if np.isfinite(left[:, i]).any()
-    }
+    pairs = {n: (left[:, i], movement[:, i]) for i, n in enumerate(OUTPUTS) if np.isfinite(left[:, i]).any()}
+    channels = {n: Consistency(_rms(x), _rms(whole), VARIABLES[n].unit) for n, (x, whole) in pairs.items()}
     traces = []
     for i, piece in enumerate(problem.pieces):
         both = [

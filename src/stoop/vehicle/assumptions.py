@@ -62,12 +62,8 @@ def with_assumptions(vehicle: Vehicle, dt: float) -> tuple[Vehicle, tuple[Notice
     tables = dict(_channels(vehicle))
     lags = _without_lag(vehicle, tables) if USUAL.lag_samples * dt < USUAL.lag else []
     # servos of one channel have one delay: that of a file that describes one of them
-    described = {
-        channel
-        for keys, own in tables.items()
-        if keys not in lags or ".".join((*keys, "delay")) in vehicle.rows
-        for channel in own
-    }
+    named = [k for k in tables if k not in lags or ".".join((*k, "delay")) in vehicle.rows]
+    described = {channel for keys in named for channel in tables[keys]}
     late = [keys for keys in lags if not tables[keys] & described]
     delay = {"value": USUAL.delay, "prior": USUAL.delay_std}
     for kind, places, entry in (("lag", lags, _lag(dt)), ("delay", late, delay)):
@@ -75,11 +71,8 @@ def with_assumptions(vehicle: Vehicle, dt: float) -> tuple[Vehicle, tuple[Notice
             first, *others = ((*keys, kind) for keys in places)
             entries |= {first: entry} | dict.fromkeys(others, "=" + ".".join(first))
             names = tuple(".".join(keys) for keys in places)
-            found.append(
-                notice(
-                    f"{kind}-assumed", ".".join(first), places=names, value=entry["value"], std=entry["prior"]
-                )
-            )
+            values = {"value": entry["value"], "std": entry["prior"]}
+            found.append(notice(f"{kind}-assumed", ".".join(first), places=names, **values))
     numbers, loadings = dict(leaves(vehicle.file)), vehicle.file.loadings.values()
     thrust = {
         name: {"prior": USUAL.thrust * abs(q.value)}

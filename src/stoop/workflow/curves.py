@@ -126,12 +126,8 @@ def baseline_maneuver(vehicle: Vehicle, role: Role, pieces: Sequence[Piece]) -> 
             u = np.array([piece.inputs[:, vehicle.inputs.index(r.channel)] for r in rotors.values()])
             at = np.array([[vehicle.value(f"rotor.{name}.position.{a}") for a in "xy"] for name in rotors])
             about = np.array([1.0 if r.spin == "ccw" else -1.0 for r in rotors.values()])
-            commands |= {
-                "rotors_roll": -at[:, 1] @ u,
-                "rotors_pitch": at[:, 0] @ u,
-                "rotors_yaw": about @ u,
-                "rotors_heave": u.sum(axis=0),
-            }
+            moments = {"roll": -at[:, 1] @ u, "pitch": at[:, 0] @ u, "yaw": about @ u, "heave": u.sum(axis=0)}
+            commands |= {f"rotors_{axis}": x for axis, x in moments.items()}
         measured = {}
         for i, name in enumerate(vehicle.outputs):
             column = piece.measured[:, i]
