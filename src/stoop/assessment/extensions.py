@@ -149,10 +149,8 @@ def scores(
 def _split(piece: PieceEvidence, rows: FloatArray) -> PieceEvidence:
     """Return a piece with other derivatives, as `PieceEvidence.rows` gives them."""
     n, m = piece.residual.size, rows.shape[1]
-    readings, gaps = (
-        part.reshape(*of.shape, m)
-        for part, of in ((rows[:n], piece.residual), (rows[n:], piece.continuity_residuals[0]))
-    )
+    parts = (rows[:n], piece.residual), (rows[n:], piece.continuity_residuals[0])
+    readings, gaps = (part.reshape(*of.shape, m) for part, of in parts)
     return replace(piece, jacobian=readings, gap_jacobian=gaps)
 
 
@@ -196,10 +194,8 @@ def scored(fit: Estimate, bars: ErrorBars) -> Scored | None:
         return None
     segments = bars.uncertainty.coloring.segments
     gaps = found.gaps or [None] * len(segments)
-    responses = [
-        replace(segment, jacobian=readings, gap_jacobian=gap)
-        for segment, readings, gap in zip(segments, found.pieces, gaps, strict=True)
-    ]
+    rows = zip(segments, found.pieces, gaps, strict=True)
+    responses = [replace(s, jacobian=readings, gap_jacobian=gap) for s, readings, gap in rows]
 
     def leaders(of: Scores) -> list[int]:
         return _strongest(found.extensions, of)[: LIMITS.leaders]

@@ -73,11 +73,8 @@ def _show(arguments: argparse.Namespace, seen: Overview) -> None:
         return
     out.bullets(of_severity(notes, "warning"), "Warnings")
     out.line()
-    more = (
-        count(len(of_severity(notes, "info")), "note"),
-        f"{count(len(flight.unmapped), 'stream')} not mapped in full",
-    )
-    out.line(f"--verbose: the range of each channel, {' and '.join(more)}")
+    more = count(len(of_severity(notes, "info")), "note"), count(len(flight.unmapped), "stream")
+    out.line(f"--verbose: the range of each channel, {' and '.join(more)} not mapped in full")
 
 
 def _show_candidates(out: Page, arguments: argparse.Namespace, found: Found) -> None:

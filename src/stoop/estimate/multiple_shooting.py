@@ -397,10 +397,8 @@ class LinearizedNodes(RefitProblem):
 
     def _nodes(self, z: FloatArray) -> list[FloatArray]:
         """Return the initial states of the windows of each piece at a search vector."""
-        found = [
-            shots.perturbed(nodes, (follow @ (z - self.center)).T)
-            for shots, nodes, follow in zip(self.shots, self.nodes, self.follow, strict=True)
-        ]
+        rows, step = zip(self.shots, self.nodes, self.follow, strict=True), z - self.center
+        found = [shots.perturbed(nodes, (follow @ step).T) for shots, nodes, follow in rows]
         if not self.strict or not (z - self.center).any():
             return found
         out = []
@@ -458,10 +456,8 @@ class ShootingEstimate(Estimate):
         shots = tuple(Shots(aligned, i, tuple(arrays[f"edges.{i}"].tolist())) for i in each)
         shooting = ShootingProblem(aligned, shots, arrays["scales"], float(arrays["strictness"]))
         cost, gap = arrays["iterate"].tolist()
-        return {
-            "shooting": shooting,
-            "optimum": Iterate(z, tuple(arrays[f"nodes.{i}"] for i in each), cost, gap),
-        }
+        nodes = tuple(arrays[f"nodes.{i}"] for i in each)
+        return {"shooting": shooting, "optimum": Iterate(z, nodes, cost, gap)}
 
     @property
     def weighted_problem(self) -> Misfit:

@@ -182,10 +182,8 @@ class ShootingProblem:
         for name in vehicle.moves:
             rotor = name.removesuffix(".lag")
             if rotor in vehicle.rotors:
-                spins = [
-                    np.max(commanded(vehicle, rotor, np.repeat(rows, len(p.inputs), axis=1), p.inputs.T))
-                    for p in problem.pieces
-                ]
+                flown = [(np.repeat(rows, len(p.inputs), axis=1), p.inputs.T) for p in problem.pieces]
+                spins = [np.max(commanded(vehicle, rotor, *one)) for one in flown]
                 scales.append(SPIN_SCALE * (float(np.nanmax(spins)) or 1.0))
             else:
                 usual = model.gap_scales.get(name, model.angle_scale)
@@ -292,10 +290,8 @@ class ShootingProblem:
         self, nodes: Sequence[FloatArray], pieces: Sequence[Reduced], step: FloatArray
     ) -> list[FloatArray]:
         """Return the initial states of the windows after a step (j,) of the search vector, by the eliminated equations."""
-        return [
-            shots.perturbed(own, r.moves(step[shots.entries]).T) if r.nodes else own
-            for shots, own, r in zip(self.shots, nodes, pieces, strict=True)
-        ]
+        rows = zip(self.shots, nodes, pieces, strict=True)
+        return [s.perturbed(own, r.moves(step[s.entries]).T) if r.nodes else own for s, own, r in rows]
 
     def closed(self, at: Iterate, pieces: Sequence[Sequence[Weighted]]) -> Iterate:
         """Return the iterate with windows closed by one step of their states, with derivatives taken near by.

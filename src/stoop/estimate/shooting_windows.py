@@ -321,10 +321,8 @@ class Shots:
             if w + 1 < self.count:
                 gaps = inverse[:, :, w] @ (last[:, i] - nodes[:, w + 1 : w + 2])
             gap_slopes = (gaps[:, 1:] - gaps[:, :1]) / changes
-            left, (by_unknown, by_state) = (
-                residual(self.problem, readings[0], measured),
-                np.split(slopes, [j]),
-            )
+            left = residual(self.problem, readings[0], measured)
+            by_unknown, by_state = np.split(slopes, [j])
             by_unknown, by_state = np.moveaxis(by_unknown, 0, 2), np.moveaxis(by_state, 0, 2)
             gap_by_unknown = np.pad(gap_slopes[:, :m], [(0, 0), (0, j - m)])
             shots.append(Shot(left, by_unknown, by_state, gaps[:, 0], gap_by_unknown, gap_slopes[:, m:]))

@@ -227,10 +227,8 @@ def _turns(x: FloatArray, rate: FloatArray, other: FloatArray) -> bool:
     good = np.isfinite(np.column_stack([x[1:-1], fixed, change])).all(axis=1)
     if good.sum() < PULSES.blocks:
         return False
-    y, outputs = (
-        a[good] - fixed[good] @ np.linalg.lstsq(fixed[good], a[good], rcond=None)[0]
-        for a in (change[:, None], x[1:-1])
-    )
+    fixed, known = fixed[good], (change[good, None], x[1:-1][good])
+    y, outputs = (a - fixed @ np.linalg.lstsq(fixed, a, rcond=None)[0] for a in known)
     left, sizes, right = np.linalg.svd(outputs, full_matrices=False)
     along = left.T @ y[:, 0]
     kept = (along**2 > PULSES.direction * float(along @ along)) & (sizes > PULSES.singular * sizes[0])

@@ -367,10 +367,8 @@ def segments(
     for name in (*inputs, *outputs, *extras):
         variable(name, flight.name)
         inside[name] = flight.column(name)[low:high] if name in flight.names else np.full(t.size, np.nan)
-    u, z = (
-        np.column_stack([inside[name] for name in names]) if names else np.empty((t.size, 0))
-        for names in (inputs, outputs)
-    )
+    nothing = np.empty((t.size, 0))
+    u, z = (np.column_stack([nothing, *(inside[name] for name in own)]) for own in (inputs, outputs))
     whole = complete(u)
     runs = run_slices(whole)
     pieces = [run for run in runs if run.stop - run.start >= MIN_SEGMENT * flight.rate]

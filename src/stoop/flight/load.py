@@ -151,10 +151,8 @@ def load_several(
     """Read logs onto grids of one rate: that of the fastest of them and of the flights `beside` them; see `load`."""
     flights = [load(path, mapping) for path in paths]
     rate = max((flight.rate for flight in (*flights, *beside)), default=0.0)
-    return [
-        flight if flight.rate == rate else load(path, mapping, rate)
-        for path, flight in zip(paths, flights, strict=True)
-    ]
+    pairs = zip(paths, flights, strict=True)
+    return [one if one.rate == rate else load(path, mapping, rate) for path, one in pairs]
 
 
 def _contradictions(

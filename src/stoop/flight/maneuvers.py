@@ -379,10 +379,8 @@ def _bursts(flight: Flight, command: Command, up: BoolArray, feedback: Feedback)
     first, last = float(flight.time[0]), float(flight.time[-1])
     for run in bursts:
         # the window is narrowed to where the control moves
-        t, swing = (
-            flight.time[run],
-            u[run] - float(np.nanmedian(u[max(run.start - around, 0) : run.stop + around])),
-        )
+        rest = float(np.nanmedian(u[max(run.start - around, 0) : run.stop + around]))
+        t, swing = flight.time[run], u[run] - rest
         amplitude = float(np.nanmax(np.abs(swing)))
         moving = np.flatnonzero(np.nan_to_num(np.abs(swing)) > LIMITS.hysteresis * amplitude)
         swings = int(np.count_nonzero(np.diff(np.sign(swing[moving])))) + 1

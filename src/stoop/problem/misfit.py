@@ -160,10 +160,8 @@ class Misfit:
 
     def residuals(self, Z: FloatArray, rung: int) -> FloatArray:
         """Return weighted residuals (B, n_r) of vectors (B, D + E), priors last."""
-        blocks = [
-            self._whitened(self._readings(rows, start, i, n), i).reshape(len(Z), -1)
-            for i, n, rows, start in self._candidates_of_all(Z, rung)
-        ]
+        read = ((self._readings(p, x, i, n), i) for i, n, p, x in self._candidates_of_all(Z, rung))
+        blocks = [self._whitened(*one).reshape(len(Z), -1) for one in read]
         return np.concatenate([*blocks, self.layout.prior_residuals(Z)], axis=1)
 
     def products(self, Z: FloatArray, rung: int, left: FloatArray) -> FloatArray:

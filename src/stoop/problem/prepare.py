@@ -244,10 +244,9 @@ def _all_spikes(columns: Sequence[FloatArray], sigma: float) -> bool:
     if float(np.ptp(np.quantile(whole, (0.1, 0.9)))) <= 2.56 * SPIKE_RATIO * sigma:
         return False
     before, after = (np.concatenate([c[rows] for c in columns]) for rows in (np.s_[:-1], np.s_[1:]))
-    return (
-        len(before) >= MIN_RANKS
-        and float(np.corrcoef(rankdata(before), rankdata(after))[0, 1]) < NEIGHBOR_CORRELATION
-    )
+    if len(before) < MIN_RANKS:
+        return False
+    return float(np.corrcoef(rankdata(before), rankdata(after))[0, 1]) < NEIGHBOR_CORRELATION
 
 
 def at_readings(vehicle: Vehicle, prepared: Prepared, flights: Mapping[str, Flight]) -> tuple[Piece, ...]:

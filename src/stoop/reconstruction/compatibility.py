@@ -203,10 +203,8 @@ def check(flight: Flight, windows: Sequence[tuple[float, float]] = ()) -> tuple[
     channels = {n: Consistency(_rms(x), _rms(whole), VARIABLES[n].unit) for n, (x, whole) in pairs.items()}
     traces = []
     for i, piece in enumerate(problem.pieces):
-        both = [
-            {name: x[:, OUTPUTS.index(name)] for name in channels}
-            for x in (piece.measured, problem.outputs(found.z, i))
-        ]
+        readings = (piece.measured, problem.outputs(found.z, i))
+        both = [{name: x[:, OUTPUTS.index(name)] for name in channels} for x in readings]
         traces.append(Trace(piece.time[:: piece.every], *both))
     air = () if flight.air is None else flight.air.notices
     faults = [fault.notice for fault in flight.faults]
@@ -346,10 +344,8 @@ def _wind_agreement(found: Estimate) -> list[Notice]:
     if air is None or "wind.n" not in values or not np.isfinite(air.wind_n):
         return []
     north, east = values["wind.n"], values["wind.e"]
-    distance = max(
-        abs(north - air.wind_n) / float(np.hypot(errors["wind.n"], air.wind_n_std)),
-        abs(east - air.wind_e) / float(np.hypot(errors["wind.e"], air.wind_e_std)),
-    )
+    both = (north - air.wind_n, "n", air.wind_n_std), (east - air.wind_e, "e", air.wind_e_std)
+    distance = max(abs(x) / float(np.hypot(errors[f"wind.{axis}"], std)) for x, axis, std in both)
     code = "winds-agree" if distance < MIN_SIGMAS else "winds-disagree"
     others = {"other_north": air.wind_n, "other_east": air.wind_e, "distance": distance}
     return [notice(code, "", north=north, east=east, **others)]

@@ -72,10 +72,8 @@ def render_validation(identification: Model) -> str:
     figures: list[sheet.Part] = [sheet.Prose(VALIDATION_LEAD, muted=True), comparison_table(maneuvers)]
     figures += [sheet.Bullets(result.basis, "notes")] if result.basis else []
     found, more = (sheet.Bullets(result.data_notices, "notes"),), result.warnings[REASONS:]
-    pages = [
-        sheet.Section(maneuver_title(m), maneuver_parts(identification, m, trace))
-        for m, trace in zip(maneuvers, identification.traces, strict=True)
-    ]
+    pairs = zip(maneuvers, identification.traces, strict=True)
+    pages = [sheet.Section(maneuver_title(m), maneuver_parts(identification, m, own)) for m, own in pairs]
     warned = (sheet.Bullets(more, "warnings"),)
     sections = (
         sheet.Section("Prediction", overview_parts(identification, "validation")),
@@ -209,11 +207,11 @@ def verdict(result: Result) -> sheet.Verdict:
 
 def _successes(result: Result) -> Iterator[str]:
     """Yield the comparisons that the model wins, how many parameters the data determine, and a search that ended well."""
-    roles: tuple[tuple[Role, str], ...] = (
-        ("validation", "where nothing was fitted"),
-        ("fit", "in the maneuvers it was fitted to"),
-    )
-    for role, where in roles:
+    roles: dict[Role, str] = {
+        "validation": "where nothing was fitted",
+        "fit": "in the maneuvers it was fitted to",
+    }
+    for role, where in roles.items():
         compared = _compared(result, role)
         if sum(compared) > 0.5 * len(compared):
             yield f"Better than a first-order lag in {sum(compared)} of {len(compared)} comparisons {where}."

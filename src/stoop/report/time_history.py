@@ -102,10 +102,8 @@ class TimeHistory:
 
     def stills(self) -> list[Markup]:
         """Return the picture of each panel."""
-        groups = [
-            ([replace(strip, label="") for strip in panel.strips], panel.description or panel.title)
-            for panel in self.panels
-        ]
+        strips = [[replace(strip, label="") for strip in panel.strips] for panel in self.panels]
+        groups = [(own, one.description or one.title) for own, one in zip(strips, self.panels, strict=True)]
         width = WIDE if self.wide else SMALL if self.compact else NARROW
         columns = STILL_COLUMNS * (1 + self.wide)
         return strip_pictures(groups, self.looks, self.span, "", self.shades, width=width, columns=columns)

@@ -275,10 +275,9 @@ class _Loop:
 
     def __init__(self, starts: Sequence[_Start], state: FloatArray) -> None:
         vehicle, references = starts[0].departure.vehicle, [s.reference for s in starts]
-        self.position, self.velocities, self.quaternion, self.rotation, self.turn_rate = (
-            np.array([getattr(one, name) for one in references])
-            for name in ("position", "velocity", "quaternion", "rotation", "turn_rate")
-        )
+        names = ("position", "velocity", "quaternion", "rotation", "turn_rate")
+        motion = (np.array([getattr(one, name) for one in references]) for name in names)
+        self.position, self.velocities, self.quaternion, self.rotation, self.turn_rate = motion
         self.gains = np.array([s.gains.errors for s in starts])
         self.wind = np.array([s.departure.point.wind for s in starts])
         self.u, self.p, self.e0 = (vehicle.states.index(name) for name in ("u", "p", "e0"))

@@ -93,10 +93,8 @@ class SteadyFlight(ABC):
                 if residual < TOLERANCE:
                     break
         found, at = self.trims(x[:, None]), self.at
-        start, deflections, thrust = (
-            {name: np.asarray(value).item() for name, value in some.items()}
-            for some in (found.start, found.deflections, found.thrust)
-        )
+        parts = (found.start, found.deflections, found.thrust)
+        start, deflections, thrust = ({n: np.asarray(x).item() for n, x in own.items()} for own in parts)
         changes = {**self.numbers, **{n: x for n, x in thrust.items() if n in at.vehicle.rows}}
         velocity, wind = (tuple(v.tolist()) for v in (at.velocity, at.wind))
         inputs = found.inputs[:, 0]
@@ -173,10 +171,8 @@ class OnWings(SteadyFlight):
             (*self.angles[2:], *self.at.vehicle.controls), 0.0
         )
         powered = not self.unknowns.keys() <= begin.keys()
-        return [
-            np.array([begin.get(name, power) for name in self.unknowns])
-            for power in (POWERS if powered else POWERS[:1])
-        ]
+        powers = POWERS if powered else POWERS[:1]
+        return [np.array([begin.get(name, power) for name in self.unknowns]) for power in powers]
 
     @cached_property
     def _mixing(self) -> tuple[FloatArray, FloatArray]:
@@ -236,10 +232,8 @@ class OnRotors(SteadyFlight):
         """Solve from a level hover."""
         vehicle, level = at.vehicle, level_channels(at)
         mixing = allocation(vehicle, effects(vehicle, {"h": at.altitude}, level, numbers))
-        flight, area = (
-            cls(at, numbers, parameter_rows(vehicle, numbers), level, mixing),
-            channel_range(vehicle),
-        )
+        flight = cls(at, numbers, parameter_rows(vehicle, numbers), level, mixing)
+        area = channel_range(vehicle)
         point = flight.solved([[0.0] * 6], 300)
         if not point.residual < TOLERANCE:
             raise SimulationError(

@@ -77,10 +77,8 @@ def _farthest(fit: Estimate, file: Vehicle) -> str:
 
     Of that about the rotors' axis and their torque a flight shows the ratio: it is returned where its prior is contradicted.
     """
-    vehicle, free = (
-        fit.problem.layout.vehicle,
-        {n: x for n, x in fit.estimates.items() if n.startswith(PLACE)},
-    )
+    vehicle = fit.problem.layout.vehicle
+    free = {n: x for n, x in fit.estimates.items() if n.startswith(PLACE)}
     unbounded = {name for name, q in leaves(file.file) if q.bounds is None}
 
     def distance(name: str) -> float:

@@ -76,10 +76,8 @@ def _trace(vehicle: Vehicle, group: Simulated, own: Sequence[int], lag: Mapping[
     """Return the curves of the pieces of one maneuver."""
     pieces, channels = [group.prepared.pieces[k] for k in own], {}
     for i, name in enumerate(vehicle.outputs):
-        pairs = [
-            unwrapped(piece.measured[:, i], group.simulated[k][:, i], name in WRAPPED)
-            for piece, k in zip(pieces, own, strict=True)
-        ]
+        columns = [(p.measured[:, i], group.simulated[k][:, i]) for p, k in zip(pieces, own, strict=True)]
+        pairs = [unwrapped(z, y, name in WRAPPED) for z, y in columns]
         band = _joined(group.deviations, own, i)
         channels[name] = ChannelTrace(join([z for z, _ in pairs]), join([y for _, y in pairs]), band)
     inputs = {name: join([p.inputs[:, i] for p in pieces]) for i, name in enumerate(vehicle.recorded)}

@@ -239,10 +239,8 @@ class Equations(ABC):
     def priors(self, values: FloatArray | None = None) -> Priors:
         """Return those of the vehicle file about values (k,), by default the means, with its bounds (none of the biases)."""
         layout, about = self.layout, {} if values is None else dict(zip(self.places, values, strict=True))
-        known = [
-            (*p.prior_about(about.get(i, p.prior_mean)), p.lower, p.upper)
-            for i, p in enumerate(layout.parameters)
-        ]
+        means = [(p, about.get(i, p.prior_mean)) for i, p in enumerate(layout.parameters)]
+        known = [(*p.prior_about(mean), p.lower, p.upper) for p, mean in means]
         known += [(n.center, n.scale, -np.inf, np.inf) for n in layout.nuisances]
         return Priors(*np.array([known[i] for i in self.places]).reshape(-1, 4).T)
 

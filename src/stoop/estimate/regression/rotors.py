@@ -98,10 +98,8 @@ class Stretch:
         numbers = {name: float(rows[row, 0]) for name, row in vehicle.rows.items()}
         mounting, axes = imu_axes(vehicle, rows[:, 0]), (RATES, SPECIFIC_FORCE)
         gyro, force = (np.array([numbers.get(f"sensors.{c}.scale", 1.0) for c in some]) for some in axes)
-        sensor, center = (
-            np.array([numbers.get(f"{point}.{c}", 0.0) for c in "xyz"])
-            for point in ("sensors.accelerometer_position", "mass.center_of_gravity")
-        )
+        points = ("sensors.accelerometer_position", "mass.center_of_gravity")
+        sensor, center = (np.array([numbers.get(f"{point}.{c}", 0.0) for c in "xyz"]) for point in points)
         arm = sensor - center if "sensors.accelerometer_position.x" in numbers else np.zeros(3)
         # the lever arm turns with the measured angular acceleration, not with the modeled one
         lever = np.cross(self.measured[:, :3] / gyro @ mounting - angular, arm)
