@@ -103,11 +103,8 @@ def within_priors(shifts: FloatArray, priors: FloatArray, joint: BoolArray) -> F
 
 def held_inertia(fit: Estimate) -> dict[str, float]:
     """Return the priors of the moments of inertia that are held, by name."""
-    return {
-        p.name: p.prior
-        for p in fit.problem.layout.vehicle.parameters
-        if p.name.startswith("mass.inertia.") and not p.free and p.prior is not None
-    }
+    moments = [p for p in fit.problem.layout.vehicle.parameters if p.name.startswith("mass.inertia.")]
+    return {p.name: p.prior for p in moments if not p.free and p.prior is not None}
 
 
 def of_held_inertia(fit: Estimate, coloring: Coloring) -> FloatArray:

@@ -253,11 +253,8 @@ def tests_of(known: Scored, fit: Estimate, bars: ErrorBars) -> ExtensionTests:
                 moves=_moves(first, j, bars, evidence.unknowns, free),
             )
         )
-    unresolved = tuple(
-        one.name
-        for one, std in zip(known.extensions, first.std.tolist(), strict=True)
-        if one.kind in GIVEN and 0.0 < VERDICT.moved_share * abs(one.null) < std
-    )
+    pairs = [(e, std) for e, std in zip(known.extensions, first.std.tolist(), strict=True) if e.kind in GIVEN]
+    unresolved = tuple(e.name for e, std in pairs if 0.0 < VERDICT.moved_share * abs(e.null) < std)
     return ExtensionTests(int(first.tested.sum()), LIMITS.level, tuple(tests), unresolved)
 
 
@@ -293,11 +290,8 @@ def _moves(
 ) -> dict[str, float]:
     """Return the largest changes of parameters, in their standard errors."""
     shift = found.shifts[:, index] * found.change[index]
-    moved = {
-        unknowns[i].name: float(shift[row] / bars.std[i])
-        for row, i in enumerate(free)
-        if unknowns[i].kind == "parameter" and np.isfinite(bars.std[i]) and bars.std[i] > 0.0
-    }
+    rows = [(row, unknowns[i], bars.std[i]) for row, i in enumerate(free) if 0.0 < bars.std[i] < np.inf]
+    moved = {u.name: float(shift[row] / std) for row, u, std in rows if u.kind == "parameter"}
     largest = sorted(moved, key=lambda name: -abs(moved[name]))[: LIMITS.moves]
     return {name: moved[name] for name in largest if abs(moved[name]) >= LIMITS.least_move}
 

@@ -169,20 +169,9 @@ def _identify(
         checkpoint.keep(progress.state)
         watch.see(progress)
 
-    others = options.given_paths(arguments.mapping, arguments.noise)
-    windows = arguments.maneuver, arguments.validate
-    done = search(
-        vehicle,
-        flights,
-        *windows,
-        settings,
-        see,
-        state,
-        options.command_line(),
-        others,
-        strategy_of(arguments),
-        watch.turn_to,
-    )
+    others, command = options.given_paths(arguments.mapping, arguments.noise), options.command_line()
+    common = vehicle, flights, arguments.maneuver, arguments.validate, settings
+    done = search(*common, see, state, command, others, strategy_of(arguments), watch.turn_to)
     repeated = None
     if arguments.repeatability:
         checkpoint.keep_last(done.estimate.outcome)  # the search that was done is safe meanwhile

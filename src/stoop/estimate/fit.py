@@ -221,11 +221,9 @@ class OutputErrorEstimate(Estimate):
     @cached_property
     def measurement_noise(self) -> FloatArray:
         """Covariance (n_y, n_y) of the residuals, or as given; NaN for a channel that was never measured."""
-        return (
-            self.problem.weights.covariance
-            if self.noise_given
-            else noise_covariance(self.problem, self.residuals)
-        )
+        if self.noise_given:
+            return self.problem.weights.covariance
+        return noise_covariance(self.problem, self.residuals)
 
 
 DEFAULTS: Final = Options()

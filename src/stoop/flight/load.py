@@ -103,12 +103,9 @@ def of_recording(
     # a mapping is judged in flight: on the ground estimators hold zeros, and sensors stand still
     gridded = Flight(flight_name(path), path, Gridded(grid.time, data), rate, sources)
     up = attempt(failed, np.ones(grid.time.size, dtype=bool), in_flight, gridded)
-    recorded = [
-        fault
-        for fault in recorded
-        if fault.variable in data
-        and (fault.kind != "stuck" or up[(grid.time >= fault.start) & (grid.time <= fault.stop)].any())
-    ]
+    flown = [up[(grid.time >= fault.start) & (grid.time <= fault.stop)].any() for fault in recorded]
+    pairs = [(fault, moving) for fault, moving in zip(recorded, flown, strict=True) if fault.variable in data]
+    recorded = [fault for fault, moving in pairs if fault.kind != "stuck" or moving]
     of_mapping = _contradictions(gridded, up, channels, recorded, failed, mapped)
     faults = (*recorded, *attempt(failed, [], rest_faults, grid.time, data, rate), *of_mapping)
     attitude: list[Notice] = []
@@ -117,11 +114,9 @@ def of_recording(
     # defects of topics that supply nothing do not matter to the user; a file's name writes a topic with _
     used = {name for s in sources.values() for name in (s.source, s.source.replace("/", "_"))}
     notices = [one for _, found in (*cleaned, *apart) for one in found]
-    notices += [
-        notice("log-defect", defect.place, kind=defect.kind, text=defect.message)
-        for defect in recording.defects
-        if defect.kind in ("corrupt", "truncated", "dropout") or any(topic in defect.place for topic in used)
-    ]
+    grave = ("corrupt", "truncated", "dropout")
+    told = [d for d in recording.defects if d.kind in grave or any(topic in d.place for topic in used)]
+    notices += [notice("log-defect", d.place, kind=d.kind, text=d.message) for d in told]
     notices += [*mapped.notices, *attitude, *airspeed]
     gaps = {source.source: source for source in sources.values() if source.gaps}
     if gaps:

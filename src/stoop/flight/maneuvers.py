@@ -163,13 +163,10 @@ def describe(flight: Flight) -> FlightSummary:
 
 def commands(flight: Flight) -> list[Command]:
     """Return what was commanded: mixed commands or surfaces where there are any, else directions of the outputs."""
-    direct = [
-        Command(axis, name, flight.column(name))
-        for name, axis in CONTROLS.items()
-        if name in flight.names
-        and (axis != "heave" or carried_by_rotors(flight))
-        and moves(flight.column(name))
-    ]
+    known = [(axis, name) for name, axis in CONTROLS.items() if name in flight.names]
+    known = [(axis, name) for axis, name in known if axis != "heave" or carried_by_rotors(flight)]
+    columns = [(axis, name, flight.column(name)) for axis, name in known]
+    direct = [Command(axis, name, u) for axis, name, u in columns if moves(u)]
     if any(command.axis != "heave" for command in direct):
         return direct
     combined = (found for names in output_families(flight) if (found := directions(flight, names)))

@@ -168,11 +168,8 @@ def template(header: list[str]) -> str:
     """Return a mapping to start from: each column under its own name, the likeliest one as the time."""
     clock, unit = guess_clock(header)
     lines = ["[time]", f"column = {quoted(clock)}", f'unit = "{unit}"', "", "[variables]"]
-    lines += [
-        f'{quoted_key(name)} = {{column = {quoted(name)}, unit = "{_UNITS.get(name, "1")}"}}'
-        for name in header
-        if name != clock
-    ]
+    rows = [(name, _UNITS.get(name, "1")) for name in header if name != clock]
+    lines += [f'{quoted_key(name)} = {{column = {quoted(name)}, unit = "{u}"}}' for name, u in rows]
     return "\n".join(lines)
 
 
@@ -432,9 +429,6 @@ def topic_files(folder: Path) -> list[TopicFile]:
         raise LogError(
             f"{folder}: more than one log ({names}); put the files of each log in a folder of its own"
         )
-    own = [
-        TopicFile(path, prefix, stem[len(prefix) :], instance)
-        for path, (stem, instance) in stems.items()
-        if path.name.startswith(prefix)
-    ]
+    named = [(path, *of) for path, of in stems.items() if path.name.startswith(prefix)]
+    own = [TopicFile(path, prefix, stem[len(prefix) :], instance) for path, stem, instance in named]
     return sorted([*own, *strays], key=lambda file: (file.topic, file.instance))

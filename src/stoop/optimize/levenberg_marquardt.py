@@ -281,24 +281,16 @@ class Stages:
         self.name, self.price, self.generations, self.budget = name, price, generations, budget
         self.callback = callback
         self.stages: list[Stage] = []
-        self.start, self._saved = state, []
+        self.start, self._saved = state, list[Stage]()
         if isinstance(state, StagesState):
             self.start = state.start
             memory = state.memory if len(state.memory) else np.empty((len(state.origins), 0))
             rows = zip(
                 state.origins, state.points, state.costs, state.damping, memory, state.endings.split(","), strict=True
             )  # fmt: skip
-            self._saved = [
-                Stage(
-                    origin,
-                    point,
-                    costs[np.isfinite(costs)].tolist(),
-                    (float(d[0]), float(d[1])),
-                    kept,
-                    ending,
-                )
-                for origin, point, costs, d, kept, ending in (rows if len(state.origins) else ())
-            ]
+            for origin, point, costs, d, kept, ending in rows if len(state.origins) else ():
+                known, damping = costs[np.isfinite(costs)].tolist(), (float(d[0]), float(d[1]))
+                self._saved.append(Stage(origin, point, known, damping, kept, ending))
 
     @property
     def spent(self) -> tuple[int, float]:

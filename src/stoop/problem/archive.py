@@ -40,13 +40,10 @@ def problem_document(problem: Misfit) -> dict[str, Any]:
 
 def problem_arrays(problem: Misfit) -> dict[str, Any]:
     """Return series of the pieces and weights."""
-    names = [
-        (i, p, n)
-        for kinds in (PIECE_ARRAYS, OPTIONAL_ARRAYS)
-        for i, p in enumerate(problem.pieces)
-        for n in kinds
-    ]
-    series = {f"{n}.{i}": own for i, p, n in names if (own := getattr(p, n)) is not None}
+    series: dict[str, Any] = {}
+    for names in (PIECE_ARRAYS, OPTIONAL_ARRAYS):
+        for i, p in enumerate(problem.pieces):
+            series |= {f"{n}.{i}": own for n in names if (own := getattr(p, n)) is not None}
     weights = problem.weights
     color = weights.color.arrays if isinstance(weights, ColoredWeights) else {}
     return {**series, **color, "covariance": weights.covariance, "root": weights.root}

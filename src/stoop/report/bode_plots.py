@@ -67,8 +67,5 @@ def _strips(one: FrequencyResponse, model: _Modeled | None, good: BoolArray) -> 
         magnitude.insert(0, Series("model", w, levels, role="lag", half_width=widths))
         phases.insert(0, Series("model", w, turns, role="lag", half_width=angles))
     coherence = Series("coherence", x, one.coherence, role="residual")
-    return (
-        Strip("dB", tuple(magnitude)),
-        Strip("phase, deg", tuple(phases)),
-        Strip("coherence", (coherence,), y_range=(0.0, 1.0)),
-    )
+    third = Strip("coherence", (coherence,), y_range=(0.0, 1.0))
+    return Strip("dB", tuple(magnitude)), Strip("phase, deg", tuple(phases)), third

@@ -90,11 +90,10 @@ def decisions_section(identification: Model) -> Section | None:
     found = identification.result.decisions
     if not found:
         return None
-    rows = [
-        (one.name, one.found, one.done, _gain(one.gained), _gain(one.held_back), f"{one.seconds:.1f}")
-        for one in found
-        if one.state == "applied"
-    ]
+    rows = []
+    for one in (one for one in found if one.state == "applied"):
+        gains = _gain(one.gained), _gain(one.held_back)
+        rows.append((one.name, one.found, one.done, *gains, f"{one.seconds:.1f}"))
     kinds = ("", "wrap", "wrap", "n", "n", "n")
     table = [Table("", DECISIONS_HEAD, tuple(rows), kinds, label="Decisions")] if rows else []
     others = {state: [one.name for one in found if one.state == state] for state in ("not needed", "off")}

@@ -112,10 +112,9 @@ def simulate_together(
     flights: Sequence[tuple[Vehicle, Maneuver]], seed: int = 0, noise: bool = True, name: str = "simulated"
 ) -> list[Flight | SimulationError]:
     """Return flights as of :func:`simulate_flight`, on rotors flown side by side; errors of those that fail are values."""
-    pairs = zip(flights, fly_together(flights, seed), strict=True)
-    how = seed, noise, name
     return [
-        one if isinstance(one, SimulationError) else recorded(*flight, one, *how) for flight, one in pairs
+        one if isinstance(one, SimulationError) else recorded(*flight, one, seed, noise, name)
+        for flight, one in zip(flights, fly_together(flights, seed), strict=True)
     ]
 
 

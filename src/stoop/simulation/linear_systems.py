@@ -26,8 +26,8 @@ def pade(delay: float, order: int) -> System:
     from scipy.signal import tf2ss
 
     n = order
-    below = [factorial(2 * n) * factorial(k) * factorial(n - k) for k in range(n + 1)]
-    weights = [factorial(2 * n - k) * factorial(n) / below[k] for k in range(n + 1)]
+    divisors = [factorial(2 * n) * factorial(k) * factorial(n - k) for k in range(n + 1)]
+    weights = [factorial(2 * n - k) * factorial(n) / divisors[k] for k in range(n + 1)]
     below = np.array([w * delay**k for k, w in enumerate(weights)])
     above = below * (-1.0) ** np.arange(n + 1)
     A, B, C, D = tf2ss(above[::-1], below[::-1])

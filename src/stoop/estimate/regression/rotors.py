@@ -199,11 +199,8 @@ class RotorEquations(Equations):
                 rows = self.kernel_parameters(stretch.piece, stepped)
                 slopes[:, :, j] = (stretch.modeled(vehicle, rows, cache) - modeled) / step
             y = stretch.measured - modeled + slopes @ values
-            out += [
-                Rows(name, y[:, i], slopes[:, i], stretch.piece.dt, stretch.piece.maneuver)
-                for i, name in enumerate(ACCELERATIONS)
-                if name in self.equations
-            ]
+            own, rates = stretch.piece, [(i, n) for i, n in enumerate(ACCELERATIONS) if n in self.equations]
+            out += [Rows(name, y[:, i], slopes[:, i], own.dt, own.maneuver) for i, name in rates]
         return out
 
     def solved(self, rows: Sequence[Rows], priors: Priors, values: FloatArray) -> Estimates:
@@ -275,11 +272,8 @@ class RotorEquations(Equations):
         for s in self.stretches:
             modeled = s.modeled(self.layout.vehicle, self.kernel_parameters(s.piece, found.values))
             y, x = (domain.rows(signals, s.piece.dt) for signals in (s.measured, modeled))
-            rows += [
-                Rows(name, y[:, i], x[:, i : i + 1], s.piece.dt)
-                for i, name in enumerate(ACCELERATIONS)
-                if name in self.equations and len(y)
-            ]
+            rates = [(i, n) for i, n in enumerate(ACCELERATIONS) if n in self.equations and len(y)]
+            rows += [Rows(name, y[:, i], x[:, i : i + 1], s.piece.dt) for i, name in rates]
         of_errors, of_response = self._whitened(rows, np.ones(1)), self._whitened(rows, np.zeros(1))
         for name in self.equations:
             own, innovations, alone = (
