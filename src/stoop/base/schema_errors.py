@@ -52,9 +52,7 @@ def _key(first: Any, raw: Any) -> str:
     for part in first["loc"]:
         if not tagged and isinstance(here, Mapping) and part in [here.get(t) for t in _TAGS]:
             tagged = True
-        elif (isinstance(here, Mapping) and part in here) or (
-            isinstance(here, list) and isinstance(part, int)
-        ):
+        elif part in here if isinstance(here, Mapping) else isinstance(here, list) and isinstance(part, int):
             path.append(str(part))
             here, tagged = here[part] if isinstance(here, Mapping) or part < len(here) else None, False
     if first["type"] == "missing" and isinstance(first["loc"][-1], str):

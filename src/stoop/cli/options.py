@@ -255,9 +255,7 @@ def with_free(vehicle: Vehicle, free: Sequence[str], fix: Sequence[str]) -> Vehi
             raise IdentificationError(
                 f"{option} {name}: the equations of {vehicle.where} ({vehicle.reduce}) do not contain it; leave it out"
             )
-    changes = {name: {"free": True} for name in free if name not in added} | {
-        name: {"free": False} for name in fix
-    }
+    changes = {name: {"free": name not in fix} for name in (*free, *fix) if name not in added}
     changed = vehicle.with_numbers(changes) if changes else vehicle
     for p in changed.parameters:
         if p.name in free and not p.lower < p.upper:

@@ -31,7 +31,7 @@ from typing import Final
 import numpy as np
 import tomlkit
 
-from stoop.base.arrays import BoolArray, FloatArray, IntArray
+from stoop.base.arrays import BoolArray, FloatArray
 from stoop.base.blas import on_one_blas_thread
 from stoop.base.notices import Notice, notice
 from stoop.base.units import STANDARD_GRAVITY
@@ -114,27 +114,19 @@ def gust_levels(vehicle: Vehicle, flights: Mapping[str, Flight], windows: Sequen
             continue
         counted = np.logical_and.reduce([one.counted(len(flight.time)) for one in read])
         up = in_flight(flight)
-        for window in (_widened(w) for w in windows if w.flight == name):
-            inside = flight.between(window.start, window.stop)
+        for w in (w for w in windows if w.flight == name):
+            more = max(0.0, 0.5 * (LIMITS.widened - (w.stop - w.start)))
+            inside = flight.between(w.start - more, w.stop + more)
             wind = changes_of_wind(vehicle, flight, inside, up[inside])
-            parts.append(_products(wind, np.flatnonzero(counted[inside])))
+            rows = np.flatnonzero(counted[inside])
+            apart = float(np.median(np.diff(rows))) if len(rows) > 1 else LIMITS.samples
+            lag = math.ceil(LIMITS.samples / max(1.0, apart))  # readings of the air data that share nothing
+            parts.append(wind[rows[lag:]] * wind[rows[:-lag]])
     products = np.concatenate(parts)
     count = np.isfinite(products[1:]).sum(axis=0)
     with np.errstate(invalid="ignore", divide="ignore"):
         levels = np.sqrt(np.maximum(np.nansum(products, axis=0) / count, 0.0))
     return np.where(np.isin(AXES, with_turbulence(vehicle).gusts), levels, np.nan)
-
-
-def _widened(window: Window) -> Window:
-    """Return a window about the same instant that is long enough."""
-    more = max(0.0, 0.5 * (LIMITS.widened - (window.stop - window.start)))
-    return replace(window, start=window.start - more, stop=window.stop + more)
-
-
-def _products(wind: FloatArray, rows: IntArray) -> FloatArray:
-    """Return products (m, 3) of changes of the wind (n, 3) at readings of the air data (k,) that share nothing."""
-    lag = math.ceil(LIMITS.samples / max(1.0, float(np.median(np.diff(rows))))) if len(rows) > 1 else 1
-    return np.asarray(wind[rows[lag:]] * wind[rows[:-lag]])
 
 
 def changes_of_wind(vehicle: Vehicle, flight: Flight, inside: slice, up: BoolArray) -> FloatArray:

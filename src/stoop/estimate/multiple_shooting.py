@@ -405,9 +405,8 @@ class LinearizedNodes(RefitProblem):
         linear = self._shooting.linearize(Iterate(z, tuple(found), 0.0, 0.0))
         for shots, nodes, windows in zip(self.shots, found, linear, strict=True):
             left = reduced(self._shooting.weigh(windows), 0.0)
-            out.append(
-                shots.perturbed(nodes, left.moves(np.zeros(len(shots.entries))).T) if left.nodes else nodes
-            )
+            moves = left.moves(np.zeros(len(shots.entries))).T if left.nodes else None
+            out.append(nodes if moves is None else shots.perturbed(nodes, moves))
         return out
 
 
@@ -431,9 +430,8 @@ class ShootingEstimate(Estimate):
             "shooting.covariance": shooting.problem.weights.covariance,
             "shooting.root": shooting.problem.weights.root,
         }
-        for i, (piece, shots, nodes) in enumerate(
-            zip(shooting.problem.pieces, shooting.shots, at.nodes, strict=True)
-        ):
+        rows = zip(shooting.problem.pieces, shooting.shots, at.nodes, strict=True)
+        for i, (piece, shots, nodes) in enumerate(rows):
             out |= {f"edges.{i}": np.array(shots.edges), f"nodes.{i}": nodes, f"aligned.{i}": piece.measured}
             out |= {f"{name}.{i}": np.array(getattr(piece, name)) for name in PIECE_TUPLES}
         return out
@@ -558,9 +556,8 @@ class MultipleShooting(Fitter[ShootingEstimate]):
             notices += of_noise
         if not found.noise_converged and status != "interrupted":
             notices.append(notice("noise-not-converged"))
-        outcome = optimize.Outcome(
-            at.z, at.cost, many, found.iterations, status, advice, history, state, optimizer
-        )
+        ended = status, advice, history, state, optimizer
+        outcome = optimize.Outcome(at.z, at.cost, many, found.iterations, *ended)
         common = (problem, prepared, at.z, outcome, at.cost, many, tuple(notices))
         return ShootingEstimate(*common, windowed, at, decisions=taken)
 

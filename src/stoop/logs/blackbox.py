@@ -224,11 +224,8 @@ def define(lines: Mapping[str, str]) -> Definition | str:
 def _fill(own: Integers, kind: int, count: int, lines: Mapping[str, str]) -> str:
     """Set number, predictors, encodings and signs (4, fields) of a kind of frames; return what is wrong with them."""
     own[0, 0] = count
-    for row, key, known in (
-        (1, "predictor", frames.PREDICTORS),
-        (2, "encoding", frames.ENCODINGS),
-        (3, "signed", None),
-    ):
+    rows = (1, "predictor", frames.PREDICTORS), (2, "encoding", frames.ENCODINGS), (3, "signed", None)
+    for row, key, known in rows:
         letter = "I" if key == "signed" and kind == frames.P else LETTERS[kind]
         numbers = _whole_numbers(lines.get(f"Field {letter} {key}", ""))
         if len(numbers) != count:

@@ -209,9 +209,8 @@ def _of_window(
         several = len(edges) > 2
         stretches = [stretch.part(biased, a, b) if several else stretch for a, b in pairwise(edges)]
         parts = [predict_stretch(model, one, priors) for one in stretches]
-        whole = Predicted(
-            *(np.concatenate(c) for c in zip(*((p.readings, p.deviation) for p in parts), strict=True))
-        )
+        columns = zip(*((p.readings, p.deviation) for p in parts), strict=True)
+        whole = Predicted(*map(np.concatenate, columns))
         found.append(whole)
         if missing:
             notices.append(_unrecorded_start(code, window, biased, missing, whole))

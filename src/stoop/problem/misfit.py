@@ -149,14 +149,14 @@ class Misfit:
     def piece_costs(self, Z: FloatArray, index: int, count: int) -> FloatArray:
         """Return the part of one piece in J (B,), priors left out, for vectors as :meth:`candidates` takes them."""
         piece = self.pieces[index]
-        if self._by_readings:
+        if not self.weights.separable or self._late_outputs:  # the kernel cannot sum their squares
+            white = self._whitened(self._trajectories(Z, index, count), index)
             with np.errstate(invalid="ignore", over="ignore"):
-                squares = np.sum(self._piece_residuals(Z, index, count) ** 2, axis=1)
+                squares = np.sum(white.reshape(len(Z), -1) ** 2, axis=1)
             return np.where(np.isfinite(squares), squares, np.inf)
         rows, start = self.candidates(Z, index)
-        return self.kernel.cost(
-            rows, start, self._inputs(piece, rows), piece.measured, self._quality[index], piece.dt, count
-        )
+        inputs, quality = self._inputs(piece, rows), self._quality[index]
+        return self.kernel.cost(rows, start, inputs, piece.measured, quality, piece.dt, count)
 
     def residuals(self, Z: FloatArray, rung: int) -> FloatArray:
         """Return weighted residuals (B, n_r) of vectors (B, D + E), priors last."""
@@ -292,18 +292,10 @@ class Misfit:
         return np.asarray(lanes[0]), np.moveaxis(changes, 0, 2) / STEP
 
     @cached_property
-    def _by_readings(self) -> bool:
-        """Whether work is left to do with the readings, so that the kernel cannot sum their squares."""
-        return not self.weights.separable or self._late_outputs
-
-    @cached_property
     def _quality(self) -> list[FloatArray]:
         """Weight (n, n_y) of every sample of each piece, for a diagonal Q."""
         pairs = zip(self.pieces, self.piece_weights, strict=True)
         return [np.where(np.isfinite(p.measured), np.diag(w.root) ** 2, 0.0) for p, w in pairs]
-
-    def _piece_residuals(self, Z: FloatArray, index: int, count: int) -> FloatArray:
-        return self._whitened(self._trajectories(Z, index, count), index).reshape(len(Z), -1)
 
     def _whitened(self, simulated: FloatArray, index: int) -> FloatArray:
         """Return whitened simulated minus measured of a piece, zero where there is no measurement; overwrites simulated."""

@@ -133,8 +133,12 @@ def identification_sheet(identification: Model) -> sheet.Sheet:
     first: Role = "validation" if "validation" in roles else "fit"
     curves = overview_parts(identification, first)
     shown = [sheet.Section(TITLES[first][0], curves, "Curves")] if curves else []
+    told: list[sheet.Part] = []
+    for title, items in reasons(result).items():
+        told += [sheet.Heading(title)] if title and items else []
+        told += [sheet.Bullets(items)] if items else []
     folded = _folded(
-        _reasons_section(result),
+        sheet.Section("All reasons of the verdict", told, "Reasons"),
         sheet.Section("Warnings", (sheet.Bullets(result.warnings, "warnings"),)) if result.warnings else None,
         role_section(identification, "validation"),
         role_section(identification, "fit"),
@@ -166,14 +170,6 @@ def reasons(result: Result) -> dict[str, list[str]]:
         "What would settle them": [f"{one}." for one in found.advice],
         "How the fit went": [one for one in course if one],
     }
-
-
-def _reasons_section(result: Result) -> sheet.Section:
-    parts: list[sheet.Part] = []
-    for title, items in reasons(result).items():
-        parts += [sheet.Heading(title)] if title and items else []
-        parts += [sheet.Bullets(items)] if items else []
-    return sheet.Section("All reasons of the verdict", parts, "Reasons")
 
 
 def _judged(result: Result) -> Verdict:

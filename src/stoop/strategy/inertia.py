@@ -42,9 +42,9 @@ def hold_inertia(setup: Setup, fit: Fitter) -> Fitted:
     """Return the fit with moments of inertia held that it moves to a default bound, or to where no body has them."""
     first = found = fit(setup)
     began, held, vehicle = time.perf_counter(), dict[str, float](), setup.vehicle
-    while found.estimate.outcome.status != "interrupted" and (
-        name := _farthest(found.estimate, setup.vehicle)
-    ):
+    while found.estimate.outcome.status != "interrupted":
+        if not (name := _farthest(found.estimate, setup.vehicle)):
+            break
         (known,) = (p for p in vehicle.parameters if p.name == name)
         # all that is known of a number without a prior is that its bounds hold it: evenly
         prior = known.prior or (known.upper - known.lower) / math.sqrt(12.0)

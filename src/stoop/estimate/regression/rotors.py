@@ -232,7 +232,8 @@ class RotorEquations(Equations):
         follow it, uncertainty included, and do not move it (a "cut"; Plummer, "Cuts in Bayesian graphical models", Statistics
         and Computing 25, 2015).
         """
-        law = np.flatnonzero([n in THRUST_LAW for n in self._names])
+        names = [*(p.name for p in self.layout.parameters), *(b.name for b in self.biases)]
+        law = np.flatnonzero([n in THRUST_LAW for n in names])
         forces = [r for r in rows if r.equation not in MOMENTS]
         if not law.size or not forces or len(forces) == len(rows):
             return list(rows)
@@ -248,19 +249,13 @@ class RotorEquations(Equations):
             return list(rows)
         others = np.linalg.svd(known)[0][:, known.shape[1] :]
         moments = [r for r in rows if r.equation in MOMENTS]
-        scaled = (
-            np.concatenate([r.X / (np.std(r.y - r.X @ alone.values) or 1.0) for r in moments]) * self.scales
-        )
+        left = [np.std(r.y - r.X @ alone.values) or 1.0 for r in moments]
+        scaled = np.concatenate([r.X / s for r, s in zip(moments, left, strict=True)]) * self.scales
         follow = np.linalg.lstsq(scaled @ others, scaled @ known, rcond=None)[0]
         turn = others @ (others.T + follow @ known.T) * self.scales[:, None] / self.scales
         cut = [replace(r, X=r.X @ turn, y=r.y + r.X @ (turn @ values - values)) for r in moments]
         rest = iter(cut)
         return [next(rest) if r.equation in MOMENTS else r for r in rows]
-
-    @property
-    def _names(self) -> list[str]:
-        """The unknowns' names, in the order of j."""
-        return [*(p.name for p in self.layout.parameters), *(b.name for b in self.biases)]
 
     def reviewed(self, found: Estimates, domain: Domain) -> tuple[Estimates, RotorEquations]:
         """Return the estimates with R2 of each acceleration, and the equations without moments that commands do not explain.
