@@ -139,9 +139,8 @@ def scores(
     for j in leaders(first):
         left = [_left(one, v[:, j], first.change[j]) for one, v in zip(segments, own, strict=True)]
         column = [_split(one, v[:, [j]]) for one, v in zip(segments, own, strict=True)]
-        again = _noise_covariance(
-            left, column, inverse, coloring.noise_behind([one.filled()[0] for one in left])
-        )
+        noise = coloring.noise_behind([one.filled()[0] for one in left])
+        again = _noise_covariance(left, column, inverse, noise)
         variance[j] = of_prior[j, j] + again[0, 0]
     return found()
 
@@ -262,9 +261,8 @@ def _left(segment: PieceEvidence, own: FloatArray, change: float) -> PieceEviden
     """Return a piece with the residuals that an extension leaves."""
     left, size = segment.rows()[0] - change * own, segment.residual.size
     residual = np.where(segment.present, left[:size].reshape(segment.residual.shape), np.nan)
-    return replace(
-        segment, residual=residual, gaps=left[size:].reshape(segment.continuity_residuals[0].shape)
-    )
+    gaps = left[size:].reshape(segment.continuity_residuals[0].shape)
+    return replace(segment, residual=residual, gaps=gaps)
 
 
 def _joined(

@@ -153,9 +153,8 @@ def _value(value: Any) -> Any:
 
 def message(found: Notice) -> str:
     """Return the sentence of a notice, on one line whatever names of a log are quoted in it."""
-    return one_line(
-        _FORMATTER.vformat(table()[found.code].text, (), {"subject": found.subject, **found.values})
-    )
+    values = {"subject": found.subject, **found.values}
+    return one_line(_FORMATTER.vformat(table()[found.code].text, (), values))
 
 
 def attempt(

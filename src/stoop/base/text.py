@@ -96,10 +96,8 @@ def printable(text: str) -> str:
     r"""Return one line that can neither steer a terminal nor break; other characters become Python escapes (``\x1b``)."""
     if text.isprintable():
         return text
-    shown = (
-        c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in text.replace("\n", " ")
-    )
-    return "".join(shown)
+    whole = text.replace("\n", " ")
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in whole)
 
 
 def printable_lines(text: str) -> str:

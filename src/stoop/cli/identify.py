@@ -78,9 +78,8 @@ def _run(arguments: argparse.Namespace) -> int:
         for doubt in check_vehicle(vehicle, known, fitted):
             watch.warn(str(doubt))
         files = file_hashes([*flight_files(flights), *options.given_paths(arguments.mapping)])
-        chosen = replace(
-            settings, method=choose_method(settings.method, vehicle, flights, fitted, strategy).options.method
-        )
+        setup = choose_method(settings.method, vehicle, flights, fitted, strategy)
+        chosen = replace(settings, method=setup.options.method)
         problem = identity(vehicle, files, arguments.maneuver, arguments.validate, chosen, strategy)
         checkpoint = Checkpoint(arguments.output, problem, watch.warn)
         model, stopped = _identify(arguments, vehicle, flights, settings, checkpoint, watch)

@@ -39,8 +39,8 @@ def run(arguments: argparse.Namespace) -> int:
         write_bytes_atomic(arguments.save, flight_bytes(summary.flight))
     if arguments.json:
         show(to_json(info_document(summary, found)))
-        return 0
-    _show(arguments, seen)
+    else:
+        _show(arguments, seen)
     return 0
 
 
@@ -159,9 +159,8 @@ def _write_page(arguments: argparse.Namespace, seen: Overview) -> None:
     from stoop.report.sheet import write_sheet
 
     with LiveLine("drawing"):
-        write_sheet(
-            flight_sheet(seen, options.command_line(), _following(arguments, seen.found)), arguments.output
-        )
+        following = _following(arguments, seen.found)
+        write_sheet(flight_sheet(seen, options.command_line(), following), arguments.output)
 
 
 def _following(arguments: argparse.Namespace, found: Found) -> list[str]:

@@ -79,9 +79,7 @@ def main(given: Sequence[str] | None = None) -> int:
         given = sys.argv[1:]
         gc.set_threshold(GARBAGE)
         keep_freed_memory()
-        atexit.register(
-            gc.freeze
-        )  # else the interpreter looks through all objects, half a second, as it leaves
+        atexit.register(gc.freeze)  # else the interpreter looks through all objects as it leaves: 0.5 s
         open_missing_streams()
         for stream in (sys.stdout, sys.stderr):
             if isinstance(stream, io.TextIOWrapper):  # an output that takes any character

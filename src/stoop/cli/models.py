@@ -96,10 +96,9 @@ def agreement(arguments: argparse.Namespace) -> int:
     for i, path in enumerate(arguments.result, 1):
         own = [one.singles[i - 1] for one in told.values()]
         out.line(f"{i}: {path}")
-        columns.append(
-            numbers(f"{i}, without prior", [one.estimate if one.counted else float("nan") for one in own])
-        )
-        columns.append(numbers("std error", [one.std_error if one.counted else float("nan") for one in own]))
+        known = [(one.estimate, one.std_error) if one.counted else (float("nan"),) * 2 for one in own]
+        columns.append(numbers(f"{i}, without prior", [estimate for estimate, _ in known]))
+        columns.append(numbers("std error", [error for _, error in known]))
     columns.append(fixed("chi-square", [one.chi_square for one in told.values()], 2))
     columns.append(fixed("degrees", [one.degrees for one in told.values()], 0))
     out.table(*columns, words("", [one.verdict for one in told.values()]))

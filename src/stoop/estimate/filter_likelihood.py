@@ -373,9 +373,8 @@ class FrozenFilter(RefitProblem):
         model, trajectories, out = ExtendedModel.of(self.problem.layout.vehicle), [], []
         for i, (piece, gains) in enumerate(zip(self.problem.pieces, self.gains, strict=True)):
             known, start = self.problem.candidates(z[None, :], i)
-            states = np.ascontiguousarray(
-                run_filter(self.problem, i, known, start, gains, states=True)[1][0].T
-            )
+            _, path = run_filter(self.problem, i, known, start, gains, states=True)
+            states = np.ascontiguousarray(path[0].T)
             present, columns = np.isfinite(piece.measured), perturbation_columns(model.base, states)
             gain = gains.gain[:, :, 0].reshape(len(gains.gain), len(columns), -1)[gains.which]
             correction = np.moveaxis(columns, 2, 0).transpose(0, 2, 1) @ (gain * present[:, None, :])

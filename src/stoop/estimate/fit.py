@@ -142,9 +142,8 @@ class Options:
         IdentificationError
             No candidate can be simulated.
         """
-        stop = optimize.Stop(
-            self.generations, max(0.8 * (self.budget - spent), float(len(starts))), self.target_cost
-        )
+        budget = max(0.8 * (self.budget - spent), float(len(starts)))
+        stop = optimize.Stop(self.generations, budget, self.target_cost)
         given = self.optimizer
         optimizer = optimize.create(given, stop.budget) if isinstance(given, str) else given
         outcome = optimize.minimize(
@@ -415,9 +414,8 @@ def refine(
             interrupted = True
             break
     if interrupted and outcome.status != "interrupted":
-        outcome = replace(
-            outcome, status="interrupted", advice="stopped by the user while the estimates were refined"
-        )
+        advice = "stopped by the user while the estimates were refined"
+        outcome = replace(outcome, status="interrupted", advice=advice)
     notices = () if converged or outcome.status == "interrupted" else (notice("noise-not-converged"),)
     found, taken = ([], ()) if noise is None else noise.findings(problem, [str(w) for w in prepared.windows])
     notices = (*found, *notices)

@@ -137,9 +137,8 @@ def changes_of_wind(vehicle: Vehicle, flight: Flight, inside: slice, up: BoolArr
     """
     columns = {c: flight.column(c)[inside] for c in NEEDED & flight.names}
     seen = [c not in ACROSS or c in columns for c in ("V", "beta", "alpha")]  # of u, v, w
-    columns |= {
-        c: ANGLE_OF_FORCE * columns[f] for c, f in ACROSS.items() if c not in columns and f in columns
-    }
+    without = [(c, f) for c, f in ACROSS.items() if c not in columns and f in columns]
+    columns |= {c: ANGLE_OF_FORCE * columns[f] for c, f in without}
     present = np.logical_and.reduce([up, *(np.isfinite(y) for y in columns.values())])
     dt = 1.0 / flight.rate
     at = np.flatnonzero(present)
@@ -178,10 +177,8 @@ def with_turbulence(vehicle: Vehicle) -> Vehicle:
     """Return the vehicle with gusts on all axes, their intensities free, unless its file has a table of them."""
     if vehicle.gusts:
         return vehicle
-    gust = {
-        "intensity": {"value": LIMITS.first, "free": True, "bounds": list(LIMITS.bounds)},
-        "length": LIMITS.length,
-    }
+    intensity = {"value": LIMITS.first, "free": True, "bounds": list(LIMITS.bounds)}
+    gust = {"intensity": intensity, "length": LIMITS.length}
     table, document = Turbulence.model_validate(dict.fromkeys(AXES, gust)), tomlkit.parse(vehicle.text)
     for axis in AXES:  # also in the text, of which the estimates make the file of the identified vehicle
         write_entry(document, ("turbulence", axis), gust)
@@ -210,9 +207,8 @@ def doubt(error: IdentificationError, method: str, instead: str) -> Notice:
 def gust_bias(fit: Estimate, flights: Mapping[str, Flight]) -> tuple[Notice, ...]:
     """Return which parameters gusts bias in a fit that ignores them, and by how much."""
     biases = gust_biases(fit, flights)
-    named = sorted(
-        (n for n, (_, size) in biases.items() if abs(size) > MIN_BIAS), key=lambda n: -abs(biases[n][1])
-    )
+    large = [n for n, (_, size) in biases.items() if abs(size) > MIN_BIAS]
+    named = sorted(large, key=lambda n: -abs(biases[n][1]))
     shown = tuple(f"{n} {biases[n][0]:+.3g} ({biases[n][1]:+.1f})" for n in named[:SHOWN])
     return (notice("gusts-bias", parameters=shown, count=len(named)),) if named else ()
 

@@ -225,9 +225,8 @@ class Shots:
         piece, vehicle, model = self.piece, self.vehicle, window_model(self.vehicle)
         at, width = list(self.edges[:-1]), max(1, round(SMOOTHING_TIME / piece.dt))
         recorded = dict(zip(vehicle.outputs, piece.whole.T, strict=True))
-        readings = {
-            c: y[at] for c, y in integrated_attitude(vehicle, piece.start, recorded, piece.dt).items()
-        }
+        whole = integrated_attitude(vehicle, piece.start, recorded, piece.dt)
+        readings = {c: y[at] for c, y in whole.items()}
         for i, channel in enumerate(vehicle.outputs):
             column = piece.whole[:, i]
             if channel in state_channels(vehicle) and np.isfinite(column).any():

@@ -159,10 +159,8 @@ def motors_ran(flight: Flight) -> bool:
     """
     command = lift_command(flight)
     if command is None:
-        every = [[f"{kind}_{n}" for n in range(1, size + 1)] for kind, size, *_ in ROTOR_KINDS[:2]]
-        known = [
-            [n for n in own if n in flight.names and np.isfinite(flight.column(n)).any()] for own in every
-        ]
+        recorded = {n for n in flight.names if np.isfinite(flight.column(n)).any()}
+        known = [recorded & {f"{kind}_{n}" for n in range(1, size + 1)} for kind, size, *_ in ROTOR_KINDS[:2]]
         still = all(not _moving(flight, kind, size) for kind, size, *_ in ROTOR_KINDS[:2])
         return not still or max(map(len, known)) < FLYING.rotors
     return float(np.nanmax(np.append(command, 0.0))) > FLYING.command

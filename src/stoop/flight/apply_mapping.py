@@ -92,9 +92,8 @@ def read_mapped(
         by_stream: dict[str, list[Channels]] = {}
         for group in found.channels:
             by_stream.setdefault(group.source, []).append(group)
-        disagreeing = suggest_alignments(
-            whole, lambda _, name: by_stream.get(name, []), str(place or "the mapping")
-        )
+        where = str(place or "the mapping")
+        disagreeing = suggest_alignments(whole, lambda _, name: by_stream.get(name, []), where)
         found = replace(found, notices=[*found.notices, *disagreeing])
     unnamed = {f"{stream} {column}" for stream, columns in found.unmapped.items() for column in columns}
     defects = tuple(d for d in recording.defects if d.kind != "text" or d.place not in unnamed)

@@ -200,7 +200,6 @@ def rest_faults(time: FloatArray, data: Mapping[str, FloatArray], rate: float) -
             code = "pitot-at-rest" if name == "airspeed_pitot" and value > 0.0 else "offset-at-rest"
             found = notice(code, name, value=value, unit=VARIABLES[name].unit)
         if off:
-            out.append(
-                Fault("offset at rest", name, value, float(time[rest][0]), float(time[rest][-1]), found)
-            )
+            start, stop = time[rest][[0, -1]].tolist()
+            out.append(Fault("offset at rest", name, value, start, stop, found))
     return out

@@ -423,9 +423,8 @@ def interpolate_by_rates(
     valid = complete(out)
     out[valid] = continuous(out[valid])
     columns = dict(zip((*QUATERNION, *EULER), [*out.T, *euler_angles(out).T], strict=True))
-    return {name: columns.get(name, x) for name, x in data.items()}, [
-        notice("attitude-follows-rates", logged.source, rate=known.rate)
-    ]
+    told = notice("attitude-follows-rates", logged.source, rate=known.rate)
+    return {name: columns.get(name, x) for name, x in data.items()}, [told]
 
 
 def integrate_rates(rates: FloatArray, rate: float) -> FloatArray:

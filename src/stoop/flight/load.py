@@ -190,9 +190,8 @@ def without_faults(flight: Flight) -> Flight:
             by_name.setdefault(fault.variable, []).append(fault)
     if not by_name:
         return flight
-    columns = {
-        name: without_faulty(flight.time, flight.column(name), found) for name, found in by_name.items()
-    }
+    pairs = [(name, flight.column(name), found) for name, found in by_name.items()]
+    columns = {name: without_faulty(flight.time, x, found) for name, x, found in pairs}
     data = flight.data.assign({name: ("time", x, flight.data[name].attrs) for name, x in columns.items()})
     found = notice("samples-not-measured", variables=tuple(columns))
     return replace(flight, data=data, notices=(*flight.notices, found))
@@ -281,9 +280,8 @@ def _restore(recording: Recording, name: str) -> Flight:
         if "air" in content:
             entries = parse_json(content["air"])
             told = _notices({key: entries.pop(key) for key in (NOTICES, "notes") if key in entries})
-            numbers: dict[str, Any] = {
-                key: tuple(x) if isinstance(x, list) else x for key, x in entries.items()
-            }
+            items = entries.items()
+            numbers: dict[str, Any] = {k: tuple(x) if isinstance(x, list) else x for k, x in items}
             traces = recording.streams.get(AIR)
             curves = {} if traces is None else {"time": traces.time, **traces.columns}
             air = AirData(**numbers, notices=told, traces=curves)

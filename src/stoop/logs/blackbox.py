@@ -306,9 +306,8 @@ def _session(data: bytes, begin: int, end: int, place: str, room: int) -> Sessio
         full = room < 0
     defects = _defects(place, state, gaps, start, content.size)
     if full:
-        defects.append(
-            Defect("skipped", place, "more numbers than a log of this size holds; the rest was left out")
-        )
+        message = "more numbers than a log of this size holds; the rest was left out"
+        defects.append(Defect("skipped", place, message))
     found = {kind: np.concatenate(blocks) for kind, blocks in kept.items() if blocks and known.names[kind]}
     signs = {kind: tuple(map(bool, known.fields[kind, 3].tolist())) for kind in STREAMS}
     return Session(Settings(lines), known.names, signs, found, tuple(defects))
@@ -331,7 +330,6 @@ def _defects(place: str, state: Integers, gaps: Integers, start: int, size: int)
         message = f"{lost} frames dropped: they build on a damaged one, or their time does not go on"
         defects.append(Defect("dropout", place, message))
     if lost := int(state[frames.NO_HOME]):
-        defects.append(
-            Defect("skipped", place, f"{lost} GPS frames dropped: they come before the home position")
-        )
+        message = f"{lost} GPS frames dropped: they come before the home position"
+        defects.append(Defect("skipped", place, message))
     return defects

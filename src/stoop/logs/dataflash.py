@@ -308,9 +308,8 @@ def _instances(
     for number, part in instances.items():
         place = f"{layout.name}/{number}" if number else layout.name
         known = Messages(layout, part).columns
-        columns = Numbers(
-            {name: x for name, x in known.raw.items() if name != clock}, divisors=known.divisors
-        )
+        raw = {name: x for name, x in known.raw.items() if name != clock}
+        columns = Numbers(raw, divisors=known.divisors)
         if columns:
             yield place, known[clock] * period, columns
 

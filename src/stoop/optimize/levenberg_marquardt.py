@@ -307,9 +307,8 @@ class Stages:
         if not self.stages and self.start is None:
             return None
         generation, spent = self.spent
-        costs = np.full(
-            (len(self.stages), max((len(stage.costs) for stage in self.stages), default=0)), np.nan
-        )
+        longest = max((len(stage.costs) for stage in self.stages), default=0)
+        costs = np.full((len(self.stages), longest), np.nan)
         for row, stage in zip(costs, self.stages, strict=True):
             row[: len(stage.costs)] = stage.costs
         best, cost = (
@@ -345,9 +344,8 @@ class Stages:
         stage = self._saved.pop(0) if self._saved else None
         if stage is None or not np.array_equal(stage.origin, model.point):
             self._saved = []  # another start than that of the saved searches
-            stage = Stage(
-                model.point, model.point, [model.cost], (damping.value, damping.factor), model.memory
-            )
+            begun = (damping.value, damping.factor)
+            stage = Stage(model.point, model.point, [model.cost], begun, model.memory)
         self.stages.append(stage)
         if stage.point is not stage.origin:
             model.go_to(stage.point)

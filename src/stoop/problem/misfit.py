@@ -386,9 +386,9 @@ class Misfit:
         for k in np.delete(np.arange(len(first)), usual) if few else ():
             lanes, inputs = which == k, self._inputs(piece, rows[:, first[k], None])
             out[lanes] = self.kernel.trajectories(rows[:, lanes], start[:, lanes], inputs, piece.dt, count)
-        return (
-            late_outputs(self.layout.vehicle, out, rows, piece.dt, piece.moved) if self._late_outputs else out
-        )
+        if not self._late_outputs:
+            return out
+        return late_outputs(self.layout.vehicle, out, rows, piece.dt, piece.moved)
 
 
 def _chunks(count: int, size: int) -> Iterator[slice]:

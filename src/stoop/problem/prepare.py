@@ -73,9 +73,8 @@ def prepare(vehicle: Vehicle, flights: Mapping[str, Flight], windows: Sequence[W
         extras = tuple(name for name in needed if name in flight.names)
         here = decoupled(vehicle, flights, [window]).measured
         moving = [c for c in here if c in vehicle.measured]
-        cut, found = segments(
-            flight, window.start, window.stop, [*vehicle.recorded, *moving], vehicle.outputs, extras
-        )
+        driving = [*vehicle.recorded, *moving]
+        cut, found = segments(flight, window.start, window.stop, driving, vehicle.outputs, extras)
         notices += found
         if not any(np.isfinite(s.z).any() for s in cut):
             raise FlightError(
@@ -254,9 +253,8 @@ def at_readings(vehicle: Vehicle, prepared: Prepared, flights: Mapping[str, Flig
     pieces, whole = [], dict[str, BoolArray]()
     for name in {w.flight for w in prepared.windows}:  # once, however many windows it has
         sources, count = flights[name].sources, len(flights[name].time)
-        own = [
-            sources[c].counted(count) if c in sources else np.ones(count, np.bool_) for c in vehicle.outputs
-        ]
+        every = np.ones(count, np.bool_)
+        own = [sources[c].counted(count) if c in sources else every for c in vehicle.outputs]
         whole[name] = np.column_stack(own)
     for piece in prepared.pieces:
         name = prepared.windows[piece.maneuver].flight

@@ -260,9 +260,8 @@ def _estimate(pieces: Pieces) -> Estimate:
     names += [f"start {i}" for i in range(problem.extra - problem.shared)]
     unknowns, known = [Unknown(name, "parameter", 0.0, 1.0, prior=1.0) for name in names], []
     judged = identifiability(unknowns, found.information, found.corrected)[: problem.shared]
-    shifts = problem.scales * systematic_shifts(
-        found.coloring.segments, found.information, found.noise, problem.shared
-    )
+    coloring, noise = found.coloring, found.noise
+    shifts = systematic_shifts(coloring.segments, found.information, noise, problem.shared) * problem.scales
     # of the prior's
     sigmas = np.hypot(standard_errors(found.corrected)[: problem.shared], shifts / problem.scales)
     for one, value, sigma in zip(judged, problem.values(z[None, :])[0], sigmas, strict=True):

@@ -98,9 +98,8 @@ def decisions_section(identification: Model) -> Section | None:
     table = [Table("", DECISIONS_HEAD, tuple(rows), kinds, label="Decisions")] if rows else []
     others = {state: [one.name for one in found if one.state == state] for state in ("not needed", "off")}
     rest = "; ".join(f"{state}: {', '.join(names)}" for state, names in others.items() if names)
-    return Section(
-        "Decisions", [Prose(DECISIONS_LEAD, muted=True), *table, Prose(f"{rest}.".capitalize())], "Decisions"
-    )
+    parts: list[Part] = [Prose(DECISIONS_LEAD, muted=True), *table, Prose(f"{rest}.".capitalize())]
+    return Section("Decisions", parts, "Decisions")
 
 
 def _gain(value: float) -> str:

@@ -103,9 +103,8 @@ def stacked_plots(
     """
     every = [one for strip in strips for one in strip.series]
     looks = looks_of(every)
-    (picture,) = strip_pictures(
-        [(strips, description)], looks, _range([one.x for one in every], False), x_label, shades
-    )
+    x_range = _range([one.x for one in every], False)
+    (picture,) = strip_pictures([(strips, description)], looks, x_range, x_label, shades)
     return _with_legend(picture, every, looks)
 
 
@@ -309,9 +308,8 @@ def _range(curves: Sequence[FloatArray], log: bool) -> Range:
     """Return the range that holds all curves, with a margin."""
     if not log:
         return spanning(curves, 0.04)
-    low, high = spanning(
-        [np.log10(np.where((curve > 0.0) & (curve <= MAX_NUMBER), curve, np.nan)) for curve in curves], 0.03
-    )
+    drawn = [np.where((curve > 0.0) & (curve <= MAX_NUMBER), curve, np.nan) for curve in curves]
+    low, high = spanning([np.log10(curve) for curve in drawn], 0.03)
     return 10.0**low, 10.0**high
 
 

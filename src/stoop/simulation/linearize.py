@@ -146,9 +146,8 @@ def held_numbers(vehicle: Vehicle, kinds: Sequence[str]) -> tuple[str, ...]:
 def _delays(vehicle: Vehicle, inputs: tuple[str, ...], values: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the delays of the inputs of a linear model and of the readings, s, by the numbers (n_p,) of the vehicle."""
     by_channel = {vehicle.inputs[column]: values[row] for column, row in input_delays(vehicle)}
-    late = [
-        by_channel.get((vehicle.channels_of(n) if n in vehicle.controls else (n,))[0], 0.0) for n in inputs
-    ]
+    channels = (vehicle.channels_of(n)[0] if n in vehicle.controls else n for n in inputs)
+    late = [by_channel.get(channel, 0.0) for channel in channels]
     readings = np.zeros(len(vehicle.outputs))
     for column, row in output_delays(vehicle):
         readings[column] = values[row]

@@ -229,9 +229,8 @@ class _Commands:
         channels = zip(flights, others, strict=True)
         self.inputs = np.array([inputs_about(f.vehicle, f.point, one, count) for f, one in channels])
         self.idle, self.full = (np.array([getattr(a, end) for a in areas]) for end in ("idle", "full"))
-        self.mixing, self.effect = (
-            np.array([getattr(s.model, m) for s in starts]) for m in ("mixing", "effect")
-        )
+        self.mixing = np.array([s.model.mixing for s in starts])
+        self.effect = np.array([s.model.effect for s in starts])
         self.trim = np.array([f.point.inputs[self.columns] for f in flights])
         self.excitations, self.single = (
             np.array([np.column_stack([one.get(name, zero) for name in wanted]) for one in signals])

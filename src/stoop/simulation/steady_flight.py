@@ -167,9 +167,8 @@ class OnWings(SteadyFlight):
 
     def starts(self) -> list[FloatArray]:
         """Return scaled vectors (m,) to start from; a propeller at rest has no slope, so its thrust starts at three sizes."""
-        begin = {"alpha": 0.5, "theta": 0.5, "V": 10.0} | dict.fromkeys(
-            (*self.angles[2:], *self.at.vehicle.controls), 0.0
-        )
+        begin = dict.fromkeys((*self.angles[2:], *self.at.vehicle.controls), 0.0)
+        begin = {"alpha": 0.5, "theta": 0.5, "V": 10.0} | begin
         powered = not self.unknowns.keys() <= begin.keys()
         powers = POWERS if powered else POWERS[:1]
         return [np.array([begin.get(name, power) for name in self.unknowns]) for power in powers]
@@ -259,9 +258,8 @@ class OnRotors(SteadyFlight):
         inputs = np.repeat(self.level[:, None], count, axis=1)
         inputs[area.columns] += self.mixing @ np.array(wanted)
         rotation = matrices_of_angles(np.stack([phi, theta, np.full(count, at.heading)], axis=1))
-        start: dict[str, ArrayLike] = dict(
-            zip("uvw", np.einsum("bij,i->jb", rotation, at.velocity - at.wind), strict=True)
-        )
+        through_air = np.einsum("bij,i->jb", rotation, at.velocity - at.wind)
+        start: dict[str, ArrayLike] = dict(zip("uvw", through_air, strict=True))
         start |= {"phi": phi, "theta": theta, "psi": at.heading, "h": at.altitude}
         neutral = dict.fromkeys(at.vehicle.controls, 0.0)
         thrust = dict(zip(area.names, inputs[area.columns], strict=True))

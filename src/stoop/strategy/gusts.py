@@ -80,9 +80,8 @@ def _filtered(
     setup: Setup, fit: Fitter, start: Mapping[str, float], gives_up: bool
 ) -> tuple[Fitted | None, tuple[Notice, ...]]:
     """Return the fit by the filter from a start, by default the file's values and the regression, and what speaks against it."""
-    options = replace(
-        setup.options, treatment=replace(setup.options.treatment, gives_up=gives_up), start=start
-    )
+    treatment = replace(setup.options.treatment, gives_up=gives_up)
+    options = replace(setup.options, treatment=treatment, start=start)
     filtered = replace(setup, vehicle=with_turbulence(setup.vehicle), options=options)
     if _calm_search(setup) is not None:  # that goes on, and not by the filter
         filtered = replace(filtered, callback=None, state=None)

@@ -274,9 +274,8 @@ def _terms(vehicle: Vehicle) -> Iterator[Extension]:
         texts = [*(LONGITUDINAL if longitudinal else LATERAL), *controls, *(f"alpha*{c}" for c in controls)]
         texts += [f"{c}^2" for c in controls] if longitudinal else []
         for text in (text for text in texts if terms.written(text) not in present):
-            known = {
-                term: name for name, (term, _, _) in EQUATION_1[coefficient].items() if name not in taken
-            }
+            rows = EQUATION_1[coefficient].items()
+            known = {term: name for name, (term, _, _) in rows if name not in taken}
             name = known.get(text) or terms.parameter_name(coefficient, text, taken)
             taken.add(name)
             entries = _term(coefficient, name, text)

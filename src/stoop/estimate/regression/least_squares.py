@@ -328,9 +328,8 @@ def _with_constants(
             # noise of the mean itself is white noise's: the slow part of it is in the residual of the band
             weight = sigma / float(np.std(left) / np.sqrt(len(y)))
         mean = weight * np.mean(y)[None], weight * X.mean(axis=0)[None]
-        means.append(
-            Rows(equation, *mean, own[0].dt, own[0].maneuver if len({r.maneuver for r in own}) == 1 else -1)
-        )
+        maneuver = own[0].maneuver if len({r.maneuver for r in own}) == 1 else -1
+        means.append(Rows(equation, *mean, own[0].dt, maneuver))
     rows = (*found.rows, *means)
     return replace(found, values=values, rows=rows, covariance=_covariance(rows, spread, found.sigma))
 

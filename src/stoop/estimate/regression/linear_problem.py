@@ -98,9 +98,8 @@ class LinearProblem(RefitProblem):
     def _linear(self) -> tuple[FloatArray, FloatArray]:
         """Modeled minus measured (n,) at the estimates, weighted, and the derivative (n, D + E)."""
         residual = [-s.residual.ravel() for s in self.stretches]
-        slopes = [
-            s.jacobian.reshape(s.residual.size, -1) * self.problem.layout.scales for s in self.stretches
-        ]
+        scales = self.problem.layout.scales
+        slopes = [s.jacobian.reshape(s.residual.size, -1) * scales for s in self.stretches]
         return np.concatenate(residual), np.concatenate(slopes)
 
     def residuals(self, Z: FloatArray, rung: int) -> FloatArray:

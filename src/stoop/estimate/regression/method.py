@@ -149,9 +149,8 @@ def regression(
             f"{vehicle.where}: frequency-domain regression is for aircraft; use --method equation-error or multiple-shooting"
         )
     fixed = kind.not_estimable(vehicle)
-    problem, prepared = estimation_problem(
-        vehicle.with_numbers({n: {"free": False} for n in fixed}), flights, windows, options
-    )
+    held = vehicle.with_numbers({n: {"free": False} for n in fixed})
+    problem, prepared = estimation_problem(held, flights, windows, options)
     equations = kind.of(problem.layout, problem.pieces)
     found = estimate(equations, domain, bounded=not kind.linear)
     if found is None:
