@@ -20,20 +20,13 @@ from stoop.base.packages import hooks
 from stoop.base.toml import parse_json
 from stoop.base.variables import EULER, QUATERNION, RATES, VARIABLES
 from stoop.errors import FlightError, LogError
+from stoop.flight import gridding
 from stoop.flight.air_data import with_air
 from stoop.flight.airborne import carried_by_rotors, in_flight
 from stoop.flight.airspeed import EQUIVALENT, TRUE, with_true_airspeed
 from stoop.flight.apply_mapping import Mapped, read_mapped
 from stoop.flight.faults import Fault, contradiction, recorded_faults, rest_faults, without_faulty
 from stoop.flight.flight import AirData, Flight, Gridded, flight_name, on_circle, with_attitude
-from stoop.flight.gridding import (
-    Channels,
-    SourceRate,
-    drop_impossible,
-    drop_outliers,
-    grid_channels,
-    interpolate_by_rates,
-)
 from stoop.flight.pose import pose_alone, with_motion, without_jumps
 from stoop.flight.repeated_readings import at_own_rates
 from stoop.logs import Recording
@@ -79,13 +72,13 @@ def of_recording(
     """Lay the mapped channels of a recording on one uniform grid; see `load` and `read_mapped`."""
     if mapped is None:
         return _restore(recording, flight_name(path))
-    cleaned = [drop_outliers(group) for group in mapped.channels]
+    cleaned = [gridding.drop_outliers(group) for group in mapped.channels]
     if pose_alone({name for group in mapped.channels for name in group.values}):
         tracked = [(without_jumps(group), found) for group, found in cleaned]
         cleaned = [(kept, [*found, *lost]) for (kept, lost), found in tracked]
     apart = [at_own_rates(group) for group, _ in cleaned]
     channels = [one for groups, _ in apart for one in groups]
-    grid, data, sources = grid_channels(channels, rate, str(path))
+    grid, data, sources = gridding.grid_channels(channels, rate, str(path))
     rate = grid.rate
     # an attitude whose parts came from several files is completed; its rate is that of the slowest
     parts = [sources[name] for name in (*EULER, *QUATERNION) if name in sources]
@@ -110,7 +103,7 @@ def of_recording(
     faults = (*recorded, *attempt(failed, [], rest_faults, grid.time, data, rate), *of_mapping)
     attitude: list[Notice] = []
     if not any(fault.kind == "inconsistent" for fault in of_mapping):
-        data, attitude = interpolate_by_rates(grid, data, sources, channels)
+        data, attitude = gridding.interpolate_by_rates(grid, data, sources, channels)
     # defects of topics that supply nothing do not matter to the user; a file's name writes a topic with _
     used = {name for s in sources.values() for name in (s.source, s.source.replace("/", "_"))}
     notices = [one for _, found in (*cleaned, *apart) for one in found]
@@ -153,7 +146,7 @@ def load_several(
 def _contradictions(
     flight: Flight,
     up: BoolArray,
-    channels: Sequence[Channels],
+    channels: Sequence[gridding.Channels],
     faults: Sequence[Fault],
     failed: list[Notice],
     mapped: Mapped | None = None,
@@ -174,7 +167,9 @@ def with_contradictions(flight: Flight) -> Flight:
         When angles or rates are in degrees.
     """
     failed: list[Notice] = []
-    channels = [Channels("the table", flight.time, {name: flight.column(name) for name in flight.sources})]
+    channels = [
+        gridding.Channels("the table", flight.time, {name: flight.column(name) for name in flight.sources})
+    ]
     up = attempt(failed, np.ones(flight.time.size, dtype=bool), in_flight, flight)
     recorded = attempt(failed, [], recorded_faults, channels)
     faults = _contradictions(flight, up, channels, recorded, failed)
@@ -292,14 +287,14 @@ def _restore(recording: Recording, name: str) -> Flight:
     if not (uniform and data and set(data) <= set(sources)):
         raise LogError(foreign)
     # what was possible when it was written stays, also where a filter went beyond what was recorded
-    data, dropped = drop_impossible(recording.path.name, data, MAX_NUMBER)
+    data, dropped = gridding.drop_impossible(recording.path.name, data, MAX_NUMBER)
     columns = Gridded(stream.time, on_circle(data))
     return Flight(name, recording.path, columns, rate, sources, (*notices, *dropped), air, tuple(faults))
 
 
-def _source(entry: Mapping[str, Any]) -> SourceRate:
+def _source(entry: Mapping[str, Any]) -> gridding.SourceRate:
     """Read how a variable was recorded."""
-    return SourceRate(**{**entry, "readings": tuple(map(int, entry.get("readings", ())))})
+    return gridding.SourceRate(**{**entry, "readings": tuple(map(int, entry.get("readings", ())))})
 
 
 def _notices(content: Mapping[str, Any]) -> tuple[Notice, ...]:

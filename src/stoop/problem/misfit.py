@@ -20,13 +20,7 @@ from stoop.optimize.normal_equations import TallMatrix, project
 from stoop.problem.layout import Layout, Nuisance
 from stoop.problem.starts import Starts
 from stoop.problem.weights import Weights
-from stoop.simulation.delays import (
-    actuator_rows,
-    distinct_actuators,
-    late_inputs,
-    late_outputs,
-    output_delays,
-)
+from stoop.simulation import delays
 from stoop.vehicle import Vehicle
 
 STEP = 1e-7  #: of a forward difference
@@ -93,7 +87,7 @@ class Piece:
 
     def received(self, vehicle: Vehicle, rows: FloatArray) -> FloatArray:
         """Return :func:`~stoop.simulation.delays.late_inputs` of the piece for kernel parameters (n_p, B)."""
-        return late_inputs(vehicle, self.inputs, rows, self.dt, self.before)
+        return delays.late_inputs(vehicle, self.inputs, rows, self.dt, self.before)
 
 
 @dataclass(frozen=True, eq=False)
@@ -353,11 +347,11 @@ class Misfit:
 
     @cached_property
     def _late_outputs(self) -> bool:
-        return bool(output_delays(self.layout.vehicle))
+        return bool(delays.output_delays(self.layout.vehicle))
 
     @cached_property
     def _actuators(self) -> list[int]:
-        return actuator_rows(self.layout.vehicle)
+        return delays.actuator_rows(self.layout.vehicle)
 
     @cached_property
     def _late(self) -> bool:
@@ -378,7 +372,7 @@ class Misfit:
         Few different actuators, as in a Jacobian, are simulated one after the other, each with inputs for all its candidates.
         """
         piece = self.pieces[index]
-        first, which = distinct_actuators(rows[self._actuators])
+        first, which = delays.distinct_actuators(rows[self._actuators])
         usual = int(np.bincount(which).argmax())
         few = 2 * len(first) <= len(which)
         inputs = self._inputs(piece, rows[:, first[usual], None] if few else rows)
@@ -388,7 +382,7 @@ class Misfit:
             out[lanes] = self.kernel.trajectories(rows[:, lanes], start[:, lanes], inputs, piece.dt, count)
         if not self._late_outputs:
             return out
-        return late_outputs(self.layout.vehicle, out, rows, piece.dt, piece.moved)
+        return delays.late_outputs(self.layout.vehicle, out, rows, piece.dt, piece.moved)
 
 
 def _chunks(count: int, size: int) -> Iterator[slice]:

@@ -16,16 +16,7 @@ import numpy as np
 from stoop.base.arrays import BoolArray, FloatArray, IntArray
 from stoop.base.rotations import to_ground
 from stoop.errors import SimulationError
-from stoop.simulation import autopilot, trajectories
-from stoop.simulation.delays import (
-    OFFSETS,
-    input_actuators,
-    input_delays,
-    lagrange,
-    late_inputs,
-    late_outputs,
-    with_slopes,
-)
+from stoop.simulation import autopilot, delays, trajectories
 from stoop.simulation.initial import initial_states, parameter_rows
 from stoop.simulation.maneuver import Battery, Maneuver
 from stoop.simulation.rotors import AXES, EXCITATIONS, SETPOINTS, channel_range
@@ -120,9 +111,11 @@ def _fly_together(starts: Sequence[_Start]) -> list[Flown]:
     terrain = inputs[:, :, column or 0] - state[h][:, None]
 
     # Surfaces are moved by the maneuver alone, so what their servos make of it is known before the flight.
-    servos = [a.column for a in input_actuators(vehicle) if a.dead_zones or a.rate_limits]
+    servos = [a.column for a in delays.input_actuators(vehicle) if a.dead_zones or a.rate_limits]
     pairs = zip(flights, starts, inputs, strict=True)
-    surfaces = np.stack([late_inputs(f.vehicle, u, s.rows, dt)[:, servos] for f, s, u in pairs], axis=-1)
+    surfaces = np.stack(
+        [delays.late_inputs(f.vehicle, u, s.rows, dt)[:, servos] for f, s, u in pairs], axis=-1
+    )
     states = np.full((len(starts), count, len(state)), np.nan)
     received = np.full((count, inputs.shape[2], len(starts)), np.nan)
     states[:, 0], received[0] = state.T, delay.received(inputs, 0)
@@ -136,7 +129,7 @@ def _fly_together(starts: Sequence[_Start]) -> list[Flown]:
             inputs[:, k + 1, column] = state[h] - dt * velocity[:, 2] + terrain[:, k + 1]
         received[k + 1] = delay.received(inputs, k + 1)
         received[k + 1, servos] = surfaces[k + 1]
-        with_slopes(vehicle, received[k : k + 2], dt)
+        delays.with_slopes(vehicle, received[k : k + 2], dt)
         driving = [one[FINER * k : FINER * (k + 1) + 1] for one in noise]
         state = trajectories.next_states(vehicle, rows, state, received[k : k + 2], driving, dt)
         lost = ~(np.abs(state).max(axis=0) < DIVERGED)
@@ -158,7 +151,7 @@ def _flown(
     """Return the flight of a lane."""
     vehicle, point = start.departure.vehicle, start.departure.point
     readings = trajectories.readings_along(vehicle, start.rows, states, received)[None]
-    outputs = late_outputs(vehicle, readings, start.rows, start.dt)[0]
+    outputs = delays.late_outputs(vehicle, readings, start.rows, start.dt)[0]
     ground = trajectories.over_ground(vehicle, point, states)
     return Flown(point, start.departure.maneuver.time, inputs, outputs, ground, clipped, states)
 
@@ -176,11 +169,11 @@ class _Delay:
     def of(cls, vehicle: Vehicle, rows: FloatArray, dt: float) -> _Delay:
         """Return the delays in kernel parameters (n_p, 1)."""
         samples = np.zeros(len(vehicle.inputs))
-        for column, row in input_delays(vehicle):
+        for column, row in delays.input_delays(vehicle):
             samples[column] = rows[row, 0] / dt
         whole = np.floor(samples)
-        offsets = np.array(OFFSETS)[:, None] - whole.astype(np.intp)
-        weights = np.array([lagrange(float(f)) for f in samples - whole]).T
+        offsets = np.array(delays.OFFSETS)[:, None] - whole.astype(np.intp)
+        weights = np.array([delays.lagrange(float(f)) for f in samples - whole]).T
         rotors = channel_range(vehicle).columns
         needed = 1 - whole[rotors] + (samples[rotors] > whole[rotors])
         return cls(offsets, weights, max(1, int(needed.max())), max(0, round(float(samples[rotors].mean()))))
