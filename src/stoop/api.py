@@ -66,8 +66,8 @@ def reconstruct(flight: OneFlight, windows: Windows = ()) -> tuple[Compatibility
     FlightError
         The flight holds nothing that could be compared.
     """
-    from stoop.workflow.reconstruction import check_compatibility
+    from stoop.reconstruction.compatibility import check, corrected_flight
 
     one = as_flight(flight)
-    spans = [(w.start, w.stop) for w in as_windows(windows, {one.name: one})]
-    return check_compatibility(one, spans)
+    result, found = check(one, [(w.start, w.stop) for w in as_windows(windows, {one.name: one})])
+    return result, corrected_flight(found)

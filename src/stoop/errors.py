@@ -39,9 +39,8 @@ class StoopError(Exception):
     def __str__(self) -> str:
         """Return the message on one line, whatever keys and file names are quoted in it; of a very long one both ends."""
         text = one_line(super().__str__())
-        return (
-            text if len(text) <= MAX_LENGTH else f"{text[: MAX_LENGTH // 2]} ... {text[-MAX_LENGTH // 2 :]}"
-        )
+        half = MAX_LENGTH // 2
+        return text if len(text) <= MAX_LENGTH else f"{text[:half]} ... {text[-half:]}"
 
 
 class LogError(StoopError):

@@ -13,11 +13,11 @@ from stoop.flight import OUTPUTS, Flight, find_maneuvers, load, segments, withou
 from stoop.flight.faults import Fault
 from stoop.flight.flight import AirData
 from stoop.logs import read
-from stoop.reconstruction.compatibility import Compatibility
+from stoop.reconstruction.compatibility import Compatibility, check, corrected_flight
 from stoop.vehicle import load_vehicle
 from stoop.vehicle.load import parse_vehicle
 from stoop.workflow import identify
-from stoop.workflow.reconstruction import check_compatibility, write_compatibility
+from stoop.workflow.reconstruction import write_compatibility
 from stoop_draft.checks.kinematics import check_rates
 from stoop_draft.checks.mapping import check_mapping
 from stoop_plan.input_design.windows import find_windows
@@ -201,7 +201,8 @@ def check_windows(flight: Flight, flown: tuple[tuple[float, float], ...]) -> Non
 
 def check_kinematics(flight: Flight, spans: list[tuple[float, float]], folder: Path) -> Compatibility:
     """Check the pitot, the wind and the navigation by kinematics alone, and a turned sign; the corrected flight is read again."""
-    result, corrected = check_compatibility(flight, spans)
+    result, found = check(flight, spans)
+    corrected = corrected_flight(found)
     air = air_of(flight)
     for axis, whole in (("n", air.wind_n), ("e", air.wind_e)):
         one = result.findings[f"wind.{axis}"]
@@ -217,7 +218,7 @@ def check_kinematics(flight: Flight, spans: list[tuple[float, float]], folder: P
         assert np.array_equal(again.column(name), corrected.column(name), equal_nan=True)
     assert "<h1>Data compatibility" in (folder / "compatibility.html").read_text()
     wrong = flight.data.assign(q=("time", -flight.column("q")))
-    turned, _ = check_compatibility(dataclasses.replace(flight, data=wrong), spans[:1])
+    turned, _ = check(dataclasses.replace(flight, data=wrong), spans[:1])
     assert "attitude-inconsistent" in codes(turned)
     return result
 

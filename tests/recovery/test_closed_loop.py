@@ -14,8 +14,7 @@ from stoop.assessment.extensions import extension_tests
 from stoop.base.units import KNOT
 from stoop.estimate import filter_error
 from stoop.estimate.estimate import Estimate
-from stoop.estimate.gust_bias import MIN_BIAS, gust_biases
-from stoop.estimate.gusts import exceed_sensors, gust_levels
+from stoop.estimate.gusts import MIN_BIAS, exceed_sensors, gust_biases, gust_levels
 from stoop.estimate.instability import PREDICTED_GROWTH, growth, growth_at_start
 from stoop.flight import load
 from stoop.flight.flight import from_columns

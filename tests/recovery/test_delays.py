@@ -23,7 +23,7 @@ from stoop.problem.windows import Window
 from stoop.reconstruction.compatibility import check
 from stoop.results.extensions import ExtensionTest, ExtensionTests
 from stoop.strategy import Strategy, sensor_delays
-from stoop.strategy.command_delays import with_found_delays
+from stoop.strategy.assumptions import with_found_delays
 from stoop.strategy.decision import Fitted, Setup, estimate
 from stoop.strategy.run import setup_of
 from stoop.vehicle import Vehicle

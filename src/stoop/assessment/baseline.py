@@ -126,10 +126,8 @@ class Lag:
 
     def matched(self, records: Sequence[LagRecord]) -> tuple[FloatArray, ...]:
         """Return the fitted curves (n_i,) of the very records that the lag was fitted to."""
-        return tuple(
-            self.respond(record.commands, self.biases[record.maneuver], initial)
-            for record, initial in zip(records, self.initial, strict=True)
-        )
+        pairs = zip(records, self.initial, strict=True)
+        return tuple(self.respond(one.commands, self.biases[one.maneuver], begin) for one, begin in pairs)
 
     def predicted(self, records: Sequence[LagRecord]) -> tuple[FloatArray, ...]:
         """Return the curves (n_i,) of records of one maneuver not fitted, with their own bias, from the first 0.2 s."""
@@ -165,10 +163,8 @@ class Lag:
         seen = [s[np.isfinite(e)] for s, e in zip(sensitivities, residuals, strict=True)]
         information = np.sum([s.T @ s for s in seen], axis=0)
         block = round(BLOCK * self.rate)
-        return tuple(
-            left_out(e[:, None], s[:, None, :], information, block)[:, 0]
-            for e, s in zip(residuals, sensitivities, strict=True)
-        )
+        pairs = zip(residuals, sensitivities, strict=True)
+        return tuple(left_out(e[:, None], s[:, None, :], information, block)[:, 0] for e, s in pairs)
 
 
 def fit_lags(channels: Sequence[Sequence[LagRecord]], rate: float) -> list[Lag | None]:

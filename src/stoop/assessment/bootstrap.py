@@ -79,9 +79,8 @@ class ColoredBlocks:
     """Blocks of innovations, colored again."""
 
     noise: ColoredNoise  #: color and strength of the weighted noise
-    pools: tuple[
-        FloatArray, ...
-    ]  #: (m_i, ny), innovations of each segment, of the noise's strength; NaN if unknown
+    #: (m_i, ny), innovations of each segment, of the noise's strength; NaN if unknown
+    pools: tuple[FloatArray, ...]
     present: tuple[BoolArray, ...]  #: (n_i, ny) bool; where each segment was measured
     block: int  #: samples of one block
     rest: int = 0  #: residuals behind those of the readings, without noise (gaps between windows that meet)
@@ -139,9 +138,8 @@ def whitened(segments: Sequence[FloatArray], order: int) -> list[FloatArray]:
 class WholeWindows:
     """Residuals of whole windows, with the gaps behind them, each of random sign in the place of another."""
 
-    windows: tuple[
-        FloatArray, ...
-    ]  #: (w_i, n_i, ny), as a fit to all others would leave them; as long as the longest
+    #: (w_i, n_i, ny), as a fit to all others would leave them; as long as the longest
+    windows: tuple[FloatArray, ...]
     gaps: tuple[FloatArray, ...]  #: (w_i, e); from each window to the next; zero for the last
     edges: tuple[tuple[int, ...], ...]  #: first sample of each window, then the number of samples
     present: tuple[BoolArray, ...]  #: (m_i, ny) bool; where each piece was measured

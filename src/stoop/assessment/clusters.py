@@ -143,18 +143,12 @@ def cluster_influence(
     squares = np.sum(covariance**2, axis=(1, 2))
     variance = np.einsum("rj,rs,sj->j", direction, coloring.spread(total), direction)
     prior_share = np.einsum("kj,kl,lj->j", row, priors, row) / variance
-    compared = (
-        inverse.determined[:count]
-        & (prior_share < LIMITS.max_prior)
-        & (expected > LIMITS.min_share * variance)
-    )
+    seen_enough = (prior_share < LIMITS.max_prior) & (expected > LIMITS.min_share * variance)
+    compared = inverse.determined[:count] & seen_enough
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio, degrees = np.sum((score @ row) ** 2, axis=0) / expected, expected**2 / squares
-    return Influence(
-        np.where(compared, ratio, 1.0),
-        np.where(compared, degrees, 0.0),
-        np.clip(np.nan_to_num(prior_share), 0.0, 1.0),
-    )
+    shares = np.clip(np.nan_to_num(prior_share), 0.0, 1.0)
+    return Influence(np.where(compared, ratio, 1.0), np.where(compared, degrees, 0.0), shares)
 
 
 def moderated_scatter(influence: Influence, clusters: int) -> Scatter:

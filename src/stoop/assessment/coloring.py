@@ -344,11 +344,8 @@ class _Block:
 
     def cross_powers(self, noise: ColoredNoise, residual: FloatArray, edges: FloatArray) -> ComplexArray:
         """Return the sums (b, ny, ny) over each band of the whitened periodograms of a residual (n, ny)."""
-        white = (
-            rfft(residual, self.size, axis=0)
-            * half_spectrum_scale(self.size)[:, None]
-            / noise.gain(self.size)
-        )
+        spectrum = rfft(residual, self.size, axis=0) * half_spectrum_scale(self.size)[:, None]
+        white = spectrum / noise.gain(self.size)
         powers = white[:, :, None] * white.conj()[:, None, :]
         first = np.searchsorted(band_numbers(edges, self.size), np.arange(len(edges)))
         return np.stack([powers[a:b].sum(axis=0) for a, b in itertools.pairwise(first)])

@@ -137,18 +137,13 @@ class ErrorBars:
         """Identifiability of each parameter that is not at a bound, by its standard error."""
         free, total = [self.unknowns[i] for i in self.free], self.of_free(*COMPONENTS)
         own = identifiability(free, self.uncertainty.information, total)
-        doubts = {
-            n: notice("systematic-residuals", c.variable)
-            for c in self.contributions
-            if c.systematic > EXCITATION.refused
-            for n in c.parameters
-        }
-        known = {
-            u.name: one.doubted(doubts.get(u.name) or self.refused)
-            for u, one in zip(free, own, strict=True)
-            if u.kind == "parameter"
-        }
-        return known | _not_estimated(self.unknowns)
+        refused = [c for c in self.contributions if c.systematic > EXCITATION.refused]
+        doubts = {n: notice("systematic-residuals", c.variable) for c in refused for n in c.parameters}
+        pairs = [(u.name, one) for u, one in zip(free, own, strict=True) if u.kind == "parameter"]
+        known = {name: one.doubted(doubts.get(name) or self.refused) for name, one in pairs}
+        idle = [u.name for u in self.unknowns if u.kind == "parameter" and u.fixed == "method"]
+        reason = notice("not-estimated")
+        return known | {n: Identifiability(n, False, reason, np.inf, np.inf, 0.0) for n in idle}
 
     @cached_property
     def covariance(self) -> FloatArray:
@@ -263,12 +258,6 @@ def _conditional(evidence: Evidence, std: FloatArray) -> tuple[str, ...]:
     return tuple(unknowns[i].name for i in leaning if unknowns[i].kind == "parameter")
 
 
-def _not_estimated(unknowns: Sequence[Unknown]) -> dict[str, Identifiability]:
-    reason = notice("not-estimated")
-    idle = [u.name for u in unknowns if u.kind == "parameter" and u.fixed == "method"]
-    return {n: Identifiability(n, False, reason, np.inf, np.inf, 0.0) for n in idle}
-
-
 def _scatter(fit: Estimate, found: Uncertainty, count: int) -> Scatter | None:
     """Return the scatter of the first `count` unknowns between maneuvers, or flights where these disagree more."""
     maneuvers = [segment.maneuver for segment in found.coloring.segments]
@@ -376,11 +365,8 @@ def near_null_directions(
     """
     diagonal = np.sqrt(np.maximum(np.diag(information), 0.0))
     seen = np.flatnonzero(diagonal > 0.0)
-    out = [
-        NearNullDirection(0.0, {name: 1.0}, notice("direction-not-seen", name))
-        for name, d in zip(names, diagonal, strict=True)
-        if not d > 0.0
-    ]
+    unseen = [name for name, d in zip(names, diagonal, strict=True) if not d > 0.0]
+    out = [NearNullDirection(0.0, {n: 1.0}, notice("direction-not-seen", n)) for n in unseen]
     if seen.size > 1:
         scale, size = diagonal[seen], np.where(sizes[seen] > 0.0, sizes[seen], np.inf)
         values, vectors = np.linalg.eigh(information[np.ix_(seen, seen)] / np.outer(scale, scale))

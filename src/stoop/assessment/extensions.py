@@ -139,9 +139,8 @@ def scores(
     for j in leaders(first):
         left = [_left(one, v[:, j], first.change[j]) for one, v in zip(segments, own, strict=True)]
         column = [_split(one, v[:, [j]]) for one, v in zip(segments, own, strict=True)]
-        again = _noise_covariance(
-            left, column, inverse, coloring.noise_behind([one.filled()[0] for one in left])
-        )
+        noise = coloring.noise_behind([one.filled()[0] for one in left])
+        again = _noise_covariance(left, column, inverse, noise)
         variance[j] = of_prior[j, j] + again[0, 0]
     return found()
 
@@ -149,10 +148,8 @@ def scores(
 def _split(piece: PieceEvidence, rows: FloatArray) -> PieceEvidence:
     """Return a piece with other derivatives, as `PieceEvidence.rows` gives them."""
     n, m = piece.residual.size, rows.shape[1]
-    readings, gaps = (
-        part.reshape(*of.shape, m)
-        for part, of in ((rows[:n], piece.residual), (rows[n:], piece.continuity_residuals[0]))
-    )
+    parts = (rows[:n], piece.residual), (rows[n:], piece.continuity_residuals[0])
+    readings, gaps = (part.reshape(*of.shape, m) for part, of in parts)
     return replace(piece, jacobian=readings, gap_jacobian=gaps)
 
 
@@ -196,10 +193,8 @@ def scored(fit: Estimate, bars: ErrorBars) -> Scored | None:
         return None
     segments = bars.uncertainty.coloring.segments
     gaps = found.gaps or [None] * len(segments)
-    responses = [
-        replace(segment, jacobian=readings, gap_jacobian=gap)
-        for segment, readings, gap in zip(segments, found.pieces, gaps, strict=True)
-    ]
+    rows = zip(segments, found.pieces, gaps, strict=True)
+    responses = [replace(s, jacobian=readings, gap_jacobian=gap) for s, readings, gap in rows]
 
     def leaders(of: Scores) -> list[int]:
         return _strongest(found.extensions, of)[: LIMITS.leaders]
@@ -257,11 +252,8 @@ def tests_of(known: Scored, fit: Estimate, bars: ErrorBars) -> ExtensionTests:
                 moves=_moves(first, j, bars, evidence.unknowns, free),
             )
         )
-    unresolved = tuple(
-        one.name
-        for one, std in zip(known.extensions, first.std.tolist(), strict=True)
-        if one.kind in GIVEN and 0.0 < VERDICT.moved_share * abs(one.null) < std
-    )
+    pairs = [(e, std) for e, std in zip(known.extensions, first.std.tolist(), strict=True) if e.kind in GIVEN]
+    unresolved = tuple(e.name for e, std in pairs if 0.0 < VERDICT.moved_share * abs(e.null) < std)
     return ExtensionTests(int(first.tested.sum()), LIMITS.level, tuple(tests), unresolved)
 
 
@@ -269,9 +261,8 @@ def _left(segment: PieceEvidence, own: FloatArray, change: float) -> PieceEviden
     """Return a piece with the residuals that an extension leaves."""
     left, size = segment.rows()[0] - change * own, segment.residual.size
     residual = np.where(segment.present, left[:size].reshape(segment.residual.shape), np.nan)
-    return replace(
-        segment, residual=residual, gaps=left[size:].reshape(segment.continuity_residuals[0].shape)
-    )
+    gaps = left[size:].reshape(segment.continuity_residuals[0].shape)
+    return replace(segment, residual=residual, gaps=gaps)
 
 
 def _joined(
@@ -297,11 +288,8 @@ def _moves(
 ) -> dict[str, float]:
     """Return the largest changes of parameters, in their standard errors."""
     shift = found.shifts[:, index] * found.change[index]
-    moved = {
-        unknowns[i].name: float(shift[row] / bars.std[i])
-        for row, i in enumerate(free)
-        if unknowns[i].kind == "parameter" and np.isfinite(bars.std[i]) and bars.std[i] > 0.0
-    }
+    rows = [(row, unknowns[i], bars.std[i]) for row, i in enumerate(free) if 0.0 < bars.std[i] < np.inf]
+    moved = {u.name: float(shift[row] / std) for row, u, std in rows if u.kind == "parameter"}
     largest = sorted(moved, key=lambda name: -abs(moved[name]))[: LIMITS.moves]
     return {name: moved[name] for name in largest if abs(moved[name]) >= LIMITS.least_move}
 

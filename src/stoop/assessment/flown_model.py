@@ -64,9 +64,8 @@ class FlownModel:
         largest: dict[str, float] = {}
         for t in self.terms.values():
             largest[t.coefficient] = max(largest.get(t.coefficient, 0.0), abs(t.value) * rms[t.name])
-        return {
-            t.name: largest[t.coefficient] / rms[t.name] for t in self.terms.values() if rms[t.name] > 0.0
-        }
+        moving = [t for t in self.terms.values() if rms[t.name] > 0.0]
+        return {t.name: largest[t.coefficient] / rms[t.name] for t in moving}
 
 
 def flown_model(result: Result, fit: Estimate) -> FlownModel:

@@ -304,9 +304,7 @@ def press_notices(fit: Estimate) -> list[Notice]:
     information = data_information(own) + fit.evidence.prior[np.ix_(free, free)]
     own = [stretch for stretch in own if len(stretch.residual) > 1]
     errors = [left_out(stretch.residual, stretch.jacobian, information, block) for stretch in own]
-    rms, press = (
-        np.sqrt(np.mean(np.concatenate(problem.in_units(e)) ** 2, axis=0)).tolist()
-        for e in ([stretch.residual for stretch in own], errors)
-    )
+    both = (problem.in_units(e) for e in ([stretch.residual for stretch in own], errors))
+    rms, press = (np.sqrt(np.mean(np.concatenate(e) ** 2, axis=0)).tolist() for e in both)
     code = "regression-press" if np.isfinite(problem.spacing) else "regression-press-band"
     return [notice(code, "", equations=problem.equations, rms=tuple(rms), press=tuple(press))]

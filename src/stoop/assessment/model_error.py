@@ -47,10 +47,8 @@ def model_error(known: Scored, held: Mapping[str, float]) -> FloatArray:
     Left out are numbers that the file gives, changes that make no sense, and what errors of `held` numbers (SI) explain.
     """
     own = known.scores
-    sense = [
-        one.kind not in GIVEN and one.name not in held and one.believes(change)
-        for one, change in zip(known.extensions, own.change.tolist(), strict=True)
-    ]
+    pairs = zip(known.extensions, own.change.tolist(), strict=True)
+    sense = [e.kind not in GIVEN and e.name not in held and e.believes(change) for e, change in pairs]
     kept = np.flatnonzero(own.tested & sense)
     z, G = own.score[kept], own.information[np.ix_(kept, kept)]
     answers = own.information[kept] * [held.get(one.name, 0.0) for one in known.extensions]

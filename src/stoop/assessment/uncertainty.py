@@ -328,11 +328,8 @@ def agreement(results: Mapping[str, Result]) -> Repeatability:
     for mixed, several in units.items():
         if len(several) > 1:
             raise StoopError(f"{labels}: {mixed} has units {', '.join(sorted(several))}; use one")
-    remarks = [
-        notice("maneuver-no-optimum", name, advice=result.advice or result.status)
-        for name, result in results.items()
-        if result.status not in CONFIRMED
-    ]
+    ended = {n: r.advice or r.status for n, r in results.items() if r.status not in CONFIRMED}
+    remarks = [notice("maneuver-no-optimum", name, advice=advice) for name, advice in ended.items()]
     singles = {name: [_alone(r, name) for r in results.values()] for name in names}
     stretches = {name: _stretch(results.values(), name) for name in names}
     for i, (label, result) in enumerate(results.items()):

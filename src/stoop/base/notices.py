@@ -134,14 +134,7 @@ def from_dict(content: Mapping[str, Any]) -> Notice:
         raise ValueError(f"{content['severity']!r} is no severity")
     if content["code"] not in table():
         return as_notice(str(content["message"]), content["severity"])
-    values = {
-        name: from_dict(v)
-        if isinstance(v, dict)
-        else tuple(map(_number, v))
-        if isinstance(v, list)
-        else _number(v)
-        for name, v in content["values"].items()
-    }
+    values = {name: _value(v) for name, v in content["values"].items()}
     found = Notice(content["code"], content["severity"], str(content["subject"]), MappingProxyType(values))
     try:
         message(found)
@@ -152,15 +145,16 @@ def from_dict(content: Mapping[str, Any]) -> Notice:
     return found
 
 
-def _number(value: Any) -> Any:
+def _value(value: Any) -> Any:
+    if isinstance(value, dict | list):
+        return from_dict(value) if isinstance(value, dict) else tuple(map(_value, value))
     return math.nan if value is None else value  # JSON has no NaN
 
 
 def message(found: Notice) -> str:
     """Return the sentence of a notice, on one line whatever names of a log are quoted in it."""
-    return one_line(
-        _FORMATTER.vformat(table()[found.code].text, (), {"subject": found.subject, **found.values})
-    )
+    values = {"subject": found.subject, **found.values}
+    return one_line(_FORMATTER.vformat(table()[found.code].text, (), values))
 
 
 def attempt(

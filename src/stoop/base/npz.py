@@ -58,11 +58,8 @@ def _array(content: bytes) -> npt.NDArray[Any]:
     if dtype.kind not in "biufU":
         raise ValueError(f"an array of {dtype}")
     size = math.prod(shape)
-    if (
-        min(shape, default=0) < 0
-        or dtype.itemsize == 0
-        or size * dtype.itemsize != len(content) - stream.tell()
-    ):
+    whole = size * dtype.itemsize == len(content) - stream.tell()
+    if min(shape, default=0) < 0 or dtype.itemsize == 0 or not whole:
         raise ValueError(f"an array of another size than {shape}")
     values = np.frombuffer(content, dtype, size, stream.tell()) if size else np.empty(0, dtype)
     return values.reshape(shape, order="F" if fortran else "C").copy(order="K")

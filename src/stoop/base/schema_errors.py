@@ -52,9 +52,7 @@ def _key(first: Any, raw: Any) -> str:
     for part in first["loc"]:
         if not tagged and isinstance(here, Mapping) and part in [here.get(t) for t in _TAGS]:
             tagged = True
-        elif (isinstance(here, Mapping) and part in here) or (
-            isinstance(here, list) and isinstance(part, int)
-        ):
+        elif part in here if isinstance(here, Mapping) else isinstance(here, list) and isinstance(part, int):
             path.append(str(part))
             here, tagged = here[part] if isinstance(here, Mapping) or part < len(here) else None, False
     if first["type"] == "missing" and isinstance(first["loc"][-1], str):
@@ -75,12 +73,9 @@ def _message(first: Any, model: type[BaseModel]) -> str:
     plain = first["msg"].removeprefix("Value error, ")
     if kind in _REMEDIES or kind == "value_error":
         return _REMEDIES.get(kind) or plain
-    shown = (
-        plain.replace("Input should", "it must")
-        if plain.startswith("Input ")
-        else plain[:1].lower() + plain[1:]
-    )
-    return f"{shown}; correct it"
+    if plain.startswith("Input "):
+        return f"{plain.replace('Input should', 'it must')}; correct it"
+    return f"{plain[:1].lower()}{plain[1:]}; correct it"
 
 
 def _known(location: tuple[int | str, ...], model: type[BaseModel]) -> str:

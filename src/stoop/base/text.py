@@ -1,14 +1,16 @@
-"""Phrases of messages: lists of names, and advice on a name that is not known."""
+"""Phrases of messages: lists of names, and advice on a name that is not known; mappings that give it."""
 
 from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable
 from dataclasses import fields
-from typing import TextIO
+from typing import TextIO, TypeVar
 
 from stoop.base.streams import flush_or_discard
+from stoop.errors import StoopError, one_line
 
+T = TypeVar("T")
 MOST_LISTED = 16  #: names in a message
 
 
@@ -40,6 +42,26 @@ def likely(name: str, among: Iterable[str], cutoff: float = 0.6) -> str:
 def _similar(name: str, among: Iterable[str], cutoff: float) -> list[str]:
     lower = {c.lower(): c for c in reversed(list(among))}
     return [lower[c] for c in difflib.get_close_matches(name.lower(), list(lower), n=3, cutoff=cutoff)]
+
+
+class UnknownNameError(StoopError, KeyError):
+    """Nothing has this name."""
+
+    def __str__(self) -> str:
+        """Return the message; a KeyError alone would quote it."""
+        return one_line(str(self.args[0]))
+
+
+def unknown_name(name: object, among: Iterable[str]) -> UnknownNameError:
+    """Return the error about a name, with the names that resemble it."""
+    return UnknownNameError(f"no '{name}' here; {nearest(str(name), among)}")
+
+
+class Names(dict[str, T]):
+    """A dictionary that answers a wrong name with the names that resemble it."""
+
+    def __missing__(self, name: str) -> T:
+        raise unknown_name(name, self)
 
 
 def duration(seconds: float) -> str:
@@ -74,10 +96,8 @@ def printable(text: str) -> str:
     r"""Return one line that can neither steer a terminal nor break; other characters become Python escapes (``\x1b``)."""
     if text.isprintable():
         return text
-    shown = (
-        c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in text.replace("\n", " ")
-    )
-    return "".join(shown)
+    whole = text.replace("\n", " ")
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in whole)
 
 
 def printable_lines(text: str) -> str:

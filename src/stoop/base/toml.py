@@ -94,12 +94,8 @@ def check_bounds(content: Any) -> None:
         for key, one in level:
             if isinstance(one, int) and one.bit_length() > 1023:
                 raise ValueError(f"{key}: an integer of more than 308 digits")
-        tables = [
-            (f"{key}.{k}".lstrip("."), x)
-            for key, one in level
-            if isinstance(one, dict)
-            for k, x in one.items()
-        ]
+        inside = [(key, one) for key, one in level if isinstance(one, dict)]
+        tables = [(f"{key}.{k}".lstrip("."), x) for key, one in inside for k, x in one.items()]
         lists = [(key, inner) for key, one in level if isinstance(one, list) for inner in one]
         level, depth = tables + lists, depth + 1
 

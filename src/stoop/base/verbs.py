@@ -16,14 +16,8 @@ from typing import Any, Final
 from stoop.base import packages
 from stoop.errors import StoopError
 
-GROUPS: Final = (
-    "flights",
-    "models",
-    "uses",
-    "fleets",
-    "studies",
-    "help",
-)  #: of verbs, in the order of their list
+#: of verbs, in the order of their list
+GROUPS: Final = ("flights", "models", "uses", "fleets", "studies", "help")
 KINDS: Final = (
     "text", "switch", "file", "data", "vehicle", "source", "output", "output-or-print", "page", "folder", "names", "count",
     "at-least-one", "positive", "finite",
@@ -194,9 +188,8 @@ def verbs() -> dict[str, Verb]:
     found = read_verbs({"verbs": table()["verbs"]})
     for package, name, row in packages.rows("verbs", found):
         with packages.guarded(package, f"its verb '{name}'"):
-            found |= read_verbs(
-                {"options": packages.packages()[package].get("options", {}), "verbs": {name: row}}
-            )
+            options = packages.packages()[package].get("options", {})
+            found |= read_verbs({"options": options, "verbs": {name: row}})
     for package, content in packages.packages().items():
         with packages.guarded(package, "its options of verbs"):
             for name, row in content.get("more", {}).items():
@@ -241,9 +234,8 @@ def _option(row: str | Mapping[str, Any], shared: Mapping[str, Option]) -> Optio
     """Return the option of a row: the name of a shared one, changes of one, or all fields of its own."""
     if isinstance(row, str):
         return shared[row]
-    fields: dict[str, Any] = {
-        k: tuple(v) if isinstance(v, list) else v for k, v in row.items() if k != "like"
-    }
+    own = [(k, v) for k, v in row.items() if k != "like"]
+    fields: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in own}
     if "choices" in fields:
         fields["allowed"] = fields.pop("choices")
     return replace(shared[row["like"]], **fields) if "like" in row else Option(**fields)

@@ -37,12 +37,11 @@ def check_vehicle(
     for name in dict.fromkeys(w.flight for w in windows) or flights:
         require_channels(vehicle, flights[name])
     used = {*vehicle.outputs, *vehicle.recorded}
-    mapping = [
-        notice("sensor-fault", flight.name, fault=fault.message)
-        for flight in flights.values()
-        for fault in flight.faults
-        if fault.kind in ("wrong unit", "wrong sign") and fault.variable in used
+    faults = [
+        (flight.name, one) for flight in flights.values() for one in flight.faults if one.variable in used
     ]
+    wrong = [(name, one) for name, one in faults if one.kind in ("wrong unit", "wrong sign")]
+    mapping = [notice("sensor-fault", name, fault=one.message) for name, one in wrong]
     failed: list[Notice] = []
     lift = attempt(failed, [], check_lift, vehicle, flights)
     return [*check_rotors(vehicle, flights, windows), *mapping, *lift, *failed]
@@ -130,14 +129,8 @@ def inertia_notices(vehicle: Vehicle, estimates: Mapping[str, float] | None = No
         if not known.least <= radius <= known.most:
             usual = mass * (length * 0.5 * (known.low + known.high)) ** 2
             code = f"inertia-{'large' if moment > usual else 'small'}"
-            values = {
-                "inertia": moment,
-                "radius": radius,
-                "low": known.low,
-                "high": known.high,
-                "usual": usual,
-            }
-            out.append(notice(code, name, **values, unit=unit))
+            values = {"inertia": moment, "radius": radius, "usual": usual}
+            out.append(notice(code, name, **values, low=known.low, high=known.high, unit=unit))
     small, middle, large = principal_moments(vehicle)
     if (excess := large / (small + middle) - 1.0) > ROUNDING:
         values = {"largest": large, "others": small + middle, "excess": excess}

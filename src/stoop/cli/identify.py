@@ -78,9 +78,8 @@ def _run(arguments: argparse.Namespace) -> int:
         for doubt in check_vehicle(vehicle, known, fitted):
             watch.warn(str(doubt))
         files = file_hashes([*flight_files(flights), *options.given_paths(arguments.mapping)])
-        chosen = replace(
-            settings, method=choose_method(settings.method, vehicle, flights, fitted, strategy).options.method
-        )
+        setup = choose_method(settings.method, vehicle, flights, fitted, strategy)
+        chosen = replace(settings, method=setup.options.method)
         problem = identity(vehicle, files, arguments.maneuver, arguments.validate, chosen, strategy)
         checkpoint = Checkpoint(arguments.output, problem, watch.warn)
         model, stopped = _identify(arguments, vehicle, flights, settings, checkpoint, watch)
@@ -169,20 +168,9 @@ def _identify(
         checkpoint.keep(progress.state)
         watch.see(progress)
 
-    others = options.given_paths(arguments.mapping, arguments.noise)
-    windows = arguments.maneuver, arguments.validate
-    done = search(
-        vehicle,
-        flights,
-        *windows,
-        settings,
-        see,
-        state,
-        options.command_line(),
-        others,
-        strategy_of(arguments),
-        watch.turn_to,
-    )
+    others, command = options.given_paths(arguments.mapping, arguments.noise), options.command_line()
+    common = vehicle, flights, arguments.maneuver, arguments.validate, settings
+    done = search(*common, see, state, command, others, strategy_of(arguments), watch.turn_to)
     repeated = None
     if arguments.repeatability:
         checkpoint.keep_last(done.estimate.outcome)  # the search that was done is safe meanwhile

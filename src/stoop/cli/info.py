@@ -39,8 +39,8 @@ def run(arguments: argparse.Namespace) -> int:
         write_bytes_atomic(arguments.save, flight_bytes(summary.flight))
     if arguments.json:
         show(to_json(info_document(summary, found)))
-        return 0
-    _show(arguments, seen)
+    else:
+        _show(arguments, seen)
     return 0
 
 
@@ -73,11 +73,8 @@ def _show(arguments: argparse.Namespace, seen: Overview) -> None:
         return
     out.bullets(of_severity(notes, "warning"), "Warnings")
     out.line()
-    more = (
-        count(len(of_severity(notes, "info")), "note"),
-        f"{count(len(flight.unmapped), 'stream')} not mapped in full",
-    )
-    out.line(f"--verbose: the range of each channel, {' and '.join(more)}")
+    more = count(len(of_severity(notes, "info")), "note"), count(len(flight.unmapped), "stream")
+    out.line(f"--verbose: the range of each channel, {' and '.join(more)} not mapped in full")
 
 
 def _show_candidates(out: Page, arguments: argparse.Namespace, found: Found) -> None:
@@ -162,9 +159,8 @@ def _write_page(arguments: argparse.Namespace, seen: Overview) -> None:
     from stoop.report.sheet import write_sheet
 
     with LiveLine("drawing"):
-        write_sheet(
-            flight_sheet(seen, options.command_line(), _following(arguments, seen.found)), arguments.output
-        )
+        following = _following(arguments, seen.found)
+        write_sheet(flight_sheet(seen, options.command_line(), following), arguments.output)
 
 
 def _following(arguments: argparse.Namespace, found: Found) -> list[str]:
@@ -177,7 +173,8 @@ def compatibility(arguments: argparse.Namespace) -> int:
     from stoop.base.notices import of_severity
     from stoop.base.numbers import factor_and_unit, number, rounded_to_error
     from stoop.flight import load
-    from stoop.workflow.reconstruction import COMPATIBILITY, check_compatibility, write_compatibility
+    from stoop.reconstruction.compatibility import check, corrected_flight
+    from stoop.workflow.reconstruction import COMPATIBILITY, write_compatibility
 
     folder, others = arguments.output, options.given_paths(arguments.mapping)
     if folder is not None:
@@ -185,7 +182,8 @@ def compatibility(arguments: argparse.Namespace) -> int:
     with LiveLine("reading the log"):
         flight = load(arguments.flight, arguments.mapping)
     with LiveLine("integrating and comparing"):
-        result, corrected = check_compatibility(flight, options.windows(arguments.window))
+        result, found = check(flight, options.windows(arguments.window))
+        corrected = corrected_flight(found)
     out = page()
     out.heading("Sensors")
     rows = []

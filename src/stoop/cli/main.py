@@ -22,9 +22,9 @@ from functools import partial
 from itertools import pairwise, takewhile
 from typing import Any, Final, NoReturn
 
+from stoop.base.cache import fonts_folder
 from stoop.base.files import recorded_inputs
-from stoop.base.interrupts import restore_interrupts, unblock_interrupts
-from stoop.base.memory import keep_freed_memory
+from stoop.base.interrupts import keep_freed_memory, restore_interrupts, unblock_interrupts
 from stoop.base.packages import resolved
 from stoop.base.streams import flush_or_discard, open_missing_streams
 from stoop.base.text import nearest, printable, show
@@ -79,9 +79,7 @@ def main(given: Sequence[str] | None = None) -> int:
         given = sys.argv[1:]
         gc.set_threshold(GARBAGE)
         keep_freed_memory()
-        atexit.register(
-            gc.freeze
-        )  # the interpreter would look through all objects, half a second, before it leaves
+        atexit.register(gc.freeze)  # else the interpreter looks through all objects as it leaves: 0.5 s
         open_missing_streams()
         for stream in (sys.stdout, sys.stderr):
             if isinstance(stream, io.TextIOWrapper):  # an output that takes any character
@@ -107,9 +105,8 @@ def main(given: Sequence[str] | None = None) -> int:
         flush_or_discard(sys.stdout)
         return _complain(f"error: {_lacking(error)}", USER_ERROR)
     except Exception as error:
-        if isinstance(error, SystemError) and str(error).endswith(
-            "without exception set"
-        ):  # a C library without memory
+        # a C library without memory
+        if isinstance(error, SystemError) and str(error).endswith("without exception set"):
             return _complain(f"error: {_lacking(MemoryError())}", USER_ERROR)
         _print_traceback()
         return _complain(BUG_MESSAGE, BUG)
@@ -126,7 +123,9 @@ def _guarded(given: Sequence[str], debug: bool) -> int:
             arguments, unknown = parser.parse_known_args(words)
             if unknown:
                 arguments.complain(f"unrecognized arguments: {' '.join(unknown)}")
-            _keep_fonts_in_cache()
+            with contextlib.suppress(OSError):  # no folder of temporary files: Matplotlib does without
+                # its list of fonts lies where stoop keeps compiled code: a verb writes nowhere else
+                os.environ.setdefault("MPLCONFIGDIR", str(fonts_folder()))
             code = int(arguments.run(arguments))
     except SystemExit as leaving:  # argparse leaves this way after --help and after errors
         code = leaving.code if isinstance(leaving.code, int) else 0
@@ -141,14 +140,6 @@ def _guarded(given: Sequence[str], debug: bool) -> int:
         flush_or_discard(sys.stdout)  # one error is enough, where the output cannot be written either
     sys.stdout.flush()
     return code
-
-
-def _keep_fonts_in_cache() -> None:
-    """Let Matplotlib keep its list of fonts where stoop keeps compiled code: a verb writes nowhere else."""
-    from stoop.base.cache import fonts_folder
-
-    with contextlib.suppress(OSError):  # no folder of temporary files: Matplotlib does without
-        os.environ.setdefault("MPLCONFIGDIR", str(fonts_folder()))
 
 
 def one_verb(given: Sequence[str]) -> list[str]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 from contextlib import suppress
+from typing import Literal
 
 from stoop.base.files import check_targets, recorded_inputs
 from stoop.cli import options
@@ -51,13 +52,9 @@ def validate(arguments: argparse.Namespace) -> int:
     check_targets(arguments.output, NAMES, arguments.overwrite)
     with LiveLine("reading and predicting"):
         flights = load_several(arguments.flight, arguments.mapping)
-        done = validated(
-            arguments.result,
-            flights,
-            arguments.maneuver,
-            options.command_line(),
-            "measured" if arguments.open_loop else None,
-        )
+        start: Literal["measured"] | None = "measured" if arguments.open_loop else None
+        windows, command = arguments.maneuver, options.command_line()
+        done = validated(arguments.result, flights, windows, command, start)
     done.save(arguments.output, arguments.overwrite)
     out, record, verdict = page(), done.record, done.model.result.verdict
     refused = verdict.grade == "do not use"
@@ -99,10 +96,9 @@ def agreement(arguments: argparse.Namespace) -> int:
     for i, path in enumerate(arguments.result, 1):
         own = [one.singles[i - 1] for one in told.values()]
         out.line(f"{i}: {path}")
-        columns.append(
-            numbers(f"{i}, without prior", [one.estimate if one.counted else float("nan") for one in own])
-        )
-        columns.append(numbers("std error", [one.std_error if one.counted else float("nan") for one in own]))
+        known = [(one.estimate, one.std_error) if one.counted else (float("nan"),) * 2 for one in own]
+        columns.append(numbers(f"{i}, without prior", [estimate for estimate, _ in known]))
+        columns.append(numbers("std error", [error for _, error in known]))
     columns.append(fixed("chi-square", [one.chi_square for one in told.values()], 2))
     columns.append(fixed("degrees", [one.degrees for one in told.values()], 0))
     out.table(*columns, words("", [one.verdict for one in told.values()]))

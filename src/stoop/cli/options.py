@@ -80,9 +80,8 @@ def reader(option: Option) -> Callable[[str], Any]:
     """Return what reads a value of an option; an angle within limits is returned in rad."""
     if (least := WHOLE.get(option.kind)) is not None:
         first, last = option.range or (least, MAX_COUNT)
-        return _reader(
-            lambda n: first <= n <= last, f"a whole number from {first:.0f} to {last:.0f}", whole=True
-        )
+        what = f"a whole number from {first:.0f} to {last:.0f}"
+        return _reader(lambda n: first <= n <= last, what, whole=True)
     if option.range is None and option.kind not in NUMBERS:
         return READERS[option.kind]
     allowed, what = NUMBERS["positive" if option.kind == "positive" else "finite"]
@@ -255,9 +254,7 @@ def with_free(vehicle: Vehicle, free: Sequence[str], fix: Sequence[str]) -> Vehi
             raise IdentificationError(
                 f"{option} {name}: the equations of {vehicle.where} ({vehicle.reduce}) do not contain it; leave it out"
             )
-    changes = {name: {"free": True} for name in free if name not in added} | {
-        name: {"free": False} for name in fix
-    }
+    changes = {name: {"free": name not in fix} for name in (*free, *fix) if name not in added}
     changed = vehicle.with_numbers(changes) if changes else vehicle
     for p in changed.parameters:
         if p.name in free and not p.lower < p.upper:

@@ -78,10 +78,8 @@ class ProgressFile:
 
 def _trace(trace: ManeuverTrace) -> dict[str, Any]:
     every = slice(None, None, max(1, math.ceil(len(trace.time) / MAX_KEPT)))
-    channels = {
-        name: {kind: _listed(getattr(one, kind)[every]) for kind in CURVES}
-        for name, one in trace.channels.items()
-    }
+    own = trace.channels.items()
+    channels = {name: {kind: _listed(getattr(one, kind)[every]) for kind in CURVES} for name, one in own}
     return {"time": _listed(trace.time[every], 8), "channels": channels}
 
 
@@ -89,10 +87,8 @@ def _curves(candidate: Candidate) -> list[dict[str, Any]]:
     out, names = [], candidate.problem.layout.vehicle.outputs
     for piece, simulated in zip(candidate.problem.pieces, candidate.simulate(), strict=True):
         every = slice(None, None, max(1, math.ceil(len(piece.time) / MAX_SAMPLES)))
-        channels = {
-            name: {"measured": _listed(piece.whole[every, i]), "simulated": _listed(simulated[every, i])}
-            for i, name in enumerate(names)
-        }
+        columns = zip(names, piece.whole[every].T, simulated[every].T, strict=True)
+        channels = {n: dict(zip(CURVES, (_listed(z), _listed(y)), strict=True)) for n, z, y in columns}
         out.append({"maneuver": piece.maneuver, "time": _listed(piece.time[every], 8), "channels": channels})
     return out
 

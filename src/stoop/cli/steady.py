@@ -231,9 +231,8 @@ def _print_model(vehicle: Vehicle, model: LinearModel) -> None:
     groups = (model.states, model.inputs, model.outputs)
     for name, (rows, heads) in sides.items():
         matrix = getattr(model, name)
-        columns = [
-            numbers(head, column) for head, column in zip(groups[heads], matrix.T.tolist(), strict=True)
-        ]
+        pairs = zip(groups[heads], matrix.T.tolist(), strict=True)
+        columns = [numbers(head, column) for head, column in pairs]
         for block in blocks(words(name, groups[rows]), columns, out.width):
             out.line()
             out.table(*block)

@@ -54,9 +54,8 @@ def _estimates(out: Page, result: Result) -> None:
     known = text.determined(result.parameters)
     if len(known) > ROWS:
         out.heading("estimates +- standard errors (SI units, radians)")
-        out.text(
-            "\n".join(text.estimate_blocks({name: (p.estimate, p.std_error) for name, p in known.items()}))
-        )
+        estimates = {name: (p.estimate, p.std_error) for name, p in known.items()}
+        out.text("\n".join(text.estimate_blocks(estimates)))
     elif known:
         out.heading("estimates")
         out.text(estimates_table(known))
@@ -97,9 +96,8 @@ def _everything(out: Page, result: Result, forces: Sequence[ForceFigures]) -> No
     if forces:
         out.heading("specific force below 5 Hz, from the measured motion: rms residual, m/s2")
         out.text(summary.forces_table(forces))
-    out.bullets(
-        summary.repeatability_lines(result.repeatability), "repeatability: each maneuver fitted alone"
-    )
+    repeated = summary.repeatability_lines(result.repeatability)
+    out.bullets(repeated, "repeatability: each maneuver fitted alone")
     out.bullets((note for wind in result.wind for note in wind.notes), "wind and pitot")
     out.bullets(result.warnings, "warnings")
     out.bullets(result.basis, "what the figures rest on")

@@ -147,19 +147,17 @@ class Estimate(ABC):
         vehicle = replace(problem.layout.vehicle, text=head["text"]).with_numbers(limits)
         problem = replace(problem, layout=replace(problem.layout, vehicle=vehicle))
         _check_sizes(problem, arrays)
-        pieces = tuple(
-            replace(piece, measured=arrays[f"recorded.{i}"], moved=(), relative_noise=(), interpolated=None)
-            for i, piece in enumerate(problem.pieces)
-        )
+        plain: dict[str, Any] = {"moved": (), "relative_noise": (), "interpolated": None}
+        recorded = ((p, arrays[f"recorded.{i}"]) for i, p in enumerate(problem.pieces))
+        pieces = tuple(replace(piece, measured=measured, **plain) for piece, measured in recorded)
         windows = tuple(Window(**one) for one in head["windows"])
         prepared = Prepared(windows, pieces, tuple(map(from_dict, head["prepared"])))
         history = arrays["outcome.history"]
         outcome = optimize.Outcome(z=arrays["outcome.z"], history=history, state=None, **head["outcome"])
         common = (problem, prepared, z, outcome, head["cost"], head["trajectories"])
         notices = tuple(map(from_dict, head["notices"]))
-        taken = tuple(
-            DecisionRecord(n, "applied", found, done) for n, found, done in head.get("decisions", ())
-        )
+        records = head.get("decisions", ())
+        taken = tuple(DecisionRecord(n, "applied", found, done) for n, found, done in records)
         own = cls.own_fields(problem, z, arrays)
         return cls.suited(problem)(*common, notices, **own, decisions=taken)
 

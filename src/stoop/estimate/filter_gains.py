@@ -215,10 +215,8 @@ class Varying(Gain):
         """Return a gain per sample."""
         measured, zero = plan.measured.astype(np.float64), np.zeros(process.shape[2:])
         known = np.where(np.isfinite(variances), variances, 1.0)
-        found = [
-            filtering.riccati(vehicle.kernel(), F, H, Q, R, measured, plan.points, zero)[:2]
-            for F, H, Q, R in zip(linear.transition, linear.readings, process, known, strict=True)
-        ]
+        rows, kernel = zip(linear.transition, linear.readings, process, known, strict=True), vehicle.kernel()
+        found = [filtering.riccati(kernel, *row, measured, plan.points, zero)[:2] for row in rows]
         samples = np.arange(len(measured), dtype=np.int64)
         return Gains(np.stack([K for K, _ in found], axis=2), np.array([S for _, S in found]), samples)
 

@@ -28,12 +28,13 @@ from stoop.estimate import iterates
 from stoop.estimate.estimate import Estimate, simulation_inflation
 from stoop.estimate.noise import (
     channel_residuals,
+    color_record,
+    colored_weights,
     common_time,
     effective_variance,
     first_variance,
     noise_covariance,
 )
-from stoop.estimate.noise_color import color_record, colored_weights
 from stoop.estimate.noise_model import with_noise
 from stoop.estimate.refit_problem import SimulationProblem
 from stoop.estimate.regression import start_value
@@ -141,9 +142,8 @@ class Options:
         IdentificationError
             No candidate can be simulated.
         """
-        stop = optimize.Stop(
-            self.generations, max(0.8 * (self.budget - spent), float(len(starts))), self.target_cost
-        )
+        budget = max(0.8 * (self.budget - spent), float(len(starts)))
+        stop = optimize.Stop(self.generations, budget, self.target_cost)
         given = self.optimizer
         optimizer = optimize.create(given, stop.budget) if isinstance(given, str) else given
         outcome = optimize.minimize(
@@ -220,11 +220,9 @@ class OutputErrorEstimate(Estimate):
     @cached_property
     def measurement_noise(self) -> FloatArray:
         """Covariance (n_y, n_y) of the residuals, or as given; NaN for a channel that was never measured."""
-        return (
-            self.problem.weights.covariance
-            if self.noise_given
-            else noise_covariance(self.problem, self.residuals)
-        )
+        if self.noise_given:
+            return self.problem.weights.covariance
+        return noise_covariance(self.problem, self.residuals)
 
 
 DEFAULTS: Final = Options()
@@ -416,9 +414,8 @@ def refine(
             interrupted = True
             break
     if interrupted and outcome.status != "interrupted":
-        outcome = replace(
-            outcome, status="interrupted", advice="stopped by the user while the estimates were refined"
-        )
+        advice = "stopped by the user while the estimates were refined"
+        outcome = replace(outcome, status="interrupted", advice=advice)
     notices = () if converged or outcome.status == "interrupted" else (notice("noise-not-converged"),)
     found, taken = ([], ()) if noise is None else noise.findings(problem, [str(w) for w in prepared.windows])
     notices = (*found, *notices)

@@ -31,32 +31,27 @@ from stoop.simulation import parameter_rows
 from stoop.vehicle import Vehicle
 from stoop.vehicle.vehicle import GUST_STATES
 
-GUST_SHARES: Final = {
-    "u": (1.0,),
-    "v": (0.5**0.5, 0.5),
-    "w": (0.5**0.5, 0.5),
-}  #: of the intensity in each gust state
+#: of the intensity in each gust state
+GUST_SHARES: Final = {"u": (1.0,), "v": (0.5**0.5, 0.5), "w": (0.5**0.5, 0.5)}
 #: of the gains: at what was measured, then along the states that the filter finds
 LINEARIZATIONS: Final = 2
 
 
 def gust_deviations(vehicle: Vehicle) -> dict[str, float]:
     """Return the standard deviation of each gust state, m/s."""
-    return {
-        name: share * vehicle.value(f"turbulence.{axis}.intensity")
-        for axis in vehicle.gusts
-        for name, share in zip(GUST_STATES[axis], GUST_SHARES[axis], strict=True)
-    }
+    out = dict[str, float]()
+    for axis in vehicle.gusts:
+        intensity = vehicle.value(f"turbulence.{axis}.intensity")
+        out |= {n: x * intensity for n, x in zip(GUST_STATES[axis], GUST_SHARES[axis], strict=True)}
+    return out
 
 
 def with_gusts(problem: Misfit) -> Misfit:
     """Return the problem with the gusts at the beginning of each piece among the nuisances."""
     vehicle = problem.layout.vehicle
-    gusts = [
-        Nuisance(name, piece.maneuver, i, 0.0, deviation)
-        for i, piece in enumerate(problem.pieces)
-        for name, deviation in gust_deviations(vehicle).items()
-    ]
+    gusts, deviations = list[Nuisance](), gust_deviations(vehicle).items()
+    for i, piece in enumerate(problem.pieces):
+        gusts += [Nuisance(name, piece.maneuver, i, 0.0, deviation) for name, deviation in deviations]
     own = problem.layout.nuisances
     states, biases = [n for n in own if not n.is_bias], [n for n in own if n.is_bias]
     return replace(problem, layout=Layout(vehicle, problem.layout.parameters, (*states, *gusts, *biases)))

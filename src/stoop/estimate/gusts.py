@@ -11,6 +11,10 @@ integral, positions of sensors to the rates, scale factors of gyros and air data
 rate: these are removed by least squares. The covariance of readings that share nothing separates the remainder from white
 noise: the samples of a grid between readings were interpolated, and neighbors went through one low-pass.
 
+By how much gusts bias estimates of a method that knows of none, a few steps of Fisher's scoring of filter error tell, from those
+estimates on and with gusts in the model: they go most of the way to its maximum. The way of each parameter is its bias with the
+sign changed, and the inverse of the information its standard error.
+
 References
 ----------
 V. Klein and E. A. Morelli, *Aircraft System Identification*, 2nd ed., AIAA, 2016, chapter 10 (data compatibility).
@@ -27,14 +31,24 @@ from typing import Final
 import numpy as np
 import tomlkit
 
-from stoop.base.arrays import BoolArray, FloatArray, IntArray
+from stoop.base.arrays import BoolArray, FloatArray
+from stoop.base.blas import on_one_blas_thread
 from stoop.base.notices import Notice, notice
 from stoop.base.units import STANDARD_GRAVITY
 from stoop.errors import IdentificationError
 from stoop.estimate.estimate import Estimate
+from stoop.estimate.filter_gains import Noise, Steady, first_guess
+from stoop.estimate.filter_likelihood import SCORING, Likelihood
+from stoop.estimate.fit import DEFAULTS, estimation_problem
+from stoop.estimate.fitted_filter import with_gusts
+from stoop.estimate.linearization import undelayed
+from stoop.estimate.scoring import ScoringModel
 from stoop.flight import Flight
 from stoop.flight.air_data import RECONSTRUCTED
 from stoop.flight.airborne import in_flight
+from stoop.optimize.levenberg_marquardt import Stages, TenfoldDamping
+from stoop.problem import Nuisance
+from stoop.problem.evidence import invert
 from stoop.problem.observation import along_body, at_center_of_gravity, state_channels
 from stoop.problem.windows import Window
 from stoop.simulation.initial import rigid_states
@@ -48,6 +62,9 @@ AXES: Final = ("u", "v", "w")
 #: flow angle -> the force that comes with it
 ACROSS: Final = {"alpha": "az", "beta": "ay"}
 ANGLE_OF_FORCE: Final = -0.05  #: rad per m/s2, to begin with
+STEPS: Final = 3  #: of scoring; in a flight where they go wrong, eight do no better
+MIN_BIAS: Final = 2.0  #: standard errors of filter error, from which a parameter is named
+SHOWN: Final = 6  #: parameters that are named
 
 
 @dataclass(frozen=True)
@@ -97,27 +114,19 @@ def gust_levels(vehicle: Vehicle, flights: Mapping[str, Flight], windows: Sequen
             continue
         counted = np.logical_and.reduce([one.counted(len(flight.time)) for one in read])
         up = in_flight(flight)
-        for window in (_widened(w) for w in windows if w.flight == name):
-            inside = flight.between(window.start, window.stop)
+        for w in (w for w in windows if w.flight == name):
+            more = max(0.0, 0.5 * (LIMITS.widened - (w.stop - w.start)))
+            inside = flight.between(w.start - more, w.stop + more)
             wind = changes_of_wind(vehicle, flight, inside, up[inside])
-            parts.append(_products(wind, np.flatnonzero(counted[inside])))
+            rows = np.flatnonzero(counted[inside])
+            apart = float(np.median(np.diff(rows))) if len(rows) > 1 else LIMITS.samples
+            lag = math.ceil(LIMITS.samples / max(1.0, apart))  # readings of the air data that share nothing
+            parts.append(wind[rows[lag:]] * wind[rows[:-lag]])
     products = np.concatenate(parts)
     count = np.isfinite(products[1:]).sum(axis=0)
     with np.errstate(invalid="ignore", divide="ignore"):
         levels = np.sqrt(np.maximum(np.nansum(products, axis=0) / count, 0.0))
     return np.where(np.isin(AXES, with_turbulence(vehicle).gusts), levels, np.nan)
-
-
-def _widened(window: Window) -> Window:
-    """Return a window about the same instant that is long enough."""
-    more = max(0.0, 0.5 * (LIMITS.widened - (window.stop - window.start)))
-    return replace(window, start=window.start - more, stop=window.stop + more)
-
-
-def _products(wind: FloatArray, rows: IntArray) -> FloatArray:
-    """Return products (m, 3) of changes of the wind (n, 3) at readings of the air data (k,) that share nothing."""
-    lag = math.ceil(LIMITS.samples / max(1.0, float(np.median(np.diff(rows))))) if len(rows) > 1 else 1
-    return np.asarray(wind[rows[lag:]] * wind[rows[:-lag]])
 
 
 def changes_of_wind(vehicle: Vehicle, flight: Flight, inside: slice, up: BoolArray) -> FloatArray:
@@ -128,9 +137,8 @@ def changes_of_wind(vehicle: Vehicle, flight: Flight, inside: slice, up: BoolArr
     """
     columns = {c: flight.column(c)[inside] for c in NEEDED & flight.names}
     seen = [c not in ACROSS or c in columns for c in ("V", "beta", "alpha")]  # of u, v, w
-    columns |= {
-        c: ANGLE_OF_FORCE * columns[f] for c, f in ACROSS.items() if c not in columns and f in columns
-    }
+    without = [(c, f) for c, f in ACROSS.items() if c not in columns and f in columns]
+    columns |= {c: ANGLE_OF_FORCE * columns[f] for c, f in without}
     present = np.logical_and.reduce([up, *(np.isfinite(y) for y in columns.values())])
     dt = 1.0 / flight.rate
     at = np.flatnonzero(present)
@@ -169,10 +177,8 @@ def with_turbulence(vehicle: Vehicle) -> Vehicle:
     """Return the vehicle with gusts on all axes, their intensities free, unless its file has a table of them."""
     if vehicle.gusts:
         return vehicle
-    gust = {
-        "intensity": {"value": LIMITS.first, "free": True, "bounds": list(LIMITS.bounds)},
-        "length": LIMITS.length,
-    }
+    intensity = {"value": LIMITS.first, "free": True, "bounds": list(LIMITS.bounds)}
+    gust = {"intensity": intensity, "length": LIMITS.length}
     table, document = Turbulence.model_validate(dict.fromkeys(AXES, gust)), tomlkit.parse(vehicle.text)
     for axis in AXES:  # also in the text, of which the estimates make the file of the identified vehicle
         write_entry(document, ("turbulence", axis), gust)
@@ -196,3 +202,44 @@ def doubt(error: IdentificationError, method: str, instead: str) -> Notice:
     if isinstance(error, UnexplainedError):
         return notice("gusts-not-explained", correlation=error.correlation, method=instead, other=method)
     return notice("filter-diverges", text=str(error), method=instead)
+
+
+def gust_bias(fit: Estimate, flights: Mapping[str, Flight]) -> tuple[Notice, ...]:
+    """Return which parameters gusts bias in a fit that ignores them, and by how much."""
+    biases = gust_biases(fit, flights)
+    large = [n for n, (_, size) in biases.items() if abs(size) > MIN_BIAS]
+    named = sorted(large, key=lambda n: -abs(biases[n][1]))
+    shown = tuple(f"{n} {biases[n][0]:+.3g} ({biases[n][1]:+.1f})" for n in named[:SHOWN])
+    return (notice("gusts-bias", parameters=shown, count=len(named)),) if named else ()
+
+
+@on_one_blas_thread
+def gust_biases(fit: Estimate, flights: Mapping[str, Flight]) -> dict[str, tuple[float, float]]:
+    """Return the bias of each parameter, SI and in standard errors of filter error; none where no filter applies."""
+    own, vehicle = fit.problem.layout, with_turbulence(fit.problem.layout.vehicle)
+    try:
+        problem = with_gusts(estimation_problem(vehicle, flights, fit.prepared.windows, DEFAULTS)[0])
+        shifted = undelayed(problem)
+    except IdentificationError:  # a free delay of a sensor
+        return {}
+    layout, names = problem.layout, [p.name for p in own.parameters]
+    # slow motion is nearer the truth by the weights of white noise
+    begun = dict(zip([*names, *map(_key, own.nuisances)], fit.white.tolist(), strict=True))
+    start = [begun.get(p.name, float(x)) for p, x in zip(layout.parameters, layout.start, strict=True)]
+    noise = Noise(vehicle, first_guess(vehicle, problem.pieces))
+    z = np.array([*start, *(begun.get(_key(n), 0.0) for n in layout.nuisances), *noise.start])
+    model = ScoringModel(Likelihood.of(shifted, noise, Steady(), z), z, 0.0)
+    if not np.isfinite(model.cost):
+        return {}
+    Stages(SCORING, 1.0).search(model, TenfoldDamping(1e-6, growth=4.0, smallest=1e-9), STEPS)
+    model.linearize()
+    errors = np.full(len(z), np.nan)
+    errors[model.free] = np.sqrt(np.diag(invert(model.information).matrix))
+    found = dict(zip(names, fit.z.tolist(), strict=False))
+    rows = [(p.name, i) for i, p in enumerate(layout.parameters) if p.name in found]
+    away = [(n, i, found[n] - model.z[i]) for n, i in rows]
+    return {n: (float(x * layout.scales[i]), float(x / errors[i])) for n, i, x in away}
+
+
+def _key(n: Nuisance) -> tuple[str, int, int | None]:
+    return n.name, n.maneuver, n.piece

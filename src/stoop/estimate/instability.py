@@ -68,9 +68,8 @@ def growth(vehicle: Vehicle, piece: Piece, rows: FloatArray) -> Growth:
 def largest_growth(problem: Misfit, z: FloatArray) -> Growth:
     """Return the largest growth over the pieces of a problem at a search vector (D + E,)."""
     rows = [problem.candidates(z[None, :], i)[0] for i in range(len(problem.pieces))]
-    each = [
-        growth(problem.layout.vehicle, piece, own) for piece, own in zip(problem.pieces, rows, strict=True)
-    ]
+    pairs = zip(problem.pieces, rows, strict=True)
+    each = [growth(problem.layout.vehicle, piece, own) for piece, own in pairs]
     return max(each, key=lambda one: one.rate * one.seconds)
 
 

@@ -243,7 +243,9 @@ def refined(
                 continue
             shifted = recorded
             if not given:
-                residuals = partial(_residuals, problem, at)
+                residuals = partial(
+                    lambda problem, at, own: problem.of_problem(own).residuals(at), problem, at
+                )
                 noise, shifted = with_noise(recorded, residuals, noise, options.treatment)
             before, problem = held.noise_logdet, problem.of_problem(shifted)
             problem = problem.with_likeliest_wind_steps(at)
@@ -251,11 +253,6 @@ def refined(
     except KeyboardInterrupt:
         status = "interrupted"
     return Refined(problem, end, iterations, status, noise_converged, noise)
-
-
-def _residuals(problem: ShootingProblem, at: Iterate, own: Misfit) -> list[FloatArray]:
-    """Return the residuals (n, n_y) of each piece of another problem in the same windows."""
-    return problem.of_problem(own).residuals(at)
 
 
 def as_one_flight(problem: ShootingProblem, at: Iterate, schedule: Sequence[float]) -> Iterate:
@@ -384,15 +381,10 @@ class LinearizedNodes(RefitProblem):
         for shots, own, windows, weights in each:
             readings, slopes = shots.responses(model, z, own)
             white = whitened(weights, readings, np.isfinite(shots.piece.measured))
-            parts = zip(
-                windows,
-                np.split(white, shots.edges[1:-1]),
-                [*slopes, slopes[:0].reshape(0, len(ones))],
-                strict=True,
-            )
-            found = self._shooting.sensitivities(
-                [replace(w, by_unknown=by, gap_by_unknown=gap) for w, by, gap in parts], ones
-            )
+            by_window, ends = np.split(white, shots.edges[1:-1]), [*slopes, slopes[:0].reshape(0, len(ones))]
+            parts = zip(windows, by_window, ends, strict=True)
+            changed = [replace(w, by_unknown=by, gap_by_unknown=gap) for w, by, gap in parts]
+            found = self._shooting.sensitivities(changed, ones)
             pieces.append(np.concatenate(found[0]))
             gaps.append(found[1])
         return Responses(model.extensions, tuple(pieces), () if self.strict else tuple(gaps))
@@ -405,19 +397,16 @@ class LinearizedNodes(RefitProblem):
 
     def _nodes(self, z: FloatArray) -> list[FloatArray]:
         """Return the initial states of the windows of each piece at a search vector."""
-        found = [
-            shots.perturbed(nodes, (follow @ (z - self.center)).T)
-            for shots, nodes, follow in zip(self.shots, self.nodes, self.follow, strict=True)
-        ]
+        rows, step = zip(self.shots, self.nodes, self.follow, strict=True), z - self.center
+        found = [shots.perturbed(nodes, (follow @ step).T) for shots, nodes, follow in rows]
         if not self.strict or not (z - self.center).any():
             return found
         out = []
         linear = self._shooting.linearize(Iterate(z, tuple(found), 0.0, 0.0))
         for shots, nodes, windows in zip(self.shots, found, linear, strict=True):
             left = reduced(self._shooting.weigh(windows), 0.0)
-            out.append(
-                shots.perturbed(nodes, left.moves(np.zeros(len(shots.entries))).T) if left.nodes else nodes
-            )
+            moves = left.moves(np.zeros(len(shots.entries))).T if left.nodes else None
+            out.append(nodes if moves is None else shots.perturbed(nodes, moves))
         return out
 
 
@@ -441,9 +430,8 @@ class ShootingEstimate(Estimate):
             "shooting.covariance": shooting.problem.weights.covariance,
             "shooting.root": shooting.problem.weights.root,
         }
-        for i, (piece, shots, nodes) in enumerate(
-            zip(shooting.problem.pieces, shooting.shots, at.nodes, strict=True)
-        ):
+        rows = zip(shooting.problem.pieces, shooting.shots, at.nodes, strict=True)
+        for i, (piece, shots, nodes) in enumerate(rows):
             out |= {f"edges.{i}": np.array(shots.edges), f"nodes.{i}": nodes, f"aligned.{i}": piece.measured}
             out |= {f"{name}.{i}": np.array(getattr(piece, name)) for name in PIECE_TUPLES}
         return out
@@ -466,10 +454,8 @@ class ShootingEstimate(Estimate):
         shots = tuple(Shots(aligned, i, tuple(arrays[f"edges.{i}"].tolist())) for i in each)
         shooting = ShootingProblem(aligned, shots, arrays["scales"], float(arrays["strictness"]))
         cost, gap = arrays["iterate"].tolist()
-        return {
-            "shooting": shooting,
-            "optimum": Iterate(z, tuple(arrays[f"nodes.{i}"] for i in each), cost, gap),
-        }
+        nodes = tuple(arrays[f"nodes.{i}"] for i in each)
+        return {"shooting": shooting, "optimum": Iterate(z, nodes, cost, gap)}
 
     @property
     def weighted_problem(self) -> Misfit:
@@ -570,9 +556,8 @@ class MultipleShooting(Fitter[ShootingEstimate]):
             notices += of_noise
         if not found.noise_converged and status != "interrupted":
             notices.append(notice("noise-not-converged"))
-        outcome = optimize.Outcome(
-            at.z, at.cost, many, found.iterations, status, advice, history, state, optimizer
-        )
+        ended = status, advice, history, state, optimizer
+        outcome = optimize.Outcome(at.z, at.cost, many, found.iterations, *ended)
         common = (problem, prepared, at.z, outcome, at.cost, many, tuple(notices))
         return ShootingEstimate(*common, windowed, at, decisions=taken)
 

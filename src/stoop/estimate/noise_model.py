@@ -33,7 +33,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from scipy.special import digamma, expit, polygamma
@@ -208,18 +208,14 @@ class NoiseModel:
         if found:
             shares, widths = (tuple(getattr(m, name) for m in found.values()) for name in ("share", "width"))
             share, width = float(np.median(shares)), float(np.median(widths))
-            outliers.append(
-                notice(
-                    "outliers", channels=tuple(found), share=share, width=width, shares=shares, widths=widths
-                )
-            )
+            several: dict[str, Any] = {"shares": shares, "widths": widths}
+            outliers.append(notice("outliers", channels=tuple(found), share=share, width=width, **several))
         shape = applied("noise-shape", outliers, OUTLIERS_WEIGHTED)
         if not any(self.unequal):
             return outliers, shape
         logs, count = np.log(self.relative), len(self.relative)
-        factors = np.exp(
-            (logs - logs.mean(axis=0)) * count / max(count - 1, 1)
-        )  # over the mean of the others
+        # over the mean of the others
+        factors = np.exp((logs - logs.mean(axis=0)) * count / max(count - 1, 1))
         channels = np.array(outputs)
         for name, own, unknown in zip(maneuvers, factors, self.unknown, strict=True):
             if (noisy := own >= LIMITS.named).any():

@@ -153,12 +153,8 @@ class ExtendedModel:
         ends = np.cumsum([len(at.samples) for at in trajectories]).tolist()
         parts = [slice(a, b) for a, b in zip([0, *ends], ends, strict=False)]
         inputs = np.hstack([at.inputs for at in trajectories])
-        base = Evaluation(
-            self.equations,
-            _joined([at.rows for at in trajectories], parts),
-            np.hstack([at.states for at in trajectories]),
-            inputs,
-        )
+        rows = _joined([at.rows for at in trajectories], parts)
+        base = Evaluation(self.equations, rows, np.hstack([at.states for at in trajectories]), inputs)
         m, n_x = len(self.extensions), len(self.base.states)
         changes = np.zeros((ends[-1], n_x + len(self.base.outputs), m))
         for j, one in enumerate(self.extensions):

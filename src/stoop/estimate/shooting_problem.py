@@ -112,9 +112,8 @@ def reduced(windows: Sequence[Weighted], damping: float) -> Reduced:
     each, meet = [w.products for w in windows], windows[:-1]
     by_unknown = np.array([w.gap_by_unknown for w in meet]).reshape(len(meet), e, j)
     by_state = np.array([w.gap_by_state for w in meet]).reshape(len(meet), e, e)
-    gap, closing = (
-        np.array(one).reshape(-1, e) for one in ([w.gap for w in meet], [w.closing for w in meet])
-    )
+    gap = np.array([w.gap for w in meet]).reshape(-1, e)
+    closing = np.array([w.closing for w in meet]).reshape(-1, e)
     # normal matrix of (1, unknowns): its first row holds the gradient
     gaps = np.concatenate([gap[:, :, None], by_unknown], axis=2)
     rows = gaps.reshape(-1, 1 + j)
@@ -182,10 +181,8 @@ class ShootingProblem:
         for name in vehicle.moves:
             rotor = name.removesuffix(".lag")
             if rotor in vehicle.rotors:
-                spins = [
-                    np.max(commanded(vehicle, rotor, np.repeat(rows, len(p.inputs), axis=1), p.inputs.T))
-                    for p in problem.pieces
-                ]
+                flown = [(np.repeat(rows, len(p.inputs), axis=1), p.inputs.T) for p in problem.pieces]
+                spins = [np.max(commanded(vehicle, rotor, *one)) for one in flown]
                 scales.append(SPIN_SCALE * (float(np.nanmax(spins)) or 1.0))
             else:
                 usual = model.gap_scales.get(name, model.angle_scale)
@@ -292,10 +289,8 @@ class ShootingProblem:
         self, nodes: Sequence[FloatArray], pieces: Sequence[Reduced], step: FloatArray
     ) -> list[FloatArray]:
         """Return the initial states of the windows after a step (j,) of the search vector, by the eliminated equations."""
-        return [
-            shots.perturbed(own, r.moves(step[shots.entries]).T) if r.nodes else own
-            for shots, own, r in zip(self.shots, nodes, pieces, strict=True)
-        ]
+        rows = zip(self.shots, nodes, pieces, strict=True)
+        return [s.perturbed(own, r.moves(step[s.entries]).T) if r.nodes else own for s, own, r in rows]
 
     def closed(self, at: Iterate, pieces: Sequence[Sequence[Weighted]]) -> Iterate:
         """Return the iterate with windows closed by one step of their states, with derivatives taken near by.
@@ -350,9 +345,8 @@ class ShootingProblem:
         information, pieces = rows.T @ rows, []
         for shots, windows in zip(self.shots, self.linearize(at), strict=True):
             readings, gap_slopes = self.sensitivities(windows, layout.scales[shots.entries])
-            jacobian, slopes = (
-                spread(one, shots.entries, len(at.z)) for one in (np.concatenate(readings), gap_slopes)
-            )
+            jacobian = spread(np.concatenate(readings), shots.entries, len(at.z))
+            slopes = spread(gap_slopes, shots.entries, len(at.z))
             rows = slopes.reshape(-1, len(layout.scales))
             information = information + rows.T @ rows
             left = -np.concatenate([shot.residual for shot in windows])

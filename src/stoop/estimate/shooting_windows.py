@@ -21,17 +21,7 @@ from stoop.estimate.response import ExtendedModel, Trajectory, fly
 from stoop.kernels import filtering
 from stoop.kernels.windows import windows
 from stoop.optimize.normal_equations import project, square
-from stoop.problem import Misfit, Piece, on_circle
-from stoop.problem.observation import (
-    AIR_FRAME,
-    GROUND_FRAME,
-    integrated_attitude,
-    observation_model,
-    recorded_motion,
-    state_channels,
-    through_air,
-    true_values,
-)
+from stoop.problem import Misfit, Piece, observation, on_circle
 from stoop.simulation import initial_states, parameter_rows
 from stoop.simulation.delays import distinct_inputs, late_outputs, output_delays
 from stoop.simulation.initial import commanded
@@ -82,12 +72,12 @@ def _parabola(column: FloatArray, at: int, width: int) -> float:
 def _through_air(vehicle: Vehicle, piece: Piece, readings: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
     """Return the motion through the air, body axes: bias and scale of the piece undone, the wind taken off."""
     rows = parameter_rows(vehicle, piece.changes)[:, 0]
-    true = true_values(vehicle, readings, rows)
+    true = observation.true_values(vehicle, readings, rows)
     if not set(WIND) & set(true):
         return true
     zero = np.zeros(len(next(iter(true.values()))))
     attitude = {n: zero + piece.start.get(n, 0.0) for n in EULER}
-    return through_air({**dict.fromkeys(WIND, zero), **attitude, **true})
+    return observation.through_air({**dict.fromkeys(WIND, zero), **attitude, **true})
 
 
 #: windows that meet: the end is that of output error
@@ -112,12 +102,12 @@ ROTORCRAFT: Final = WindowModel(
     smoothed=_parabola,
     states=_through_air,
 )
-_MODELS: Final = {AIR_FRAME: AIRCRAFT, GROUND_FRAME: ROTORCRAFT}
+_MODELS: Final = {observation.AIR_FRAME: AIRCRAFT, observation.GROUND_FRAME: ROTORCRAFT}
 
 
 def window_model(vehicle: Vehicle) -> WindowModel:
     """Return initial states and continuity of the windows of a vehicle; without winds in the still air of a room."""
-    model = _MODELS[observation_model(vehicle)]
+    model = _MODELS[observation.observation_model(vehicle)]
     return replace(model, winds=()) if vehicle.positions else model
 
 
@@ -225,17 +215,16 @@ class Shots:
         piece, vehicle, model = self.piece, self.vehicle, window_model(self.vehicle)
         at, width = list(self.edges[:-1]), max(1, round(SMOOTHING_TIME / piece.dt))
         recorded = dict(zip(vehicle.outputs, piece.whole.T, strict=True))
-        readings = {
-            c: y[at] for c, y in integrated_attitude(vehicle, piece.start, recorded, piece.dt).items()
-        }
+        whole = observation.integrated_attitude(vehicle, piece.start, recorded, piece.dt)
+        readings = {c: y[at] for c, y in whole.items()}
         for i, channel in enumerate(vehicle.outputs):
             column = piece.whole[:, i]
-            if channel in state_channels(vehicle) and np.isfinite(column).any():
+            if channel in observation.state_channels(vehicle) and np.isfinite(column).any():
                 complete = interpolated(unwrapped(column))
                 readings[channel] = np.array([model.smoothed(complete, a, width) for a in at])
         default = {n: np.full(len(at), piece.start.get(n, 0.0)) for n in vehicle.start_names}
         starts = default | model.states(vehicle, piece, readings)
-        starts |= recorded_motion(vehicle, piece.inputs[at].T, starts)
+        starts |= observation.recorded_motion(vehicle, piece.inputs[at].T, starts)
         rows = self._kernel_parameters(z)
         for state in (s for s in vehicle.states if s.endswith(".lag")):
             name = state.removesuffix(".lag")  # by how much it is off its command
@@ -321,10 +310,8 @@ class Shots:
             if w + 1 < self.count:
                 gaps = inverse[:, :, w] @ (last[:, i] - nodes[:, w + 1 : w + 2])
             gap_slopes = (gaps[:, 1:] - gaps[:, :1]) / changes
-            left, (by_unknown, by_state) = (
-                residual(self.problem, readings[0], measured),
-                np.split(slopes, [j]),
-            )
+            left = residual(self.problem, readings[0], measured)
+            by_unknown, by_state = np.split(slopes, [j])
             by_unknown, by_state = np.moveaxis(by_unknown, 0, 2), np.moveaxis(by_state, 0, 2)
             gap_by_unknown = np.pad(gap_slopes[:, :m], [(0, 0), (0, j - m)])
             shots.append(Shot(left, by_unknown, by_state, gaps[:, 0], gap_by_unknown, gap_slopes[:, m:]))

@@ -186,13 +186,10 @@ def reconstruct(
     velocity = _stack(read, VELOCITY)
     whole = set(QUATERNION) <= columns.keys()
     attitude = normalized(_stack(read, QUATERNION)) if whole else quaternions_of(_stack(read, EULER))
-    for code, lacking in (
-        ("no-air-data-short-record", time.size < 10),
-        ("no-air-data-without-velocity", not complete(velocity).any()),
-        ("no-air-data-without-attitude", not complete(attitude).any()),
-    ):
-        if lacking:
-            return {}, AirData("none", notices=(notice(code),))
+    lacking = {"velocity": velocity, "attitude": attitude}
+    codes = [f"no-air-data-without-{name}" for name, x in lacking.items() if not complete(x).any()]
+    if codes := ["no-air-data-short-record"] * (time.size < 10) + codes:
+        return {}, AirData("none", notices=(notice(codes[0]),))
     rotation, step = matrices_of(attitude), float(np.median(np.diff(time)))
     motion = smooth_velocity(time, rotation, _stack(read, SPECIFIC_FORCE), velocity, velocity_rate)
     if motion is None:  # without accelerometers the velocity is taken as logged

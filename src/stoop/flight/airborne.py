@@ -145,9 +145,8 @@ def lift_command(flight: Flight) -> FloatArray | None:
 
 def _moving(flight: Flight, kind: str, size: int) -> list[str]:
     """Return the channels of a kind that are not still at zero; of pulses those that ArduPilot's parameters allow a motor."""
-    functions = {
-        n: flight.parameters.get(f"SERVO{n}_FUNCTION", 0.0) for n in range(1, size + 1)
-    }  # 0: none said
+    # 0: none said
+    functions = {n: flight.parameters.get(f"SERVO{n}_FUNCTION", 0.0) for n in range(1, size + 1)}
     outputs = [n for n, use in functions.items() if kind != "pwm" or use == 0.0 or use in MOTOR_FUNCTIONS]
     there = [name for name in (f"{kind}_{n}" for n in outputs) if name in flight.names]
     return [name for name in there if np.nanmax(np.abs(np.append(flight.column(name), 0.0))) > 0.0]
@@ -160,10 +159,8 @@ def motors_ran(flight: Flight) -> bool:
     """
     command = lift_command(flight)
     if command is None:
-        every = [[f"{kind}_{n}" for n in range(1, size + 1)] for kind, size, *_ in ROTOR_KINDS[:2]]
-        known = [
-            [n for n in own if n in flight.names and np.isfinite(flight.column(n)).any()] for own in every
-        ]
+        recorded = {n for n in flight.names if np.isfinite(flight.column(n)).any()}
+        known = [recorded & {f"{kind}_{n}" for n in range(1, size + 1)} for kind, size, *_ in ROTOR_KINDS[:2]]
         still = all(not _moving(flight, kind, size) for kind, size, *_ in ROTOR_KINDS[:2])
         return not still or max(map(len, known)) < FLYING.rotors
     return float(np.nanmax(np.append(command, 0.0))) > FLYING.command
@@ -228,10 +225,8 @@ def _turns(x: FloatArray, rate: FloatArray, other: FloatArray) -> bool:
     good = np.isfinite(np.column_stack([x[1:-1], fixed, change])).all(axis=1)
     if good.sum() < PULSES.blocks:
         return False
-    y, outputs = (
-        a[good] - fixed[good] @ np.linalg.lstsq(fixed[good], a[good], rcond=None)[0]
-        for a in (change[:, None], x[1:-1])
-    )
+    fixed, known = fixed[good], (change[good, None], x[1:-1][good])
+    y, outputs = (a - fixed @ np.linalg.lstsq(fixed, a, rcond=None)[0] for a in known)
     left, sizes, right = np.linalg.svd(outputs, full_matrices=False)
     along = left.T @ y[:, 0]
     kept = (along**2 > PULSES.direction * float(along @ along)) & (sizes > PULSES.singular * sizes[0])

@@ -152,9 +152,8 @@ def align(
             )
         lag = find_lag(moving, fixed, one.longest or np.inf)
         if lag is None or lag.correlation < LIMITS.stated_correlation:
-            why = (
-                "they overlap too little" if lag is None else f"the best correlation is {lag.correlation:.2f}"
-            )
+            why = "they overlap too little"
+            why = why if lag is None else f"the best correlation is {lag.correlation:.2f}"
             raise FlightError(
                 f"{at}: {name} and {one.reference} do not show the same motion ({why}); "
                 f"check signs and axes, or give the offset under [clock.{name}]"
@@ -201,9 +200,8 @@ def attitude_delay(channels: Sequence[Channels]) -> list[Notice]:
     attitude = next((g for g in channels if any(form <= g.values.keys() for form in forms)), None)
     if rates is None or attitude is None or rates.source == attitude.source:
         return []
-    turning, measured = (
-        {name: x for name, x in quantities([group]).items() if name in RATES} for group in (attitude, rates)
-    )
+    both = (quantities([group]) for group in (attitude, rates))
+    turning, measured = ({name: x for name, x in own.items() if name in RATES} for own in both)
     lag = find_lag(turning, measured, LIMITS.attitude_delay)
     if not _is_evident(lag):
         return []

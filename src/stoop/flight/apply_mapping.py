@@ -92,9 +92,8 @@ def read_mapped(
         by_stream: dict[str, list[Channels]] = {}
         for group in found.channels:
             by_stream.setdefault(group.source, []).append(group)
-        disagreeing = suggest_alignments(
-            whole, lambda _, name: by_stream.get(name, []), str(place or "the mapping")
-        )
+        where = str(place or "the mapping")
+        disagreeing = suggest_alignments(whole, lambda _, name: by_stream.get(name, []), where)
         found = replace(found, notices=[*found.notices, *disagreeing])
     unnamed = {f"{stream} {column}" for stream, columns in found.unmapped.items() for column in columns}
     defects = tuple(d for d in recording.defects if d.kind != "text" or d.place not in unnamed)
@@ -249,9 +248,9 @@ def _supply(recording: Recording, source: Source, name: str) -> Channels | None:
     if stream is None or not _has_columns(source, stream):
         if not source.required:
             return None
-        name = next(
-            (n for weights in source.columns for n in weights if n not in _there(recording, source)), ""
-        )
+        one = recording.streams.get(source.stream)
+        there = {c for own in ([one] if one else recording.streams.values()) for c in own.columns}
+        name = next((n for weights in source.columns for n in weights if n not in there), "")
         column = f"{source.place}.column = '{name}'"
         only = next(iter(recording.streams)) if len(recording.streams) == 1 else ""
         known = recording.streams.get(source.stream or only)
@@ -267,9 +266,8 @@ def _supply(recording: Recording, source: Source, name: str) -> Channels | None:
         raise LogError(f"{column} is in no stream of the log; {holds}")
     values = _values(stream, source, only_used=source.partial or source.unused is not None)
     time = stream.time
-    if (
-        source.stamp and source.stamp in stream.columns
-    ):  # when the samples were taken, where that can be believed
+    # when the samples were taken, where that can be believed
+    if source.stamp and source.stamp in stream.columns:
         taken = stream.columns[source.stamp] * source.stamp_factor
         late = time - taken
         if np.all((late >= 0.0) & (late < MAX_TRANSPORT)) and np.all(np.diff(taken) > 0.0):
@@ -282,16 +280,6 @@ def _near(name: str, among: Iterable[str]) -> str:
     """Ask for the name that was meant, where one is near."""
     advice = likely(name, among)
     return f"{advice} " if advice else ""
-
-
-def _there(recording: Recording, source: Source) -> set[str]:
-    """Return the columns of the stream that a source names; of all, where it names none."""
-    streams = (
-        [recording.streams[source.stream]]
-        if source.stream in recording.streams
-        else recording.streams.values()
-    )
-    return {column for stream in streams for column in stream.columns}
 
 
 def _has_columns(source: Source, stream: Stream) -> bool:

@@ -119,9 +119,8 @@ def rotate_axes(values: Mapping[str, FloatArray], frame: Frame) -> dict[str, Flo
     for names in (QUATERNION, EULER):
         if set(values) == set(names):
             columns = np.column_stack([values[name] for name in names])
-            q = product(
-                np.array(_GROUND_TURNS[frame[1]]), columns if names == QUATERNION else quaternions_of(columns)
-            )
+            q = columns if names == QUATERNION else quaternions_of(columns)
+            q = product(np.array(_GROUND_TURNS[frame[1]]), q)
             if frame[0] == "flu":  # half a turn about the forward axis: its own inverse but for the sign
                 q = product(q, np.array([0.0, 1.0, 0.0, 0.0]))
             return dict(zip(names, (q if names == QUATERNION else euler_angles(q)).T, strict=True))
@@ -259,9 +258,8 @@ class Surfaces:
             if mixer.left == mixer.right:
                 raise LogError(f"{place}: mixer.{name}: left and right are the same output; name two")
             for moved, weights in MIXERS[mixer.kind].items():
-                rows.append(
-                    (f"mixer.{name}", moved, dict(zip((mixer.left, mixer.right), weights, strict=True)))
-                )
+                panels = dict(zip((mixer.left, mixer.right), weights, strict=True))
+                rows.append((f"mixer.{name}", moved, panels))
         mixes: dict[str, Mapping[str, float]] = {}
         for where, surface, shares in rows:
             if surface in mixes:

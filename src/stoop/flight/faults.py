@@ -86,12 +86,8 @@ def _shared_limits(group: Channels) -> Iterator[Fault]:
     """Yield limits at which several of three alike channels end, to the last digit: that is no chance."""
     for names in (RATES, SPECIFIC_FORCE):
         known = {name: x[np.isfinite(x)] for name, x in group.values.items() if name in names}
-        ends = [
-            (name, float(end))
-            for name in names
-            if name in known and known[name].size > LIMITS.stuck_samples
-            for end in (known[name].min(), known[name].max())
-        ]
+        long = [(n, known[n]) for n in names if n in known and known[n].size > LIMITS.stuck_samples]
+        ends = [(name, float(end)) for name, x in long for end in (x.min(), x.max())]
         alike = {name for name, value in ends if _shared(value, ends)}
         # of those alone, as it takes a sort
         fine = {n for n in alike if np.unique(known[n]).size > LIMITS.distinct * known[n].size}
@@ -204,7 +200,6 @@ def rest_faults(time: FloatArray, data: Mapping[str, FloatArray], rate: float) -
             code = "pitot-at-rest" if name == "airspeed_pitot" and value > 0.0 else "offset-at-rest"
             found = notice(code, name, value=value, unit=VARIABLES[name].unit)
         if off:
-            out.append(
-                Fault("offset at rest", name, value, float(time[rest][0]), float(time[rest][-1]), found)
-            )
+            start, stop = time[rest][[0, -1]].tolist()
+            out.append(Fault("offset at rest", name, value, start, stop, found))
     return out

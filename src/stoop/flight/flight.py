@@ -12,10 +12,9 @@ import numpy as np
 
 from stoop.base.arrays import FloatArray, run_slices
 from stoop.base.html import table
-from stoop.base.names import unknown_name
 from stoop.base.notices import Notice, notice
 from stoop.base.rotations import continuous, euler_angles, normalized, quaternions_of, wrap
-from stoop.base.text import printable
+from stoop.base.text import printable, unknown_name
 from stoop.base.variables import EULER, QUATERNION, VARIABLES, WRAPPED, variable
 from stoop.errors import FlightError
 from stoop.flight.faults import Fault
@@ -368,10 +367,8 @@ def segments(
     for name in (*inputs, *outputs, *extras):
         variable(name, flight.name)
         inside[name] = flight.column(name)[low:high] if name in flight.names else np.full(t.size, np.nan)
-    u, z = (
-        np.column_stack([inside[name] for name in names]) if names else np.empty((t.size, 0))
-        for names in (inputs, outputs)
-    )
+    nothing = np.empty((t.size, 0))
+    u, z = (np.column_stack([nothing, *(inside[name] for name in own)]) for own in (inputs, outputs))
     whole = complete(u)
     runs = run_slices(whole)
     pieces = [run for run in runs if run.stop - run.start >= MIN_SEGMENT * flight.rate]

@@ -203,17 +203,6 @@ class Grid:
         return slice(int(np.ceil(low)), int(np.floor(high)) + 1)
 
 
-def common_phase(time: FloatArray, rate: float) -> float:
-    """Return the phase [s] of a grid of `rate` [Hz] on which samples at times (n,) s fall, half a period at most.
-
-    It is their circular mean over one period; zero where most of them have no phase in common, as those of a clock of
-    another rate, and where the multiples of the period are as good.
-    """
-    turn = np.exp(2j * np.pi * rate * time).mean()
-    phase = float(np.angle(turn)) / (2.0 * np.pi * rate)
-    return phase if abs(turn) > 0.5 and abs(phase) > TIME_TOLERANCE else 0.0
-
-
 def grid_rate(rates: Iterable[float]) -> float:
     """Return the lowest of `GRID_RATES` [Hz] that no channel of these rates [Hz] exceeds, or the highest."""
     fastest = max(rates, default=0.0)
@@ -223,10 +212,16 @@ def grid_rate(rates: Iterable[float]) -> float:
 def inertial_phase(groups: Iterable[Channels], rate: float) -> float:
     """Return the phase [s] of the fastest gyro or accelerometer whose samples a grid of `rate` [Hz] can hold, or zero.
 
-    Interpolation between samples colors their noise, most of all midway; faster sensors are low-passed and decimated.
+    Interpolation between samples colors their noise, most of all midway; faster sensors are low-passed and decimated. The phase,
+    half a period at most, is the circular mean of their times over one period; zero where most of them have no phase in common,
+    as those of a clock of another rate, and where the multiples of the period are as good.
     """
     held = [g for g in groups if INERTIAL & g.values.keys() and 0.0 < g.rate <= SAME_RATE * rate]
-    return common_phase(max(held, key=lambda g: g.rate).time, rate) if held else 0.0
+    if not held:
+        return 0.0
+    turn = np.exp(2j * np.pi * rate * max(held, key=lambda g: g.rate).time).mean()
+    phase = float(np.angle(turn)) / (2.0 * np.pi * rate)
+    return phase if abs(turn) > 0.5 and abs(phase) > TIME_TOLERANCE else 0.0
 
 
 def make_grid(start: float, stop: float, rate: float, width: int, place: str, phase: float = 0.0) -> Grid:
@@ -428,9 +423,8 @@ def interpolate_by_rates(
     valid = complete(out)
     out[valid] = continuous(out[valid])
     columns = dict(zip((*QUATERNION, *EULER), [*out.T, *euler_angles(out).T], strict=True))
-    return {name: columns.get(name, x) for name, x in data.items()}, [
-        notice("attitude-follows-rates", logged.source, rate=known.rate)
-    ]
+    told = notice("attitude-follows-rates", logged.source, rate=known.rate)
+    return {name: columns.get(name, x) for name, x in data.items()}, [told]
 
 
 def integrate_rates(rates: FloatArray, rate: float) -> FloatArray:

@@ -20,20 +20,13 @@ from stoop.base.packages import hooks
 from stoop.base.toml import parse_json
 from stoop.base.variables import EULER, QUATERNION, RATES, VARIABLES
 from stoop.errors import FlightError, LogError
+from stoop.flight import gridding
 from stoop.flight.air_data import with_air
 from stoop.flight.airborne import carried_by_rotors, in_flight
 from stoop.flight.airspeed import EQUIVALENT, TRUE, with_true_airspeed
 from stoop.flight.apply_mapping import Mapped, read_mapped
 from stoop.flight.faults import Fault, contradiction, recorded_faults, rest_faults, without_faulty
 from stoop.flight.flight import AirData, Flight, Gridded, flight_name, on_circle, with_attitude
-from stoop.flight.gridding import (
-    Channels,
-    SourceRate,
-    drop_impossible,
-    drop_outliers,
-    grid_channels,
-    interpolate_by_rates,
-)
 from stoop.flight.pose import pose_alone, with_motion, without_jumps
 from stoop.flight.repeated_readings import at_own_rates
 from stoop.logs import Recording
@@ -79,12 +72,13 @@ def of_recording(
     """Lay the mapped channels of a recording on one uniform grid; see `load` and `read_mapped`."""
     if mapped is None:
         return _restore(recording, flight_name(path))
-    cleaned = [drop_outliers(group) for group in mapped.channels]
+    cleaned = [gridding.drop_outliers(group) for group in mapped.channels]
     if pose_alone({name for group in mapped.channels for name in group.values}):
-        cleaned = [_tracked(*one) for one in cleaned]
+        tracked = [(without_jumps(group), found) for group, found in cleaned]
+        cleaned = [(kept, [*found, *lost]) for (kept, lost), found in tracked]
     apart = [at_own_rates(group) for group, _ in cleaned]
     channels = [one for groups, _ in apart for one in groups]
-    grid, data, sources = grid_channels(channels, rate, str(path))
+    grid, data, sources = gridding.grid_channels(channels, rate, str(path))
     rate = grid.rate
     # an attitude whose parts came from several files is completed; its rate is that of the slowest
     parts = [sources[name] for name in (*EULER, *QUATERNION) if name in sources]
@@ -102,44 +96,28 @@ def of_recording(
     # a mapping is judged in flight: on the ground estimators hold zeros, and sensors stand still
     gridded = Flight(flight_name(path), path, Gridded(grid.time, data), rate, sources)
     up = attempt(failed, np.ones(grid.time.size, dtype=bool), in_flight, gridded)
-    recorded = [
-        fault
-        for fault in recorded
-        if fault.variable in data
-        and (fault.kind != "stuck" or up[(grid.time >= fault.start) & (grid.time <= fault.stop)].any())
-    ]
+    flown = [up[(grid.time >= fault.start) & (grid.time <= fault.stop)].any() for fault in recorded]
+    pairs = [(fault, moving) for fault, moving in zip(recorded, flown, strict=True) if fault.variable in data]
+    recorded = [fault for fault, moving in pairs if fault.kind != "stuck" or moving]
     of_mapping = _contradictions(gridded, up, channels, recorded, failed, mapped)
     faults = (*recorded, *attempt(failed, [], rest_faults, grid.time, data, rate), *of_mapping)
     attitude: list[Notice] = []
     if not any(fault.kind == "inconsistent" for fault in of_mapping):
-        data, attitude = interpolate_by_rates(grid, data, sources, channels)
+        data, attitude = gridding.interpolate_by_rates(grid, data, sources, channels)
     # defects of topics that supply nothing do not matter to the user; a file's name writes a topic with _
     used = {name for s in sources.values() for name in (s.source, s.source.replace("/", "_"))}
     notices = [one for _, found in (*cleaned, *apart) for one in found]
-    notices += [
-        notice("log-defect", defect.place, kind=defect.kind, text=defect.message)
-        for defect in recording.defects
-        if defect.kind in ("corrupt", "truncated", "dropout") or any(topic in defect.place for topic in used)
-    ]
+    grave = ("corrupt", "truncated", "dropout")
+    told = [d for d in recording.defects if d.kind in grave or any(topic in d.place for topic in used)]
+    notices += [notice("log-defect", d.place, kind=d.kind, text=d.message) for d in told]
     notices += [*mapped.notices, *attitude, *airspeed]
     gaps = {source.source: source for source in sources.values() if source.gaps}
     if gaps:
         counts = tuple(f"{name} {s.gaps} (up to {s.longest_gap:.2f} s)" for name, s in gaps.items())
         notices.append(notice("gaps", counts=counts))
     notices += [fault.notice for fault in faults]
-    columns = Gridded(grid.time, data)
-    flight = Flight(
-        flight_name(path),
-        path,
-        columns,
-        rate,
-        sources,
-        tuple(notices),
-        None,
-        faults,
-        mapped.unmapped,
-        recording.parameters,
-    )
+    common = (flight_name(path), path, Gridded(grid.time, data), rate, sources, tuple(notices), None, faults)
+    flight = Flight(*common, mapped.unmapped, recording.parameters)
     flight = attempt(failed, flight, with_air, attempt(failed, flight, with_motion, flight))
     # what this record cannot show, whatever is fitted to it
     limits = []
@@ -155,28 +133,20 @@ def of_recording(
     return flight.with_notices((*limits, *failed))
 
 
-def _tracked(group: Channels, found: list[Notice]) -> tuple[Channels, list[Notice]]:
-    """Return a group without a pose where tracking was lost, and what was found of it."""
-    kept, lost = without_jumps(group)
-    return kept, [*found, *lost]
-
-
 def load_several(
     paths: Sequence[str | Path], mapping: str | Path | None = None, beside: Sequence[Flight] = ()
 ) -> list[Flight]:
     """Read logs onto grids of one rate: that of the fastest of them and of the flights `beside` them; see `load`."""
     flights = [load(path, mapping) for path in paths]
     rate = max((flight.rate for flight in (*flights, *beside)), default=0.0)
-    return [
-        flight if flight.rate == rate else load(path, mapping, rate)
-        for path, flight in zip(paths, flights, strict=True)
-    ]
+    pairs = zip(paths, flights, strict=True)
+    return [one if one.rate == rate else load(path, mapping, rate) for path, one in pairs]
 
 
 def _contradictions(
     flight: Flight,
     up: BoolArray,
-    channels: Sequence[Channels],
+    channels: Sequence[gridding.Channels],
     faults: Sequence[Fault],
     failed: list[Notice],
     mapped: Mapped | None = None,
@@ -197,7 +167,9 @@ def with_contradictions(flight: Flight) -> Flight:
         When angles or rates are in degrees.
     """
     failed: list[Notice] = []
-    channels = [Channels("the table", flight.time, {name: flight.column(name) for name in flight.sources})]
+    channels = [
+        gridding.Channels("the table", flight.time, {name: flight.column(name) for name in flight.sources})
+    ]
     up = attempt(failed, np.ones(flight.time.size, dtype=bool), in_flight, flight)
     recorded = attempt(failed, [], recorded_faults, channels)
     faults = _contradictions(flight, up, channels, recorded, failed)
@@ -213,9 +185,8 @@ def without_faults(flight: Flight) -> Flight:
             by_name.setdefault(fault.variable, []).append(fault)
     if not by_name:
         return flight
-    columns = {
-        name: without_faulty(flight.time, flight.column(name), found) for name, found in by_name.items()
-    }
+    pairs = [(name, flight.column(name), found) for name, found in by_name.items()]
+    columns = {name: without_faulty(flight.time, x, found) for name, x, found in pairs}
     data = flight.data.assign({name: ("time", x, flight.data[name].attrs) for name, x in columns.items()})
     found = notice("samples-not-measured", variables=tuple(columns))
     return replace(flight, data=data, notices=(*flight.notices, found))
@@ -304,9 +275,8 @@ def _restore(recording: Recording, name: str) -> Flight:
         if "air" in content:
             entries = parse_json(content["air"])
             told = _notices({key: entries.pop(key) for key in (NOTICES, "notes") if key in entries})
-            numbers: dict[str, Any] = {
-                key: tuple(x) if isinstance(x, list) else x for key, x in entries.items()
-            }
+            items = entries.items()
+            numbers: dict[str, Any] = {k: tuple(x) if isinstance(x, list) else x for k, x in items}
             traces = recording.streams.get(AIR)
             curves = {} if traces is None else {"time": traces.time, **traces.columns}
             air = AirData(**numbers, notices=told, traces=curves)
@@ -317,14 +287,14 @@ def _restore(recording: Recording, name: str) -> Flight:
     if not (uniform and data and set(data) <= set(sources)):
         raise LogError(foreign)
     # what was possible when it was written stays, also where a filter went beyond what was recorded
-    data, dropped = drop_impossible(recording.path.name, data, MAX_NUMBER)
+    data, dropped = gridding.drop_impossible(recording.path.name, data, MAX_NUMBER)
     columns = Gridded(stream.time, on_circle(data))
     return Flight(name, recording.path, columns, rate, sources, (*notices, *dropped), air, tuple(faults))
 
 
-def _source(entry: Mapping[str, Any]) -> SourceRate:
+def _source(entry: Mapping[str, Any]) -> gridding.SourceRate:
     """Read how a variable was recorded."""
-    return SourceRate(**{**entry, "readings": tuple(map(int, entry.get("readings", ())))})
+    return gridding.SourceRate(**{**entry, "readings": tuple(map(int, entry.get("readings", ())))})
 
 
 def _notices(content: Mapping[str, Any]) -> tuple[Notice, ...]:

@@ -163,13 +163,10 @@ def describe(flight: Flight) -> FlightSummary:
 
 def commands(flight: Flight) -> list[Command]:
     """Return what was commanded: mixed commands or surfaces where there are any, else directions of the outputs."""
-    direct = [
-        Command(axis, name, flight.column(name))
-        for name, axis in CONTROLS.items()
-        if name in flight.names
-        and (axis != "heave" or carried_by_rotors(flight))
-        and moves(flight.column(name))
-    ]
+    known = [(axis, name) for name, axis in CONTROLS.items() if name in flight.names]
+    known = [(axis, name) for axis, name in known if axis != "heave" or carried_by_rotors(flight)]
+    columns = [(axis, name, flight.column(name)) for axis, name in known]
+    direct = [Command(axis, name, u) for axis, name, u in columns if moves(u)]
     if any(command.axis != "heave" for command in direct):
         return direct
     combined = (found for names in output_families(flight) if (found := directions(flight, names)))
@@ -244,9 +241,7 @@ def _running_means(sums: tuple[FloatArray, FloatArray], width: int, least: float
     """Return the means (n, m) over `width` samples, NaN where less than a share of them is there."""
     size = len(sums[0]) - 1
     width = max(1, min(width, size))
-    lead = (
-        width // 2
-    )  # the window of a sample begins so much before it, that of the first ones with the record
+    lead = width // 2  # by which a window begins before its sample; those of the first begin with the record
     last = np.minimum(np.arange(size - lead) + width, size)
     many = least * (last - np.arange(size - lead))[:, None]
 
@@ -381,10 +376,8 @@ def _bursts(flight: Flight, command: Command, up: BoolArray, feedback: Feedback)
     first, last = float(flight.time[0]), float(flight.time[-1])
     for run in bursts:
         # the window is narrowed to where the control moves
-        t, swing = (
-            flight.time[run],
-            u[run] - float(np.nanmedian(u[max(run.start - around, 0) : run.stop + around])),
-        )
+        rest = float(np.nanmedian(u[max(run.start - around, 0) : run.stop + around]))
+        t, swing = flight.time[run], u[run] - rest
         amplitude = float(np.nanmax(np.abs(swing)))
         moving = np.flatnonzero(np.nan_to_num(np.abs(swing)) > LIMITS.hysteresis * amplitude)
         swings = int(np.count_nonzero(np.diff(np.sign(swing[moving])))) + 1

@@ -46,9 +46,7 @@ def with_motion(flight: Flight) -> Flight:
     there = flight.names
     if not {*POSITION, *QUATERNION} <= there or not pose_alone(there):
         return flight
-    position, attitude = (
-        np.column_stack([flight.column(name) for name in names]) for names in (POSITION, QUATERNION)
-    )
+    position, attitude = (np.column_stack([flight.column(n) for n in own]) for own in (POSITION, QUATERNION))
     found = motion(position, attitude, flight.rate)
     added = {name: x for name, x in found.items() if name not in there}
     columns = {name: flight.column(name) for name in there} | added
@@ -77,18 +75,16 @@ def without_jumps(group: Channels) -> tuple[Channels, list[Notice]]:
     q = np.column_stack([group.values[name] for name in angles])
     q = normalized(q) if angles == QUATERNION else quaternions_of(q)
     turned = 2.0 * np.linalg.norm(product(conjugate(q[:-1]), q[1:])[:, 1:], axis=1)
-    moved = np.linalg.norm(
-        np.diff(np.column_stack([group.values[name] for name in POSITION]), axis=0), axis=1
-    )
+    position = np.column_stack([group.values[name] for name in POSITION])
+    moved = np.linalg.norm(np.diff(position, axis=0), axis=1)
     jumps = _isolated(moved, SHORTEST_JUMP) | _isolated(turned, SMALLEST_TURN)
     if not jumps.any():
         return group, []
     time, at = group.time, np.flatnonzero(jumps)
     # so wide that no sample of a grid is interpolated across
     wide = int(np.ceil(0.5 * longest_allowed(time) / float(np.median(np.diff(time))))) + 1
-    lost = (
-        maximum_filter1d(np.concatenate([jumps, [False]]).astype(np.int8), 2 * wide + 1, mode="constant") > 0
-    )
+    at_samples = np.concatenate([jumps, [False]]).astype(np.int8)
+    lost = maximum_filter1d(at_samples, 2 * wide + 1, mode="constant") > 0
     for a, b in pairwise(at):
         lost[a : b if time[b] - time[a] < LOST_TIME else a] = True
     kept = {n: np.where(lost, np.nan, x) if n in (*POSITION, *angles) else x for n, x in group.values.items()}

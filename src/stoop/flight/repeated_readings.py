@@ -12,7 +12,7 @@ and the rows that add something are never closer than the period of the sensor.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
@@ -95,7 +95,10 @@ def at_own_rates(group: Channels) -> tuple[list[Channels], list[Notice]]:
         rows = _readings(group.time, x)
         if rows is not None and not _joined(slow, name, rows, _period(rows)):
             slow.append(([name], rows))
-    slow = [one for one in slow if _whole_attitude(one[0], group.values)]
+    attitude = {
+        name for name in (*EULER, *QUATERNION) if name in group.values
+    }  # which is taken whole or not at all
+    slow = [one for one in slow if not attitude & {*one[0]} or attitude <= {*one[0]}]
     taken = {name for names, _ in slow for name in names}
     for name in [n for n in measured if n not in {*taken, *EULER, *QUATERNION}]:
         # one that moved by single steps only, in the rows in which another of its sensor was read
@@ -109,7 +112,9 @@ def at_own_rates(group: Channels) -> tuple[list[Channels], list[Notice]]:
         Channels(group.source, group.time[rows], {name: group.values[name][rows] for name in names})
         for names, rows in slow
     ]
-    return found, [_notice(group, names, rows) for names, rows in slow]
+    rates = [(tuple(names), 1.0 / float(np.median(np.diff(group.time[rows])))) for names, rows in slow]
+    told = [notice("readings-repeated", group.source, variables=n, rate=r, rows=group.rate) for n, r in rates]
+    return found, told
 
 
 def _readings(time: FloatArray, x: FloatArray) -> IntArray | None:
@@ -131,14 +136,3 @@ def _joined(slow: list[tuple[list[str], IntArray]], name: str, rows: IntArray, p
             slow[i] = ([*names, name], both)
             return True
     return False
-
-
-def _whole_attitude(names: Sequence[str], values: Mapping[str, FloatArray]) -> bool:
-    """Tell whether names hold all or none of the attitude that was recorded."""
-    recorded = {name for name in (*EULER, *QUATERNION) if name in values}
-    return not recorded & set(names) or recorded <= set(names)
-
-
-def _notice(group: Channels, names: Sequence[str], rows: IntArray) -> Notice:
-    rate = 1.0 / float(np.median(np.diff(group.time[rows])))
-    return notice("readings-repeated", group.source, variables=tuple(names), rate=rate, rows=group.rate)

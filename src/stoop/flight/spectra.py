@@ -69,9 +69,8 @@ def spectrogram(flight: Flight, name: str) -> Spectrogram:
     """Return the spectrogram of a channel in at most `MAX_COLUMNS` windows."""
     values, length = flight.column(name), max(MIN_SAMPLES, round(SPECTROGRAM_WINDOW * flight.rate))
     length = min(length, len(values))
-    starts = np.linspace(0, len(values) - length, min(MAX_COLUMNS, 1 + 2 * (len(values) // length))).astype(
-        int
-    )
+    count = min(MAX_COLUMNS, 1 + 2 * (len(values) // length))
+    starts = np.linspace(0, len(values) - length, count).astype(int)
     density = np.abs(_transformed(values[starts[:, None] + np.arange(length)], flight.rate)) ** 2
     frequency = np.arange(density.shape[1]) * flight.rate / length
     return Spectrogram(name, flight.time[starts] + 0.5 * length / flight.rate, frequency, density.T)

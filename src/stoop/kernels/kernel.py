@@ -25,11 +25,8 @@ from stoop.kernels.generated import build, import_source
 from stoop.kernels.loops import Model
 from stoop.kernels.symbolic import Sizes, SymbolicModel
 
-ENTRIES = {
-    **loops.ENTRIES,
-    **filters.ENTRIES,
-    **windows.ENTRIES,
-}  #: functions that are compiled for every model
+#: functions that are compiled for every model
+ENTRIES = {**loops.ENTRIES, **filters.ENTRIES, **windows.ENTRIES}
 _OBJECT = "code.o"
 
 
@@ -49,9 +46,8 @@ def _pool(threads: int) -> ThreadPoolExecutor:
     return pool
 
 
-if hasattr(
-    os, "register_at_fork"
-):  # the child of a fork has the pool, but not its threads, and would wait for ever
+# the child of a fork has the pool, but not its threads, and would wait for ever
+if hasattr(os, "register_at_fork"):
     os.register_at_fork(after_in_child=_pool.cache_clear)
 
 
@@ -68,9 +64,8 @@ class Kernel:
     lanes: int  #: candidates of a block; a call with no more than half of them takes blocks of half the width
     sizes: tuple[int, int, int, int]  #: states, inputs, parameters, outputs
     model: Model
-    entries: Callable[
-        [str, int], Callable[..., None]
-    ]  #: of a name and a number of lanes; compiled when needed
+    #: of a name and a number of lanes; compiled when needed
+    entries: Callable[[str, int], Callable[..., None]]
     moves: int = 0  #: components of the error state; zero where no filter takes the model
     latex: tuple[str, ...] = ()  #: the equations, one a line
 

@@ -169,12 +169,8 @@ def _joined(parts: list[tuple[FloatArray, Columns]]) -> Columns:
     if len(parts) == 1:
         return parts[0][1]
     names = dict.fromkeys(name for _, columns in parts for name in columns)
-    return {
-        name: np.concatenate(
-            [columns.get(name, np.full(time.size, np.nan, np.float32)) for time, columns in parts]
-        )
-        for name in names
-    }
+    whole = [(columns, np.full(time.size, np.nan, np.float32)) for time, columns in parts]
+    return {n: np.concatenate([columns.get(n, nothing) for columns, nothing in whole]) for n in names}
 
 
 def _header(data: bytes, at: int, end: int) -> tuple[dict[str, str], int]:
@@ -228,11 +224,8 @@ def define(lines: Mapping[str, str]) -> Definition | str:
 def _fill(own: Integers, kind: int, count: int, lines: Mapping[str, str]) -> str:
     """Set number, predictors, encodings and signs (4, fields) of a kind of frames; return what is wrong with them."""
     own[0, 0] = count
-    for row, key, known in (
-        (1, "predictor", frames.PREDICTORS),
-        (2, "encoding", frames.ENCODINGS),
-        (3, "signed", None),
-    ):
+    rows = (1, "predictor", frames.PREDICTORS), (2, "encoding", frames.ENCODINGS), (3, "signed", None)
+    for row, key, known in rows:
         letter = "I" if key == "signed" and kind == frames.P else LETTERS[kind]
         numbers = _whole_numbers(lines.get(f"Field {letter} {key}", ""))
         if len(numbers) != count:
@@ -313,9 +306,8 @@ def _session(data: bytes, begin: int, end: int, place: str, room: int) -> Sessio
         full = room < 0
     defects = _defects(place, state, gaps, start, content.size)
     if full:
-        defects.append(
-            Defect("skipped", place, "more numbers than a log of this size holds; the rest was left out")
-        )
+        message = "more numbers than a log of this size holds; the rest was left out"
+        defects.append(Defect("skipped", place, message))
     found = {kind: np.concatenate(blocks) for kind, blocks in kept.items() if blocks and known.names[kind]}
     signs = {kind: tuple(map(bool, known.fields[kind, 3].tolist())) for kind in STREAMS}
     return Session(Settings(lines), known.names, signs, found, tuple(defects))
@@ -338,7 +330,6 @@ def _defects(place: str, state: Integers, gaps: Integers, start: int, size: int)
         message = f"{lost} frames dropped: they build on a damaged one, or their time does not go on"
         defects.append(Defect("dropout", place, message))
     if lost := int(state[frames.NO_HOME]):
-        defects.append(
-            Defect("skipped", place, f"{lost} GPS frames dropped: they come before the home position")
-        )
+        message = f"{lost} GPS frames dropped: they come before the home position"
+        defects.append(Defect("skipped", place, message))
     return defects

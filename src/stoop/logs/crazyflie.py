@@ -175,10 +175,8 @@ def _walk(
             break
         offsets[key].append(at)
         at += size
-    defects = [
-        Defect("corrupt", name, f"unknown event at byte {first}; {last - first} bytes skipped")
-        for first, last in lost[:MAX_LISTED]
-    ]
+    texts = [f"unknown event at byte {a}; {b - a} bytes skipped" for a, b in lost[:MAX_LISTED]]
+    defects = [Defect("corrupt", name, text) for text in texts]
     if more := lost[MAX_LISTED:]:
         skipped = sum(last - first for first, last in more)
         defects.append(Defect("corrupt", name, f"{len(more)} more such places; {skipped} bytes skipped"))

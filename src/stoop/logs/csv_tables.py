@@ -142,10 +142,8 @@ def read_raw_csv(
             column, unit = guess_clock(list(table))
             factor = FACTORS[unit]
             if not _CLOCK.fullmatch(column):
-                rising = (
-                    n for n, x in table.items() if x.size > 2 and np.mean(np.diff(x) > 0.0) > MIN_RISING
-                )
-                column = next(rising, column)
+                long = ((n, np.mean(np.diff(x) > 0.0)) for n, x in table.items() if x.size > 2)
+                column = next((n for n, rising in long if rising > MIN_RISING), column)
         stream, dropped = clean_stream(file.name, table[column] * factor, table)
         defects += [*found, *dropped]
         if stream.time.size > 1:
@@ -168,11 +166,8 @@ def template(header: list[str]) -> str:
     """Return a mapping to start from: each column under its own name, the likeliest one as the time."""
     clock, unit = guess_clock(header)
     lines = ["[time]", f"column = {quoted(clock)}", f'unit = "{unit}"', "", "[variables]"]
-    lines += [
-        f'{quoted_key(name)} = {{column = {quoted(name)}, unit = "{_UNITS.get(name, "1")}"}}'
-        for name in header
-        if name != clock
-    ]
+    rows = [(name, _UNITS.get(name, "1")) for name in header if name != clock]
+    lines += [f'{quoted_key(name)} = {{column = {quoted(name)}, unit = "{u}"}}' for name, u in rows]
     return "\n".join(lines)
 
 
@@ -308,9 +303,8 @@ def unpack(path: Path) -> tuple[bytes, tuple[Defect, ...]]:
                 while packed and len(text) <= MAX_BYTES:
                     text += stream.decompress(packed, MAX_BYTES + 1 - len(text))
                     # after the end of one gzip member: the next member, or padding with zeros
-                    packed = stream.unconsumed_tail or (
-                        stream.unused_data.lstrip(b"\0") if stream.eof else b""
-                    )
+                    behind = stream.unused_data.lstrip(b"\0") if stream.eof else b""
+                    packed = stream.unconsumed_tail or behind
                     if stream.eof and packed:
                         stream = zlib.decompressobj(wbits=31)
     except OSError as error:
@@ -432,9 +426,6 @@ def topic_files(folder: Path) -> list[TopicFile]:
         raise LogError(
             f"{folder}: more than one log ({names}); put the files of each log in a folder of its own"
         )
-    own = [
-        TopicFile(path, prefix, stem[len(prefix) :], instance)
-        for path, (stem, instance) in stems.items()
-        if path.name.startswith(prefix)
-    ]
+    named = [(path, *of) for path, of in stems.items() if path.name.startswith(prefix)]
+    own = [TopicFile(path, prefix, stem[len(prefix) :], instance) for path, stem, instance in named]
     return sorted([*own, *strays], key=lambda file: (file.topic, file.instance))

@@ -297,9 +297,8 @@ def _instances(
         instances = {}
         for mark in marks[kept]:  # a number, or a text; the first has no name
             called = decoded(mark) if isinstance(mark, bytes) else f"{float(mark):g}" if mark else ""
-            places = np.flatnonzero(
-                numbers == mark if mark == mark else numbers != numbers
-            )  # NaN is one, too
+            # NaN is one, too
+            places = np.flatnonzero(numbers == mark if mark == mark else numbers != numbers)
             step = int(places[1] - places[0]) if places.size > 1 else 1
             even = bool(np.all(np.diff(places) == step))  # as instances mostly are: no copy is needed
             instances[called] = rows[places[0] :: step][: places.size] if even else rows[places]
@@ -309,9 +308,8 @@ def _instances(
     for number, part in instances.items():
         place = f"{layout.name}/{number}" if number else layout.name
         known = Messages(layout, part).columns
-        columns = Numbers(
-            {name: x for name, x in known.raw.items() if name != clock}, divisors=known.divisors
-        )
+        raw = {name: x for name, x in known.raw.items() if name != clock}
+        columns = Numbers(raw, divisors=known.divisors)
         if columns:
             yield place, known[clock] * period, columns
 

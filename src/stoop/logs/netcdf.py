@@ -44,10 +44,8 @@ def read_netcdf(path: Path, topics: frozenset[str] | None = None) -> Recording:
         raise LogError(f"{path}: not a netCDF-3 file; read the original log instead")
     try:  # from memory: no count in a damaged header can allocate more than the file
         with netcdf_file(io.BytesIO(content), mmap=False) as file:
-            attributes = {
-                name: value.decode("utf-8") if isinstance(value, bytes) else float(value)
-                for name, value in vars(file)["_attributes"].items()
-            }
+            written = vars(file)["_attributes"].items()
+            attributes = {n: x.decode("utf-8") if isinstance(x, bytes) else float(x) for n, x in written}
             columns: dict[str, FloatArray] = {}
             air: dict[str, FloatArray] = {}
             for name, variable in file.variables.items():

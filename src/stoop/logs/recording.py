@@ -77,9 +77,8 @@ class Numbers(Mapping[str, FloatArray]):
     def __getitem__(self, name: str) -> FloatArray:
         values = self.raw[name]
         with np.errstate(invalid="ignore"):  # a signaling NaN in a damaged log is a NaN
-            numbers = np.ascontiguousarray(
-                values if self.keep is None else values[self.keep], dtype=np.float64
-            )
+            kept = values if self.keep is None else values[self.keep]
+            numbers = np.ascontiguousarray(kept, dtype=np.float64)
         return numbers / self.divisors[name] if name in self.divisors else numbers
 
     def __iter__(self) -> Iterator[str]:

@@ -99,9 +99,8 @@ def level(buffer: Any, at: int, end: int, low: Any, high: Any) -> int:
         return key_level(buffer, at, size, end, 0)
     if kind == 77 or kind == 81:  # M, information in parts; Q, default of a parameter
         return key_level(buffer, at, size, end, 1)
-    if (
-        kind == 76 or kind == 67
-    ):  # L, text; C, text with a tag: the level, a digit, then a time before the text
+    # L, text; C, text with a tag: the level, a digit, then a time before the text
+    if kind == 76 or kind == 67:
         least = 9 if kind == 76 else 11
         levelled = at + 4 > end or 48 <= int(buffer[at + 3]) <= 55
         sound = least <= size <= TEXT and levelled
@@ -195,9 +194,8 @@ def walk(
     while at + margin <= end:
         kind = int(buffer[at + 2])
         after = at + HEADER + (int(buffer[at]) | (int(buffer[at + 1]) << 8))
-        if (
-            kind == 68 and at + 5 < after <= end
-        ):  # nearly all messages are rows, and nearly all of those are sound
+        # nearly all messages are rows, and nearly all of those are sound
+        if kind == 68 and at + 5 < after <= end:
             topic = int(buffer[at + 3]) | (int(buffer[at + 4]) << 8)
             if low[topic] <= after - at - 5 <= high[topic]:
                 if slots[topic] >= 0:

@@ -27,10 +27,10 @@ from stoop.optimize.local_refinement import Refinement, Settings, descend, refin
 from stoop.optimize.minimize import Outcome, Progress, Stop, minimize
 from stoop.optimize.problem import Problem, ScalarProblem, forward_jacobian
 from stoop.optimize.registry import create, names, needs_residuals
-from stoop.optimize.state import Event, Optimizer, State, load_state, load_tagged, save_state
+from stoop.optimize.state import Event, Optimizer, State, load_tagged, save_state
 
 __all__ = [
     "Evaluations", "Event", "Ledger", "Optimizer", "Outcome", "Problem", "Progress", "Refinement",
-    "ScalarProblem", "Settings", "State", "Stop", "create", "descend", "forward_jacobian", "load_state",
+    "ScalarProblem", "Settings", "State", "Stop", "create", "descend", "forward_jacobian",
     "load_tagged", "minimize", "names", "needs_residuals", "refine", "save_state",
 ]  # fmt: skip

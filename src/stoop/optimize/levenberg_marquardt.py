@@ -281,24 +281,16 @@ class Stages:
         self.name, self.price, self.generations, self.budget = name, price, generations, budget
         self.callback = callback
         self.stages: list[Stage] = []
-        self.start, self._saved = state, []
+        self.start, self._saved = state, list[Stage]()
         if isinstance(state, StagesState):
             self.start = state.start
             memory = state.memory if len(state.memory) else np.empty((len(state.origins), 0))
             rows = zip(
                 state.origins, state.points, state.costs, state.damping, memory, state.endings.split(","), strict=True
             )  # fmt: skip
-            self._saved = [
-                Stage(
-                    origin,
-                    point,
-                    costs[np.isfinite(costs)].tolist(),
-                    (float(d[0]), float(d[1])),
-                    kept,
-                    ending,
-                )
-                for origin, point, costs, d, kept, ending in (rows if len(state.origins) else ())
-            ]
+            for origin, point, costs, d, kept, ending in rows if len(state.origins) else ():
+                known, damping = costs[np.isfinite(costs)].tolist(), (float(d[0]), float(d[1]))
+                self._saved.append(Stage(origin, point, known, damping, kept, ending))
 
     @property
     def spent(self) -> tuple[int, float]:
@@ -315,9 +307,8 @@ class Stages:
         if not self.stages and self.start is None:
             return None
         generation, spent = self.spent
-        costs = np.full(
-            (len(self.stages), max((len(stage.costs) for stage in self.stages), default=0)), np.nan
-        )
+        longest = max((len(stage.costs) for stage in self.stages), default=0)
+        costs = np.full((len(self.stages), longest), np.nan)
         for row, stage in zip(costs, self.stages, strict=True):
             row[: len(stage.costs)] = stage.costs
         best, cost = (
@@ -353,9 +344,8 @@ class Stages:
         stage = self._saved.pop(0) if self._saved else None
         if stage is None or not np.array_equal(stage.origin, model.point):
             self._saved = []  # another start than that of the saved searches
-            stage = Stage(
-                model.point, model.point, [model.cost], (damping.value, damping.factor), model.memory
-            )
+            begun = (damping.value, damping.factor)
+            stage = Stage(model.point, model.point, [model.cost], begun, model.memory)
         self.stages.append(stage)
         if stage.point is not stage.origin:
             model.go_to(stage.point)

@@ -157,11 +157,6 @@ def save_state(path: Path, state: State, tag: str = "") -> None:
     write_bytes_atomic(path, content.getvalue())
 
 
-def load_state(path: Path) -> State:
-    """Read a state, as `load_tagged` without the tag."""
-    return load_tagged(path)[0]
-
-
 def load_tagged(path: Path) -> tuple[State, str]:
     """Read a state and its tag.
 
@@ -217,11 +212,8 @@ def _decode(value: Any, arrays: dict[str, np.ndarray[Any, Any]]) -> Any:
 
         module = state_classes()[name]
     kind = getattr(importlib.import_module(module), name)
-    known = {f.name for f in fields(kind)}
-    content = {
-        field if field in known else FORMER_FIELDS.get(field, field): _decode(item, arrays)
-        for field, item in value["fields"].items()
-    }
+    names = {old: new for old, new in FORMER_FIELDS.items() if old not in {f.name for f in fields(kind)}}
+    content = {names.get(old, old): _decode(item, arrays) for old, item in value["fields"].items()}
     hints = get_type_hints(kind)
     return kind(**{field: _checked(hints[field], item, f"{name}.{field}") for field, item in content.items()})
 

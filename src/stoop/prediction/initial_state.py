@@ -199,9 +199,8 @@ def predict_stretch(
     z = optimize.refine(problem, np.zeros(problem.extra), 0).z
     parameters, covariance = model.uncertain()
     full = replace(problem, layout=Layout(model.vehicle, parameters, tuple(starts)))
-    found = with_deviation(
-        full, np.concatenate([np.full(len(parameters), 0.5), z]), covariance, stretch.first
-    )
+    middle = np.full(len(parameters), 0.5)
+    found = with_deviation(full, np.concatenate([middle, z]), covariance, stretch.first)
     if np.isinf(np.diag(model.covariance.matrix)).any():  # nor does anything bound the prediction
         found = replace(found, deviation=np.full_like(found.deviation, np.nan))
     if model.filter is None:
@@ -226,9 +225,8 @@ def innovations(
         prior = biases.get(n.name) if n.is_bias else None
         own.append(n if prior is None else replace(n, center=prior.mean, scale=prior.deviation or n.scale))
     ladder = (tuple(len(piece.time) for piece in pieces),)
-    return model.filter.innovations(
-        Misfit(Layout(model.vehicle, (), tuple(own)), pieces, model.weights, ladder)
-    )
+    layout = Layout(model.vehicle, (), tuple(own))
+    return model.filter.innovations(Misfit(layout, pieces, model.weights, ladder))
 
 
 def with_deviation(problem: Misfit, z: FloatArray, covariance: FloatArray, first: int) -> Predicted:

@@ -206,23 +206,18 @@ def _of_window(
             about = {"rate": errors.rate, "length": length, "stretch": STRETCH}
             notices.append(notice("predicted-unstable", str(window), **about))
         edges = window_edges(n, round(length / piece.dt)) if np.isfinite(length) else (0, n)
-        parts = [
-            predict_stretch(model, stretch.part(biased, a, b) if len(edges) > 2 else stretch, priors)
-            for a, b in pairwise(edges)
-        ]
-        whole = Predicted(
-            *(np.concatenate(c) for c in zip(*((p.readings, p.deviation) for p in parts), strict=True))
-        )
+        several = len(edges) > 2
+        stretches = [stretch.part(biased, a, b) if several else stretch for a, b in pairwise(edges)]
+        parts = [predict_stretch(model, one, priors) for one in stretches]
+        columns = zip(*((p.readings, p.deviation) for p in parts), strict=True)
+        whole = Predicted(*map(np.concatenate, columns))
         found.append(whole)
         if missing:
             notices.append(_unrecorded_start(code, window, biased, missing, whole))
         late += [] if stretch.first else [float(piece.time[0])]
     if late:
-        notices.append(
-            notice(
-                "start-from-prediction", str(window), times=tuple(late), stretch=STRETCH, least=MIN_STRETCH
-            )
-        )
+        spans = {"stretch": STRETCH, "least": MIN_STRETCH}
+        notices.append(notice("start-from-prediction", str(window), times=tuple(late), **spans))
     changed = tuple(replace(p, changes={**p.changes, **biases}) for p in prepared.pieces)
     prepared = replace(prepared, pieces=changed, notices=tuple(notices))
     return prepared, found, innovations(model, prepared, priors)
@@ -303,10 +298,8 @@ class ForceCurves:
         squares = np.concatenate([c.squares for c in fitted])
         constant = np.tile(measured.mean(axis=0), (len(self.time), 1))
         regressors, static = np.column_stack([np.ones(len(squares)), squares]), constant.copy()
-        static[:, 2] = np.linalg.lstsq(regressors, measured[:, 2], rcond=None)[0] @ [
-            np.ones(len(self.time)),
-            self.squares,
-        ]
+        gains = np.linalg.lstsq(regressors, measured[:, 2], rcond=None)[0]
+        static[:, 2] = gains @ [np.ones(len(self.time)), self.squares]
         found = [np.sqrt(np.mean((self.measured - y) ** 2, axis=0)) for y in (self.model, constant, static)]
         return {c: ForceResiduals(*(float(f[i]) for f in found)) for i, c in enumerate(SPECIFIC_FORCE)}
 

@@ -40,16 +40,13 @@ def problem_document(problem: Misfit) -> dict[str, Any]:
 
 def problem_arrays(problem: Misfit) -> dict[str, Any]:
     """Return series of the pieces and weights."""
-    series = ((f"{n}.{i}", getattr(p, n)) for i, p in enumerate(problem.pieces) for n in PIECE_ARRAYS)
-    some = {
-        f"{n}.{i}": own
-        for i, p in enumerate(problem.pieces)
-        for n in OPTIONAL_ARRAYS
-        if (own := getattr(p, n)) is not None
-    }
+    series: dict[str, Any] = {}
+    for names in (PIECE_ARRAYS, OPTIONAL_ARRAYS):
+        for i, p in enumerate(problem.pieces):
+            series |= {f"{n}.{i}": own for n in names if (own := getattr(p, n)) is not None}
     weights = problem.weights
     color = weights.color.arrays if isinstance(weights, ColoredWeights) else {}
-    return {**dict(series), **some, **color, "covariance": weights.covariance, "root": weights.root}
+    return {**series, **color, "covariance": weights.covariance, "root": weights.root}
 
 
 def restored_problem(document: Mapping[str, Any], arrays: Mapping[str, Any]) -> Misfit:

@@ -146,9 +146,8 @@ class Color:
     def whitened(self, residuals: FloatArray) -> FloatArray:
         """Return residuals (n, n_y), NaN where there is none, white and with their variances."""
         present = np.isfinite(residuals)
-        return np.where(
-            present, self.apply(ChannelColor.whiten, np.where(present, residuals, 0.0), present), np.nan
-        )
+        white = self.apply(ChannelColor.whiten, np.where(present, residuals, 0.0), present)
+        return np.where(present, white, np.nan)
 
 
 @lru_cache(maxsize=256)

@@ -102,10 +102,8 @@ class PieceEvidence:
         count = jacobian.shape[2]
         if not gaps.size:
             return residual.ravel(), jacobian.reshape(-1, count)
-        return (
-            np.concatenate([residual.ravel(), gaps.ravel()]),
-            np.concatenate([jacobian.reshape(-1, count), slopes.reshape(-1, count)]),
-        )
+        columns = np.concatenate([jacobian.reshape(-1, count), slopes.reshape(-1, count)])
+        return np.concatenate([residual.ravel(), gaps.ravel()]), columns
 
     @property
     def gap_information(self) -> FloatArray:

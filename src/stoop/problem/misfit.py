@@ -20,13 +20,7 @@ from stoop.optimize.normal_equations import TallMatrix, project
 from stoop.problem.layout import Layout, Nuisance
 from stoop.problem.starts import Starts
 from stoop.problem.weights import Weights
-from stoop.simulation.delays import (
-    actuator_rows,
-    distinct_actuators,
-    late_inputs,
-    late_outputs,
-    output_delays,
-)
+from stoop.simulation import delays
 from stoop.vehicle import Vehicle
 
 STEP = 1e-7  #: of a forward difference
@@ -93,7 +87,7 @@ class Piece:
 
     def received(self, vehicle: Vehicle, rows: FloatArray) -> FloatArray:
         """Return :func:`~stoop.simulation.delays.late_inputs` of the piece for kernel parameters (n_p, B)."""
-        return late_inputs(vehicle, self.inputs, rows, self.dt, self.before)
+        return delays.late_inputs(vehicle, self.inputs, rows, self.dt, self.before)
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,21 +143,19 @@ class Misfit:
     def piece_costs(self, Z: FloatArray, index: int, count: int) -> FloatArray:
         """Return the part of one piece in J (B,), priors left out, for vectors as :meth:`candidates` takes them."""
         piece = self.pieces[index]
-        if self._by_readings:
+        if not self.weights.separable or self._late_outputs:  # the kernel cannot sum their squares
+            white = self._whitened(self._trajectories(Z, index, count), index)
             with np.errstate(invalid="ignore", over="ignore"):
-                squares = np.sum(self._piece_residuals(Z, index, count) ** 2, axis=1)
+                squares = np.sum(white.reshape(len(Z), -1) ** 2, axis=1)
             return np.where(np.isfinite(squares), squares, np.inf)
         rows, start = self.candidates(Z, index)
-        return self.kernel.cost(
-            rows, start, self._inputs(piece, rows), piece.measured, self._quality[index], piece.dt, count
-        )
+        inputs, quality = self._inputs(piece, rows), self._quality[index]
+        return self.kernel.cost(rows, start, inputs, piece.measured, quality, piece.dt, count)
 
     def residuals(self, Z: FloatArray, rung: int) -> FloatArray:
         """Return weighted residuals (B, n_r) of vectors (B, D + E), priors last."""
-        blocks = [
-            self._whitened(self._readings(rows, start, i, n), i).reshape(len(Z), -1)
-            for i, n, rows, start in self._candidates_of_all(Z, rung)
-        ]
+        read = ((self._readings(p, x, i, n), i) for i, n, p, x in self._candidates_of_all(Z, rung))
+        blocks = [self._whitened(*one).reshape(len(Z), -1) for one in read]
         return np.concatenate([*blocks, self.layout.prior_residuals(Z)], axis=1)
 
     def products(self, Z: FloatArray, rung: int, left: FloatArray) -> FloatArray:
@@ -294,18 +286,10 @@ class Misfit:
         return np.asarray(lanes[0]), np.moveaxis(changes, 0, 2) / STEP
 
     @cached_property
-    def _by_readings(self) -> bool:
-        """Whether work is left to do with the readings, so that the kernel cannot sum their squares."""
-        return not self.weights.separable or self._late_outputs
-
-    @cached_property
     def _quality(self) -> list[FloatArray]:
         """Weight (n, n_y) of every sample of each piece, for a diagonal Q."""
         pairs = zip(self.pieces, self.piece_weights, strict=True)
         return [np.where(np.isfinite(p.measured), np.diag(w.root) ** 2, 0.0) for p, w in pairs]
-
-    def _piece_residuals(self, Z: FloatArray, index: int, count: int) -> FloatArray:
-        return self._whitened(self._trajectories(Z, index, count), index).reshape(len(Z), -1)
 
     def _whitened(self, simulated: FloatArray, index: int) -> FloatArray:
         """Return whitened simulated minus measured of a piece, zero where there is no measurement; overwrites simulated."""
@@ -363,11 +347,11 @@ class Misfit:
 
     @cached_property
     def _late_outputs(self) -> bool:
-        return bool(output_delays(self.layout.vehicle))
+        return bool(delays.output_delays(self.layout.vehicle))
 
     @cached_property
     def _actuators(self) -> list[int]:
-        return actuator_rows(self.layout.vehicle)
+        return delays.actuator_rows(self.layout.vehicle)
 
     @cached_property
     def _late(self) -> bool:
@@ -388,7 +372,7 @@ class Misfit:
         Few different actuators, as in a Jacobian, are simulated one after the other, each with inputs for all its candidates.
         """
         piece = self.pieces[index]
-        first, which = distinct_actuators(rows[self._actuators])
+        first, which = delays.distinct_actuators(rows[self._actuators])
         usual = int(np.bincount(which).argmax())
         few = 2 * len(first) <= len(which)
         inputs = self._inputs(piece, rows[:, first[usual], None] if few else rows)
@@ -396,9 +380,9 @@ class Misfit:
         for k in np.delete(np.arange(len(first)), usual) if few else ():
             lanes, inputs = which == k, self._inputs(piece, rows[:, first[k], None])
             out[lanes] = self.kernel.trajectories(rows[:, lanes], start[:, lanes], inputs, piece.dt, count)
-        return (
-            late_outputs(self.layout.vehicle, out, rows, piece.dt, piece.moved) if self._late_outputs else out
-        )
+        if not self._late_outputs:
+            return out
+        return delays.late_outputs(self.layout.vehicle, out, rows, piece.dt, piece.moved)
 
 
 def _chunks(count: int, size: int) -> Iterator[slice]:

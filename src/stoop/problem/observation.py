@@ -80,11 +80,8 @@ def at_center_of_gravity(vehicle: Vehicle, start: Mapping[str, Number]) -> dict[
     start = through_true_wind(vehicle, start)
     if "sensors.vane_position.x" not in vehicle.rows:
         return dict(start)
-    x, y, z = (
-        vehicle.value(f"sensors.vane_position.{axis}")
-        - (vehicle.value(center) if (center := f"mass.center_of_gravity.{axis}") in vehicle.rows else 0.0)
-        for axis in "xyz"
-    )
+    center = {axis: vehicle.value(f"mass.center_of_gravity.{axis}", 0.0) for axis in "xyz"}
+    x, y, z = (vehicle.value(f"sensors.vane_position.{axis}") - center[axis] for axis in "xyz")
     p, q, r = start["p"], start["q"], start["r"]
     V: Any = np.maximum(start["V"], 1.0)
     flow = {"alpha": start["alpha"] - (p * y - q * x) / V, "beta": start["beta"] - (r * x - p * z) / V}

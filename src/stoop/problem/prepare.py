@@ -18,17 +18,8 @@ from stoop.errors import FlightError, VehicleError
 from stoop.flight import Flight, Segment, segments
 from stoop.flight.flight import MIN_SEGMENT
 from stoop.flight.gridding import complete
-from stoop.problem import Nuisance, Piece
+from stoop.problem import Nuisance, Piece, observation
 from stoop.problem.misfit import HISTORY
-from stoop.problem.observation import (
-    OTHER_SCALE,
-    REQUIRED,
-    first_complete,
-    guess_start,
-    motion_inputs,
-    observation_model,
-    state_channels,
-)
 from stoop.problem.windows import Window
 from stoop.results.decisions import DecisionRecord, applied
 from stoop.simulation import parameter_rows
@@ -67,15 +58,14 @@ def prepare(vehicle: Vehicle, flights: Mapping[str, Flight], windows: Sequence[W
     """
     pieces: list[Piece] = []
     notices: list[Notice] = []
-    needed = ("altitude", *(c for c in state_channels(vehicle) if c not in vehicle.outputs))
+    needed = ("altitude", *(c for c in observation.state_channels(vehicle) if c not in vehicle.outputs))
     for index, window in enumerate(windows):
         flight = with_average_voltage(vehicle, flights[window.flight])
         extras = tuple(name for name in needed if name in flight.names)
         here = decoupled(vehicle, flights, [window]).measured
         moving = [c for c in here if c in vehicle.measured]
-        cut, found = segments(
-            flight, window.start, window.stop, [*vehicle.recorded, *moving], vehicle.outputs, extras
-        )
+        driving = [*vehicle.recorded, *moving]
+        cut, found = segments(flight, window.start, window.stop, driving, vehicle.outputs, extras)
         notices += found
         if not any(np.isfinite(s.z).any() for s in cut):
             raise FlightError(
@@ -114,7 +104,7 @@ def decoupled(vehicle: Vehicle, flights: Mapping[str, Flight], windows: Sequence
         return channel in flight.names and bool(np.isfinite(flight.column(channel)[inside]).any())
 
     there = {c for c in vehicle.held_channels for w in windows if recorded(c, w)}
-    return vehicle.coupled_to(there if there >= set(REQUIRED.get(vehicle.reduce, ())) else ())
+    return vehicle.coupled_to(there if there >= set(observation.REQUIRED.get(vehicle.reduce, ())) else ())
 
 
 def with_average_voltage(vehicle: Vehicle, flight: Flight) -> Flight:
@@ -148,14 +138,14 @@ def _piece(
     """Make a piece that begins where the state can be read off the measurements; None where little is left."""
     blank = np.full(len(segment.t), np.nan)
     columns = dict(zip(vehicle.outputs, segment.z.T, strict=True)) | dict(segment.extras)
-    readings = {c: columns.get(c, blank) for c in state_channels(vehicle)}
-    first = first_complete(readings)
+    readings = {c: columns.get(c, blank) for c in observation.state_channels(vehicle)}
+    first = observation.first_complete(readings)
     t, where = segment.t[first:], str(window)
     if t[-1] - t[0] < 0.9 * MIN_SEGMENT:
         span = {"start": float(segment.t[0]), "stop": float(segment.t[-1])}
         return None, [notice("piece-dropped", where, **span)]
     notices = [notice("piece-starts-late", where, time=float(t[0]))] if first else []
-    start, missing = guess_start(vehicle, t, {c: v[first:] for c, v in readings.items()}, where)
+    start, missing = observation.guess_start(vehicle, t, {c: v[first:] for c, v in readings.items()}, where)
     if missing:
         notices.append(notice("start-defaulted", where, channels=tuple(missing)))
     altitude = segment.extras.get("altitude", np.empty(0))[first:]
@@ -170,7 +160,7 @@ def _piece(
     u[:, :driven] = segment.u[first:, :driven]
     if vehicle.motion:
         columns |= dict(zip(moving, segment.u[:, driven:].T, strict=True))
-        motion = motion_inputs(vehicle, columns, float(t[1] - t[0]))
+        motion = observation.motion_inputs(vehicle, columns, float(t[1] - t[0]))
         u[:, u.shape[1] - len(vehicle.motion) :] = motion[first:]
     piece = Piece(index, t, np.ascontiguousarray(u), segment.z[first:], start, changes)
     return _without(piece, [c in derived for c in vehicle.outputs]), notices
@@ -221,12 +211,8 @@ def without_stuck_channels(vehicle: Vehicle, prepared: Prepared) -> Prepared:
         return prepared
     pieces = tuple(replace(p, measured=np.where(lost, np.nan, p.measured)) for p in prepared.pieces)
     taken = applied("stuck-channels", found, "treated as not measured")
-    return replace(
-        prepared,
-        pieces=pieces,
-        notices=(*prepared.notices, *found),
-        decisions=(*prepared.decisions, *taken),
-    )
+    notices, decisions = (*prepared.notices, *found), (*prepared.decisions, *taken)
+    return replace(prepared, pieces=pieces, notices=notices, decisions=decisions)
 
 
 def _constant(columns: Sequence[FloatArray]) -> bool:
@@ -244,15 +230,13 @@ def _all_spikes(columns: Sequence[FloatArray], sigma: float) -> bool:
     if _constant([median_filter(c, SPIKE_SAMPLES, mode="mirror") for c in columns]):
         return True
     whole = np.concatenate(columns)
-    if (
-        float(np.ptp(np.quantile(whole, (0.1, 0.9)))) <= 2.56 * SPIKE_RATIO * sigma
-    ):  # so wide is a normal distribution
+    # so wide is a normal distribution
+    if float(np.ptp(np.quantile(whole, (0.1, 0.9)))) <= 2.56 * SPIKE_RATIO * sigma:
         return False
     before, after = (np.concatenate([c[rows] for c in columns]) for rows in (np.s_[:-1], np.s_[1:]))
-    return (
-        len(before) >= MIN_RANKS
-        and float(np.corrcoef(rankdata(before), rankdata(after))[0, 1]) < NEIGHBOR_CORRELATION
-    )
+    if len(before) < MIN_RANKS:
+        return False
+    return float(np.corrcoef(rankdata(before), rankdata(after))[0, 1]) < NEIGHBOR_CORRELATION
 
 
 def at_readings(vehicle: Vehicle, prepared: Prepared, flights: Mapping[str, Flight]) -> tuple[Piece, ...]:
@@ -260,9 +244,8 @@ def at_readings(vehicle: Vehicle, prepared: Prepared, flights: Mapping[str, Flig
     pieces, whole = [], dict[str, BoolArray]()
     for name in {w.flight for w in prepared.windows}:  # once, however many windows it has
         sources, count = flights[name].sources, len(flights[name].time)
-        own = [
-            sources[c].counted(count) if c in sources else np.ones(count, np.bool_) for c in vehicle.outputs
-        ]
+        every = np.ones(count, np.bool_)
+        own = [sources[c].counted(count) if c in sources else every for c in vehicle.outputs]
         whole[name] = np.column_stack(own)
     for piece in prepared.pieces:
         name = prepared.windows[piece.maneuver].flight
@@ -290,12 +273,12 @@ def nuisances(vehicle: Vehicle, prepared: Prepared) -> tuple[Nuisance, ...]:
     VehicleError
         A bias has bounds.
     """
-    model, out = observation_model(vehicle), []
+    model, out = observation.observation_model(vehicle), []
     free = {p.name: p for p in vehicle.parameters if p.free}
     priors = {name: p.prior for name, p in free.items() if p.prior is not None}
     for i, piece in enumerate(prepared.pieces):
         for name in model.start_names(vehicle):
-            scale, actuator = model.start_scales.get(name, OTHER_SCALE), name.removesuffix(".lag")
+            scale, actuator = model.start_scales.get(name, observation.OTHER_SCALE), name.removesuffix(".lag")
             if actuator != name and actuator in vehicle.rotors:
                 rows = np.repeat(parameter_rows(vehicle, piece.changes), len(piece.inputs), axis=1)
                 largest = float(np.max(commanded(vehicle, actuator, rows, piece.inputs.T)))

@@ -199,17 +199,12 @@ def check(flight: Flight, windows: Sequence[tuple[float, float]] = ()) -> tuple[
         mean = np.where(known, piece.measured, 0.0).sum(axis=0) / np.maximum(known.sum(axis=0), 1)
         moved.append(piece.measured - mean)
     movement = np.concatenate(moved)
-    channels = {
-        name: Consistency(_rms(left[:, i]), _rms(movement[:, i]), VARIABLES[name].unit)
-        for i, name in enumerate(OUTPUTS)
-        if np.isfinite(left[:, i]).any()
-    }
+    pairs = {n: (left[:, i], movement[:, i]) for i, n in enumerate(OUTPUTS) if np.isfinite(left[:, i]).any()}
+    channels = {n: Consistency(_rms(x), _rms(whole), VARIABLES[n].unit) for n, (x, whole) in pairs.items()}
     traces = []
     for i, piece in enumerate(problem.pieces):
-        both = [
-            {name: x[:, OUTPUTS.index(name)] for name in channels}
-            for x in (piece.measured, problem.outputs(found.z, i))
-        ]
+        readings = (piece.measured, problem.outputs(found.z, i))
+        both = [{name: x[:, OUTPUTS.index(name)] for name in channels} for x in readings]
         traces.append(Trace(piece.time[:: piece.every], *both))
     air = () if flight.air is None else flight.air.notices
     faults = [fault.notice for fault in flight.faults]
@@ -265,12 +260,10 @@ def _estimate(pieces: Pieces) -> Estimate:
     names += [f"start {i}" for i in range(problem.extra - problem.shared)]
     unknowns, known = [Unknown(name, "parameter", 0.0, 1.0, prior=1.0) for name in names], []
     judged = identifiability(unknowns, found.information, found.corrected)[: problem.shared]
-    shifts = problem.scales * systematic_shifts(
-        found.coloring.segments, found.information, found.noise, problem.shared
-    )
-    sigmas = np.hypot(
-        standard_errors(found.corrected)[: problem.shared], shifts / problem.scales
-    )  # of the prior's
+    coloring, noise = found.coloring, found.noise
+    shifts = systematic_shifts(coloring.segments, found.information, noise, problem.shared) * problem.scales
+    # of the prior's
+    sigmas = np.hypot(standard_errors(found.corrected)[: problem.shared], shifts / problem.scales)
     for one, value, sigma in zip(judged, problem.values(z[None, :])[0], sigmas, strict=True):
         reason = notice("delay-beyond-margin", one.name, margin=PIECES.margin)
         if one.name.endswith(".delay") and abs(float(value)) > PIECES.margin:
@@ -350,10 +343,8 @@ def _wind_agreement(found: Estimate) -> list[Notice]:
     if air is None or "wind.n" not in values or not np.isfinite(air.wind_n):
         return []
     north, east = values["wind.n"], values["wind.e"]
-    distance = max(
-        abs(north - air.wind_n) / float(np.hypot(errors["wind.n"], air.wind_n_std)),
-        abs(east - air.wind_e) / float(np.hypot(errors["wind.e"], air.wind_e_std)),
-    )
+    both = (north - air.wind_n, "n", air.wind_n_std), (east - air.wind_e, "e", air.wind_e_std)
+    distance = max(abs(x) / float(np.hypot(errors[f"wind.{axis}"], std)) for x, axis, std in both)
     code = "winds-agree" if distance < MIN_SIGMAS else "winds-disagree"
     others = {"other_north": air.wind_n, "other_east": air.wind_e, "distance": distance}
     return [notice(code, "", north=north, east=east, **others)]

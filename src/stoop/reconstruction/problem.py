@@ -99,11 +99,9 @@ def cut_pieces(flight: Flight, windows: Sequence[tuple[float, float]] = ()) -> P
     logged = _comparable(flight)
     pieces: list[Piece] = []
     notices: list[Notice] = []
-    spans = windows or [
-        (float(flight.time[run.start]), float(flight.time[run.stop - 1]))
-        for run in run_slices(flying(flight))
-        if run.stop - run.start > PIECES.fewest(flight.rate)
-    ]
+    runs, least = run_slices(flying(flight)), PIECES.fewest(flight.rate)
+    ends = [flight.time[[run.start, run.stop - 1]] for run in runs if run.stop - run.start > least]
+    spans = windows or [(float(a), float(b)) for a, b in ends]
     for start, stop in spans:
         cut, found = _cut_window(flight, logged, start, stop)
         pieces += cut

@@ -38,15 +38,11 @@ def response_panels(pairs: Sequence[Pair], max_error: float, min_coherence: floa
         good = (one.bound < max_error) & (one.coherence >= min_coherence)
         groups.append((_strips(one, model, good), f"Response of {one.output} to {one.input}"))
     looks = looks_of([series for strips, _ in groups for strip in strips for series in strip.series])
-    ends = (
-        min(float(one.frequency[0]) for one, _ in pairs),
-        max(float(one.frequency[-1]) for one, _ in pairs),
-    )
+    frequencies = [one.frequency for one, _ in pairs]
+    ends = min(float(w[0]) for w in frequencies), max(float(w[-1]) for w in frequencies)
     drawn = strip_pictures(groups, looks, ends, "rad/s", log_x=True)
-    return [
-        Panel(f"{one.output} over {one.input}", picture)
-        for (one, _), picture in zip(pairs, drawn, strict=True)
-    ]
+    titles = [f"{one.output} over {one.input}" for one, _ in pairs]
+    return [Panel(title, picture) for title, picture in zip(titles, drawn, strict=True)]
 
 
 def _strips(one: FrequencyResponse, model: _Modeled | None, good: BoolArray) -> tuple[Strip, ...]:
@@ -71,8 +67,5 @@ def _strips(one: FrequencyResponse, model: _Modeled | None, good: BoolArray) -> 
         magnitude.insert(0, Series("model", w, levels, role="lag", half_width=widths))
         phases.insert(0, Series("model", w, turns, role="lag", half_width=angles))
     coherence = Series("coherence", x, one.coherence, role="residual")
-    return (
-        Strip("dB", tuple(magnitude)),
-        Strip("phase, deg", tuple(phases)),
-        Strip("coherence", (coherence,), y_range=(0.0, 1.0)),
-    )
+    third = Strip("coherence", (coherence,), y_range=(0.0, 1.0))
+    return Strip("dB", tuple(magnitude)), Strip("phase, deg", tuple(phases)), third

@@ -1,4 +1,4 @@
-"""What the model lacks, as sections of the report: extensions, and frequency responses of the flights that it misses."""
+"""What the fit decided by itself and what the model lacks, as sections: decisions, extensions, responses that it misses."""
 
 from __future__ import annotations
 
@@ -25,6 +25,11 @@ RESPONSES_LEAD: Final = (
     "share random error is taken off; at least: the largest random error of about forty."
 )
 RESPONSES_HEAD: Final = ("Rate", "Input", "From rad/s", "To rad/s", "Coherence", "Missed %", "At least %")
+DECISIONS_LEAD: Final = (
+    "What the fit decided by itself, in order. Each decision can be switched off with --without NAME, all of them with "
+    "--textbook."
+)
+DECISIONS_HEAD: Final = ("Decision", "Found", "Done", "Log-likelihood", "Held back", "Seconds")
 
 
 def extensions_section(identification: Model) -> Section | None:
@@ -78,3 +83,24 @@ def responses_section(identification: Model) -> Section | None:
         return None
     table = Table("", RESPONSES_HEAD, rows, ("", "", "n", "n", "n", "n", "n"), label="Frequency responses")
     return Section("Frequency responses", (Prose(RESPONSES_LEAD, muted=True), table))
+
+
+def decisions_section(identification: Model) -> Section | None:
+    """Return the decisions that applied, and which did not; None for a result of an older version."""
+    found = identification.result.decisions
+    if not found:
+        return None
+    rows = []
+    for one in (one for one in found if one.state == "applied"):
+        gains = _gain(one.gained), _gain(one.held_back)
+        rows.append((one.name, one.found, one.done, *gains, f"{one.seconds:.1f}"))
+    kinds = ("", "wrap", "wrap", "n", "n", "n")
+    table = [Table("", DECISIONS_HEAD, tuple(rows), kinds, label="Decisions")] if rows else []
+    others = {state: [one.name for one in found if one.state == state] for state in ("not needed", "off")}
+    rest = "; ".join(f"{state}: {', '.join(names)}" for state, names in others.items() if names)
+    parts: list[Part] = [Prose(DECISIONS_LEAD, muted=True), *table, Prose(f"{rest}.".capitalize())]
+    return Section("Decisions", parts, "Decisions")
+
+
+def _gain(value: float) -> str:
+    return f"{value:+.1f}" if math.isfinite(value) else NOTHING

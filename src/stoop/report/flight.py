@@ -154,20 +154,12 @@ def _responses(found: Sequence[FrequencyResponse]) -> Section | None:
 def _windows(found: Found, why: str, following: Sequence[str]) -> Section:
     if not found.windows:
         return Section("Windows", (Bullets([f"none found: {why}"]),))
-    rows = tuple(
-        (
-            str(i),
-            w.span,
-            w.purpose,
-            w.axis,
-            number(w.maneuver.strength, 3) if w.maneuver else NOTHING,
-            str(w.why),
-        )
-        for i, w in enumerate(found.windows, 1)
-    )
-    table = Table(
-        "", ("number", "window s", "use", "axis", "peak, times usual", "why"), rows, label="Windows"
-    )
+    rows = []
+    for i, w in enumerate(found.windows, 1):
+        peak = number(w.maneuver.strength, 3) if w.maneuver else NOTHING
+        rows.append((str(i), w.span, w.purpose, w.axis, peak, str(w.why)))
+    head = ("number", "window s", "use", "axis", "peak, times usual", "why")
+    table = Table("", head, tuple(rows), label="Windows")
     next_step = (Code(shlex.join(following)),) if following else ()
     return Section("Windows worth fitting", (table, *next_step), "Windows")
 
@@ -180,18 +172,7 @@ def _channels(summary: FlightSummary) -> Section:
         )
         for row in summary.rows
     )  # fmt: skip
-    head = (
-        "channel",
-        "unit",
-        "lowest",
-        "median",
-        "highest",
-        "source",
-        "Hz",
-        "gaps",
-        "longest, s",
-        "missing",
-        "meaning",
-    )
+    recorded = ("source", "Hz", "gaps", "longest, s", "missing", "meaning")
+    head = ("channel", "unit", "lowest", "median", "highest", *recorded)
     kinds = ("", "", "n", "n", "n", "", "n", "n", "n", "n", "wrap")
     return Section("Channels", (Table("", head, rows, kinds, label="Channels"),))

@@ -17,7 +17,6 @@ from stoop.base.text import nearest
 from stoop.errors import StoopError
 from stoop.report import sheet
 from stoop.report.charts import convergence_panel
-from stoop.report.decisions import decisions_section
 from stoop.report.estimates import (
     body_parts,
     correlation_section,
@@ -28,7 +27,7 @@ from stoop.report.estimates import (
     repeatability_section,
     uncertainty_section,
 )
-from stoop.report.extensions import extensions_section, responses_section
+from stoop.report.extensions import decisions_section, extensions_section, responses_section
 from stoop.report.maneuvers import (
     TITLES,
     air_section,
@@ -73,10 +72,8 @@ def render_validation(identification: Model) -> str:
     figures: list[sheet.Part] = [sheet.Prose(VALIDATION_LEAD, muted=True), comparison_table(maneuvers)]
     figures += [sheet.Bullets(result.basis, "notes")] if result.basis else []
     found, more = (sheet.Bullets(result.data_notices, "notes"),), result.warnings[REASONS:]
-    pages = [
-        sheet.Section(maneuver_title(m), maneuver_parts(identification, m, trace))
-        for m, trace in zip(maneuvers, identification.traces, strict=True)
-    ]
+    pairs = zip(maneuvers, identification.traces, strict=True)
+    pages = [sheet.Section(maneuver_title(m), maneuver_parts(identification, m, own)) for m, own in pairs]
     warned = (sheet.Bullets(more, "warnings"),)
     sections = (
         sheet.Section("Prediction", overview_parts(identification, "validation")),
@@ -136,8 +133,12 @@ def identification_sheet(identification: Model) -> sheet.Sheet:
     first: Role = "validation" if "validation" in roles else "fit"
     curves = overview_parts(identification, first)
     shown = [sheet.Section(TITLES[first][0], curves, "Curves")] if curves else []
+    told: list[sheet.Part] = []
+    for title, items in reasons(result).items():
+        told += [sheet.Heading(title)] if title and items else []
+        told += [sheet.Bullets(items)] if items else []
     folded = _folded(
-        _reasons_section(result),
+        sheet.Section("All reasons of the verdict", told, "Reasons"),
         sheet.Section("Warnings", (sheet.Bullets(result.warnings, "warnings"),)) if result.warnings else None,
         role_section(identification, "validation"),
         role_section(identification, "fit"),
@@ -171,14 +172,6 @@ def reasons(result: Result) -> dict[str, list[str]]:
     }
 
 
-def _reasons_section(result: Result) -> sheet.Section:
-    parts: list[sheet.Part] = []
-    for title, items in reasons(result).items():
-        parts += [sheet.Heading(title)] if title and items else []
-        parts += [sheet.Bullets(items)] if items else []
-    return sheet.Section("All reasons of the verdict", parts, "Reasons")
-
-
 def _judged(result: Result) -> Verdict:
     return result.verdict if result.verdict.grade else judge(result, result.verdict.uses)
 
@@ -210,11 +203,11 @@ def verdict(result: Result) -> sheet.Verdict:
 
 def _successes(result: Result) -> Iterator[str]:
     """Yield the comparisons that the model wins, how many parameters the data determine, and a search that ended well."""
-    roles: tuple[tuple[Role, str], ...] = (
-        ("validation", "where nothing was fitted"),
-        ("fit", "in the maneuvers it was fitted to"),
-    )
-    for role, where in roles:
+    roles: dict[Role, str] = {
+        "validation": "where nothing was fitted",
+        "fit": "in the maneuvers it was fitted to",
+    }
+    for role, where in roles.items():
         compared = _compared(result, role)
         if sum(compared) > 0.5 * len(compared):
             yield f"Better than a first-order lag in {sum(compared)} of {len(compared)} comparisons {where}."

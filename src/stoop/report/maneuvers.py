@@ -211,16 +211,12 @@ def _history(identification: Model, maneuver: ManeuverResult, trace: ManeuverTra
 
 def _window_option(identification: Model, maneuver: ManeuverResult) -> str:
     """Return what stands before a window on the command line."""
-    return f"--maneuver {maneuver.flight}@" if len(flights(identification)) > 1 else "--maneuver "
+    flights = {one.flight for one in identification.result.maneuvers}
+    return f"--maneuver {maneuver.flight}@" if len(flights) > 1 else "--maneuver "
 
 
 def _holes(trace: ManeuverTrace) -> list[Shade]:
     return [Shade(*gap, "", "hole") for gap in holes(trace.time)]
-
-
-def flights(identification: Model) -> set[str]:
-    """Return the names of the flights of an identification."""
-    return {one.flight for one in identification.result.maneuvers}
 
 
 def _channel(

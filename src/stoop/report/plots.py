@@ -103,9 +103,8 @@ def stacked_plots(
     """
     every = [one for strip in strips for one in strip.series]
     looks = looks_of(every)
-    (picture,) = strip_pictures(
-        [(strips, description)], looks, _range([one.x for one in every], False), x_label, shades
-    )
+    x_range = _range([one.x for one in every], False)
+    (picture,) = strip_pictures([(strips, description)], looks, x_range, x_label, shades)
     return _with_legend(picture, every, looks)
 
 
@@ -127,12 +126,8 @@ def strip_pictures(
     pictures: dict[int, Markup] = {}
     sizes = [tuple(strip.height for strip in strips) for strips, _ in groups]
     for size in dict.fromkeys(sizes):
-        titled = any(
-            strip.label
-            for (strips, _), own in zip(groups, sizes, strict=True)
-            for strip in strips
-            if own == size
-        )
+        alike = [strips for (strips, _), own in zip(groups, sizes, strict=True) if own == size]
+        titled = any(strip.label for strips in alike for strip in strips)
         with canvas(width, size, bool(x_label), titled) as (figure, all_axes):
             for axes in all_axes:
                 axes.set_xlim(x_range)
@@ -176,16 +171,13 @@ def heat_maps(
             level = np.log10(density)
             known = level[np.isfinite(level)]
             low, high = np.quantile(known, MAP_QUANTILES) if known.size else (0.0, 1.0)
-            image = axes.imshow(
-                level,
-                "cividis",
-                vmin=low,
-                vmax=high,
-                aspect="auto",
-                origin="lower",
-                extent=ends,
-                interpolation="nearest",
-            )
+            laid: dict[str, Any] = {
+                "aspect": "auto",
+                "origin": "lower",
+                "extent": ends,
+                "interpolation": "nearest",
+            }
+            image = axes.imshow(level, "cividis", vmin=low, vmax=high, **laid)
             pictures.append(svg(figure, description))
             image.remove()
     return pictures
@@ -209,13 +201,8 @@ def canvas(
         figure = NewFigure(figsize=(width / 72.0, whole / 72.0), dpi=72.0)
         made, at = list[Any](), top
         for height in heights:
-            place = (
-                LEFT / width,
-                1.0 - (at + height) / whole,
-                (width - LEFT - RIGHT) / width,
-                height / whole,
-            )
-            axes = figure.add_axes(place)
+            size = (width - LEFT - RIGHT) / width, height / whole
+            axes = figure.add_axes((LEFT / width, 1.0 - (at + height) / whole, *size))
             # where Matplotlib finds a place itself, it lays out all ticks once more
             axes.xaxis.set_label_coords(0.5, -NAMED / height)
             axes.yaxis.set_label_coords(0.0, 0.5)
@@ -321,9 +308,8 @@ def _range(curves: Sequence[FloatArray], log: bool) -> Range:
     """Return the range that holds all curves, with a margin."""
     if not log:
         return spanning(curves, 0.04)
-    low, high = spanning(
-        [np.log10(np.where((curve > 0.0) & (curve <= MAX_NUMBER), curve, np.nan)) for curve in curves], 0.03
-    )
+    drawn = [np.where((curve > 0.0) & (curve <= MAX_NUMBER), curve, np.nan) for curve in curves]
+    low, high = spanning([np.log10(curve) for curve in drawn], 0.03)
     return 10.0**low, 10.0**high
 
 
@@ -345,12 +331,8 @@ def swatch(kind: Kind, look: Look) -> Markup:
     if kind == "points":
         marker, fill = MARKERS[look.turn]
         inside = color if fill == "full" else "var(--paper)"
-        shape = (
-            "<circle cx='15' cy='5' r='3.5'"
-            if marker == "o"
-            else "<rect x='11.5' y='1.5' width='7' height='7'"
-        )
-        key = f"{shape} style='fill: {inside}; stroke: {color}'/>"
+        circle, square = "<circle cx='15' cy='5' r='3.5'", "<rect x='11.5' y='1.5' width='7' height='7'"
+        key = f"{circle if marker == 'o' else square} style='fill: {inside}; stroke: {color}'/>"
     else:
         dash = DASHES[look.turn]
         dashes = "" if isinstance(dash, str) else f"; stroke-dasharray: {' '.join(map(str, dash[1]))}"

@@ -78,10 +78,8 @@ def compatibility_history(result: Compatibility) -> TimeHistory:
         if name in WRAPPED:
             turn = factor * 2.0 * np.pi
             difference -= turn * np.round(difference / turn)
-        curves = (
-            Series("measured", time, measured, role="measured", width=2.8),
-            Series("reconstructed", time, simulated, role="fit"),
-        )
+        above = Series("reconstructed", time, simulated, role="fit")
+        curves = (Series("measured", time, measured, role="measured", width=2.8), above)
         strips = with_residual(curves, "measured − reconstructed", difference)
         panels.append(HistoryPanel(name, strips, unit, VARIABLES[name].meaning if name in VARIABLES else ""))
     gaps = [Shade(*gap, "", "hole") for gap in holes(time)]

@@ -92,19 +92,14 @@ def thinned(one: Series, columns: int) -> tuple[FloatArray, FloatArray, FloatArr
     if len(x) <= 2 * columns or one.kind == "points":
         return x, y, half
     block = -(-len(x) // columns)
-    kept = [
-        np.flatnonzero(np.diff(np.isfinite(x) & np.isfinite(y), append=False))
-    ]  # ends of pieces, and what breaks them
-    kept.append(kept[0] + 1)
-    for first, last in runs(np.isfinite(x) & np.isfinite(y)).tolist():
+    known = np.isfinite(x) & np.isfinite(y)
+    ends = np.flatnonzero(np.diff(known, append=False))  # of pieces
+    kept = [ends, ends + 1]  # and what breaks them
+    for first, last in runs(known).tolist():
         whole = first + (last - first) // block * block
         starts, rows = np.arange(first, whole, block), y[first:whole].reshape(-1, block)
-        kept += [
-            starts + rows.argmin(axis=1),
-            starts + rows.argmax(axis=1),
-            np.arange(whole, last),
-            np.array([first]),
-        ]
+        extremes = (starts + rows.argmin(axis=1), starts + rows.argmax(axis=1))
+        kept += [*extremes, np.arange(whole, last), np.array([first])]
     at = np.unique(np.concatenate(kept).astype(int))
     at = at[at < len(x)]
     return x[at], y[at], None if half is None else half[at]

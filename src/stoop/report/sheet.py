@@ -209,20 +209,8 @@ class Details:
     open: bool = False
 
 
-Part = (
-    Prose
-    | Bullets
-    | Code
-    | Table
-    | Figure
-    | Panels
-    | Legend
-    | Heading
-    | Drawing
-    | Details
-    | TimeHistory
-    | Track
-)
+Drawn = Figure | Panels | Legend | Drawing | TimeHistory | Track
+Part = Prose | Bullets | Code | Table | Heading | Details | Drawn
 
 
 @dataclass(frozen=True)
@@ -255,9 +243,8 @@ class Sheet:
     sections: tuple[Section, ...]
     kind: str = "study"  #: what sort of page it is
     verdict: Verdict | None = None
-    script: str = (
-        ""  #: file of the templates that the page runs beside those of its plots; it can be read without
-    )
+    #: file of the templates that the page runs beside those of its plots; it can be read without
+    script: str = ""
 
 
 @dataclass(frozen=True, repr=False)
@@ -300,12 +287,8 @@ def render_sheet(sheet: Sheet, scripts: bool = True) -> str:
     sections = list(zip(sheet.sections, names, strict=True))
     live = scripts and any(_runs_scripts(section.parts) for section in sheet.sections)
     own = [_allowed(_template(sheet.script))] if scripts and sheet.script else []
-    page = {
-        "sheet": sheet,
-        "lead": Prose(sheet.lead),
-        "sections": sections,
-        "scripts": [*(_scripts() if live else []), *own],
-    }
+    allowed = [*(_scripts() if live else []), *own]
+    page = {"sheet": sheet, "lead": Prose(sheet.lead), "sections": sections, "scripts": allowed}
     return _environment().get_template("page.html").render(page, light=variables(False), dark=variables(True))
 
 

@@ -29,9 +29,8 @@ class Scale:
 
 def element(name: str, content: str = "", **attributes: str | float) -> Markup:
     """Return one element; numbers are rounded, text is escaped, ``class_`` is class, ``_`` is ``-``."""
-    written = "".join(
-        f' {key.rstrip("_").replace("_", "-")}="{_short(value)}"' for key, value in attributes.items()
-    )
+    names = {key: key.rstrip("_").replace("_", "-") for key in attributes}
+    written = "".join(f' {names[key]}="{_short(value)}"' for key, value in attributes.items())
     if not content and name != "text":
         return Markup(f"<{name}{written}/>")  # noqa: S704 (values are escaped)
     return Markup(f"<{name}{written}>{escape(content)}</{name}>")  # noqa: S704 (values and content are escaped)

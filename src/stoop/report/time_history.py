@@ -94,18 +94,15 @@ class TimeHistory:
         keys = [(name, swatch(kind, self.looks[name])) for name, kind in kinds.items()]
         banded = [one for one in series if one.half_width is not None]
         if banded:
-            area = Markup("<rect width='30' height='10' style='fill: var(--{})'/>").format(
-                band_role(banded[0])
-            )
-            keys.append((BAND, Markup('<svg viewBox="0 0 30 10" aria-hidden="true">{}</svg>').format(area)))
+            rectangle = Markup("<rect width='30' height='10' style='fill: var(--{})'/>")
+            frame = Markup('<svg viewBox="0 0 30 10" aria-hidden="true">{}</svg>')
+            keys.append((BAND, frame.format(rectangle.format(band_role(banded[0])))))
         return keys
 
     def stills(self) -> list[Markup]:
         """Return the picture of each panel."""
-        groups = [
-            ([replace(strip, label="") for strip in panel.strips], panel.description or panel.title)
-            for panel in self.panels
-        ]
+        strips = [[replace(strip, label="") for strip in panel.strips] for panel in self.panels]
+        groups = [(own, one.description or one.title) for own, one in zip(strips, self.panels, strict=True)]
         width = WIDE if self.wide else SMALL if self.compact else NARROW
         columns = STILL_COLUMNS * (1 + self.wide)
         return strip_pictures(groups, self.looks, self.span, "", self.shades, width=width, columns=columns)
@@ -210,9 +207,8 @@ def coarse(values: FloatArray, starts: IntArray) -> FloatArray:
     low, high = np.fmin.reduceat(values, starts), np.fmax.reduceat(values, starts)
     ends = np.append(starts[1:], len(values)) - 1
     falling = values[starts] > values[ends]
-    return np.where(
-        np.tile([False, True], len(starts)) ^ np.repeat(falling, 2), np.repeat(high, 2), np.repeat(low, 2)
-    )
+    upper = np.tile([False, True], len(starts)) ^ np.repeat(falling, 2)
+    return np.where(upper, np.repeat(high, 2), np.repeat(low, 2))
 
 
 def band_role(one: Series) -> str:

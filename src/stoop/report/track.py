@@ -21,19 +21,13 @@ MAX_POINTS: Final = 3000
 GLYPHS: Final = 40  #: attitudes drawn along the path
 GLYPH: Final = 0.03  #: size of an aircraft, share of the extent of the path
 AZIMUTH, ELEVATION = np.radians(35.0), np.radians(25.0)  #: from where the still looks
-AIRCRAFT: Final = np.array(
-    [
-        [1.0, 0, 0],
-        [-0.7, 0, 0],
-        [0, 0, 0],
-        [0, 0.9, 0],
-        [0, -0.9, 0],
-        [0, 0, 0],
-        [-0.7, 0, 0],
-        [-0.7, 0, -0.4],
-    ]
+_FUSELAGE, _WING, _FIN = (
+    [[1.0, 0, 0], [-0.7, 0, 0]],
+    [[0, 0.9, 0], [0, -0.9, 0]],
+    [[-0.7, 0, 0], [-0.7, 0, -0.4]],
 )
-"""Fuselage, wing and fin as one line, body axes (nose, right, down)."""
+#: as one line, body axes (nose, right, down)
+AIRCRAFT: Final = np.array([*_FUSELAGE, [0, 0, 0], *_WING, [0, 0, 0], *_FIN])
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,13 +103,8 @@ class Track:
         rows = [self.time[:, None], self.path]
         rows.append(np.full((len(self.time), 4), np.nan) if self.attitude is None else self.attitude)
         packed = np.column_stack(rows).astype("<f8").tobytes()
-        content = {
-            "columns": 8,
-            "data": base64.b64encode(packed).decode(),
-            "aircraft": AIRCRAFT.tolist(),
-            "size": GLYPH,
-        }
-        return Markup(json.dumps(content))  # noqa: S704 (numbers)
+        shown = {"data": base64.b64encode(packed).decode(), "aircraft": AIRCRAFT.tolist(), "size": GLYPH}
+        return Markup(json.dumps({"columns": 8, **shown}))  # noqa: S704 (numbers)
 
 
 def projected(points: FloatArray) -> FloatArray:

@@ -50,9 +50,8 @@ FILTERS: Final[Mapping[str, Mapping[str, Any]]] = {
     "filter-error-ekf": {"gain": "varying"},
     "stabilized-output-error": {"gain": "steady", "share": 0.01},
 }
-TOLERANCE: Final = (
-    1e-12  #: relative, of squares of standard errors and sums of components from the covariance
-)
+#: relative, of squares of standard errors and sums of components from the covariance
+TOLERANCE: Final = 1e-12
 MIN_SIGNAL_TO_NOISE: Final = 1.0  #: of a channel's motion; below it chance decides between models
 
 
@@ -356,11 +355,8 @@ class Result:
         for name, variance in zip(names, diagonal, strict=True) if known else ():
             parts = [own.get(name, NAN) for own in held.values()]
             scale = TOLERANCE * max(variance, *map(abs, parts), 0.0)
-            if (
-                math.isfinite(variance)
-                and variance > 0.0
-                and not abs(self.parameters[name].std_error ** 2 - variance) <= scale
-            ):
+            square = self.parameters[name].std_error ** 2
+            if math.isfinite(variance) and variance > 0.0 and not abs(square - variance) <= scale:
                 raise ValueError(f"std_error of {name} is not that of the covariance")
             if math.isfinite(variance) and not abs(math.fsum(parts) - variance) <= scale:
                 raise ValueError(f"components of {name} do not add up to its variance")

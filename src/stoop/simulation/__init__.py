@@ -6,12 +6,5 @@ from stoop.simulation.steady_flight import trim
 from stoop.simulation.trim import Trim
 
 __all__ = [
-    "START_NAMES",
-    "LinearModel",
-    "Mode",
-    "Trim",
-    "initial_states",
-    "linearize",
-    "parameter_rows",
-    "trim",
-]
+    "START_NAMES", "LinearModel", "Mode", "Trim", "initial_states", "linearize", "parameter_rows", "trim",
+]  # fmt: skip

@@ -240,10 +240,9 @@ def _open_loop(
         fine, steps = trajectories.arriving(vehicle, rows, inputs, dt, noise)
         return trajectories.states_along(vehicle, rows, start, fine, dt / steps)[::steps]
 
-    if (
-        vehicle.file.ground_effect is not None
-    ):  # height above the ground is an input that follows from the states
-        column, h = vehicle.inputs.index(vehicle.file.ground_effect.channel), vehicle.states.index("h")
+    # height above the ground is an input that follows from the states
+    if (effect := vehicle.file.ground_effect) is not None:
+        column, h = vehicle.inputs.index(effect.channel), vehicle.states.index("h")
         terrain = inputs[:, column] - start[h, 0]
         for _ in range(HEIGHT_PASSES):
             height = states()[:, h] + terrain

@@ -138,8 +138,6 @@ def channel_gains(vehicle: Vehicle, rows: FloatArray) -> FloatArray:
     gains = np.zeros((rows.shape[1], len(vehicle.controls), len(vehicle.inputs)))
     for j, control in enumerate(vehicle.controls):
         for channel in vehicle.channels_of(control):
-            mix = f"controls.{control}.mix.{channel}"
-            gains[:, j, vehicle.inputs.index(channel)] = (
-                rows[vehicle.rows[mix]] if mix in vehicle.rows else 1.0
-            )
+            row = vehicle.rows.get(f"controls.{control}.mix.{channel}")
+            gains[:, j, vehicle.inputs.index(channel)] = 1.0 if row is None else rows[row]
     return gains

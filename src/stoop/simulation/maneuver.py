@@ -279,12 +279,8 @@ class Sweep(_TimedSignal):
         tau, constant = t - self.start, 2.0 / self.low
         rest, growth = self.duration - constant, math.log(self.band / self.low)
         later = np.clip((tau - constant) / rest, 0.0, 1.0)
-        phase = (
-            2.0
-            * np.pi
-            * self.low
-            * np.where(tau <= constant, tau - constant, rest / growth * np.expm1(growth * later))
-        )
+        rising = rest / growth * np.expm1(growth * later)
+        phase = 2.0 * np.pi * self.low * np.where(tau <= constant, tau - constant, rising)
         window = np.ones_like(tau)
         if self.fade > 0.0:
             ends = np.clip(np.minimum(tau, self.duration - tau) / self.fade, 0.0, 1.0)

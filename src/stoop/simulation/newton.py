@@ -69,11 +69,8 @@ def _least_squares(jacobian: FloatArray, right: FloatArray) -> FloatArray:
     known = np.where(finite[:, None], right, 0.0)
     if jacobian.shape[1] == jacobian.shape[2]:
         try:
-            return np.asarray(
-                np.linalg.solve(safe + (~finite)[:, None, None] * np.eye(safe.shape[1]), known[..., None])[
-                    ..., 0
-                ]
-            )
+            regular = safe + (~finite)[:, None, None] * np.eye(safe.shape[1])
+            return np.asarray(np.linalg.solve(regular, known[..., None])[..., 0])
         except np.linalg.LinAlgError:  # one lane is singular
             pass
     return np.asarray((np.linalg.pinv(safe) @ known[..., None])[..., 0])

@@ -16,16 +16,7 @@ import numpy as np
 from stoop.base.arrays import BoolArray, FloatArray, IntArray
 from stoop.base.rotations import to_ground
 from stoop.errors import SimulationError
-from stoop.simulation import autopilot, trajectories
-from stoop.simulation.delays import (
-    OFFSETS,
-    input_actuators,
-    input_delays,
-    lagrange,
-    late_inputs,
-    late_outputs,
-    with_slopes,
-)
+from stoop.simulation import autopilot, delays, trajectories
 from stoop.simulation.initial import initial_states, parameter_rows
 from stoop.simulation.maneuver import Battery, Maneuver
 from stoop.simulation.rotors import AXES, EXCITATIONS, SETPOINTS, channel_range
@@ -120,9 +111,11 @@ def _fly_together(starts: Sequence[_Start]) -> list[Flown]:
     terrain = inputs[:, :, column or 0] - state[h][:, None]
 
     # Surfaces are moved by the maneuver alone, so what their servos make of it is known before the flight.
-    servos = [a.column for a in input_actuators(vehicle) if a.dead_zones or a.rate_limits]
+    servos = [a.column for a in delays.input_actuators(vehicle) if a.dead_zones or a.rate_limits]
     pairs = zip(flights, starts, inputs, strict=True)
-    surfaces = np.stack([late_inputs(f.vehicle, u, s.rows, dt)[:, servos] for f, s, u in pairs], axis=-1)
+    surfaces = np.stack(
+        [delays.late_inputs(f.vehicle, u, s.rows, dt)[:, servos] for f, s, u in pairs], axis=-1
+    )
     states = np.full((len(starts), count, len(state)), np.nan)
     received = np.full((count, inputs.shape[2], len(starts)), np.nan)
     states[:, 0], received[0] = state.T, delay.received(inputs, 0)
@@ -136,7 +129,7 @@ def _fly_together(starts: Sequence[_Start]) -> list[Flown]:
             inputs[:, k + 1, column] = state[h] - dt * velocity[:, 2] + terrain[:, k + 1]
         received[k + 1] = delay.received(inputs, k + 1)
         received[k + 1, servos] = surfaces[k + 1]
-        with_slopes(vehicle, received[k : k + 2], dt)
+        delays.with_slopes(vehicle, received[k : k + 2], dt)
         driving = [one[FINER * k : FINER * (k + 1) + 1] for one in noise]
         state = trajectories.next_states(vehicle, rows, state, received[k : k + 2], driving, dt)
         lost = ~(np.abs(state).max(axis=0) < DIVERGED)
@@ -158,7 +151,7 @@ def _flown(
     """Return the flight of a lane."""
     vehicle, point = start.departure.vehicle, start.departure.point
     readings = trajectories.readings_along(vehicle, start.rows, states, received)[None]
-    outputs = late_outputs(vehicle, readings, start.rows, start.dt)[0]
+    outputs = delays.late_outputs(vehicle, readings, start.rows, start.dt)[0]
     ground = trajectories.over_ground(vehicle, point, states)
     return Flown(point, start.departure.maneuver.time, inputs, outputs, ground, clipped, states)
 
@@ -176,11 +169,11 @@ class _Delay:
     def of(cls, vehicle: Vehicle, rows: FloatArray, dt: float) -> _Delay:
         """Return the delays in kernel parameters (n_p, 1)."""
         samples = np.zeros(len(vehicle.inputs))
-        for column, row in input_delays(vehicle):
+        for column, row in delays.input_delays(vehicle):
             samples[column] = rows[row, 0] / dt
         whole = np.floor(samples)
-        offsets = np.array(OFFSETS)[:, None] - whole.astype(np.intp)
-        weights = np.array([lagrange(float(f)) for f in samples - whole]).T
+        offsets = np.array(delays.OFFSETS)[:, None] - whole.astype(np.intp)
+        weights = np.array([delays.lagrange(float(f)) for f in samples - whole]).T
         rotors = channel_range(vehicle).columns
         needed = 1 - whole[rotors] + (samples[rotors] > whole[rotors])
         return cls(offsets, weights, max(1, int(needed.max())), max(0, round(float(samples[rotors].mean()))))
@@ -229,9 +222,8 @@ class _Commands:
         channels = zip(flights, others, strict=True)
         self.inputs = np.array([inputs_about(f.vehicle, f.point, one, count) for f, one in channels])
         self.idle, self.full = (np.array([getattr(a, end) for a in areas]) for end in ("idle", "full"))
-        self.mixing, self.effect = (
-            np.array([getattr(s.model, m) for s in starts]) for m in ("mixing", "effect")
-        )
+        self.mixing = np.array([s.model.mixing for s in starts])
+        self.effect = np.array([s.model.effect for s in starts])
         self.trim = np.array([f.point.inputs[self.columns] for f in flights])
         self.excitations, self.single = (
             np.array([np.column_stack([one.get(name, zero) for name in wanted]) for one in signals])
@@ -275,10 +267,9 @@ class _Loop:
 
     def __init__(self, starts: Sequence[_Start], state: FloatArray) -> None:
         vehicle, references = starts[0].departure.vehicle, [s.reference for s in starts]
-        self.position, self.velocities, self.quaternion, self.rotation, self.turn_rate = (
-            np.array([getattr(one, name) for one in references])
-            for name in ("position", "velocity", "quaternion", "rotation", "turn_rate")
-        )
+        names = ("position", "velocity", "quaternion", "rotation", "turn_rate")
+        motion = (np.array([getattr(one, name) for one in references]) for name in names)
+        self.position, self.velocities, self.quaternion, self.rotation, self.turn_rate = motion
         self.gains = np.array([s.gains.errors for s in starts])
         self.wind = np.array([s.departure.point.wind for s in starts])
         self.u, self.p, self.e0 = (vehicle.states.index(name) for name in ("u", "p", "e0"))

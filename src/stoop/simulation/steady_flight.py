@@ -93,10 +93,8 @@ class SteadyFlight(ABC):
                 if residual < TOLERANCE:
                     break
         found, at = self.trims(x[:, None]), self.at
-        start, deflections, thrust = (
-            {name: np.asarray(value).item() for name, value in some.items()}
-            for some in (found.start, found.deflections, found.thrust)
-        )
+        parts = (found.start, found.deflections, found.thrust)
+        start, deflections, thrust = ({n: np.asarray(x).item() for n, x in own.items()} for own in parts)
         changes = {**self.numbers, **{n: x for n, x in thrust.items() if n in at.vehicle.rows}}
         velocity, wind = (tuple(v.tolist()) for v in (at.velocity, at.wind))
         inputs = found.inputs[:, 0]
@@ -110,9 +108,8 @@ class OnWings(SteadyFlight):
     angles: tuple[str, ...]
     #: the airspeed, m/s, or the angle of attack, rad, (B,), that is given; the conditions' airspeed when empty
     given: Mapping[str, FloatArray] = field(default_factory=dict)
-    powered: bool = (
-        True  #: whether propulsion, where there is one, holds the flight-path angle; it is free without
-    )
+    #: whether propulsion, where there is one, holds the flight-path angle; it is free without
+    powered: bool = True
 
     commands = ()
     refused = ("velocity", "wind")
@@ -140,11 +137,8 @@ class OnWings(SteadyFlight):
         worst = max(named, key=lambda name: abs(named[name]))
         unsolved = not point.residual < TOLERANCE
         if unsolved or abs(named[worst]) > math.pi / 2.0:
-            why = (
-                f"accelerations of {point.residual:.2g} remain"
-                if unsolved
-                else f"{worst} would be {named[worst]:.3g} rad"
-            )
+            beyond = f"{worst} would be {named[worst]:.3g} rad"
+            why = f"accelerations of {point.residual:.2g} remain" if unsolved else beyond
             raise SimulationError(
                 f"{vehicle.where}: no steady flight found at {at.airspeed:g} m/s ({why}); "
                 "try another airspeed, check thrust, CL and Cm, or trim the longitudinal model"
@@ -173,14 +167,11 @@ class OnWings(SteadyFlight):
 
     def starts(self) -> list[FloatArray]:
         """Return scaled vectors (m,) to start from; a propeller at rest has no slope, so its thrust starts at three sizes."""
-        begin = {"alpha": 0.5, "theta": 0.5, "V": 10.0} | dict.fromkeys(
-            (*self.angles[2:], *self.at.vehicle.controls), 0.0
-        )
+        begin = dict.fromkeys((*self.angles[2:], *self.at.vehicle.controls), 0.0)
+        begin = {"alpha": 0.5, "theta": 0.5, "V": 10.0} | begin
         powered = not self.unknowns.keys() <= begin.keys()
-        return [
-            np.array([begin.get(name, power) for name in self.unknowns])
-            for power in (POWERS if powered else POWERS[:1])
-        ]
+        powers = POWERS if powered else POWERS[:1]
+        return [np.array([begin.get(name, power) for name in self.unknowns]) for power in powers]
 
     @cached_property
     def _mixing(self) -> tuple[FloatArray, FloatArray]:
@@ -240,10 +231,8 @@ class OnRotors(SteadyFlight):
         """Solve from a level hover."""
         vehicle, level = at.vehicle, level_channels(at)
         mixing = allocation(vehicle, effects(vehicle, {"h": at.altitude}, level, numbers))
-        flight, area = (
-            cls(at, numbers, parameter_rows(vehicle, numbers), level, mixing),
-            channel_range(vehicle),
-        )
+        flight = cls(at, numbers, parameter_rows(vehicle, numbers), level, mixing)
+        area = channel_range(vehicle)
         point = flight.solved([[0.0] * 6], 300)
         if not point.residual < TOLERANCE:
             raise SimulationError(
@@ -269,9 +258,8 @@ class OnRotors(SteadyFlight):
         inputs = np.repeat(self.level[:, None], count, axis=1)
         inputs[area.columns] += self.mixing @ np.array(wanted)
         rotation = matrices_of_angles(np.stack([phi, theta, np.full(count, at.heading)], axis=1))
-        start: dict[str, ArrayLike] = dict(
-            zip("uvw", np.einsum("bij,i->jb", rotation, at.velocity - at.wind), strict=True)
-        )
+        through_air = np.einsum("bij,i->jb", rotation, at.velocity - at.wind)
+        start: dict[str, ArrayLike] = dict(zip("uvw", through_air, strict=True))
         start |= {"phi": phi, "theta": theta, "psi": at.heading, "h": at.altitude}
         neutral = dict.fromkeys(at.vehicle.controls, 0.0)
         thrust = dict(zip(area.names, inputs[area.columns], strict=True))

@@ -33,9 +33,8 @@ def widen(setup: Setup, fit: Fitter) -> Fitted:
     remarks, vehicle = _remarks(boxes, beyond), _with_bounds(vehicle, boxes)
     first = found = fit(replace(setup, vehicle=vehicle))
     for _ in range(MAX_WIDENINGS):
-        held = {
-            u.name: u.estimate for u in found.estimate.unknowns if u.fixed == "bound" and u.name in unbounded
-        }
+        at_bound = [u for u in found.estimate.unknowns if u.fixed == "bound" and u.name in unbounded]
+        held = {u.name: u.estimate for u in at_bound}
         boxes = wider_boxes(vehicle, held)
         # a search that ends for want of trajectories finds no better optimum in a wider box
         if not boxes or found.estimate.outcome.status in ("interrupted", "budget"):

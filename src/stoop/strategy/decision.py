@@ -158,9 +158,8 @@ class Fitted:
 
     def interrupted(self, doing: str) -> Fitted:
         """Return the estimate as that of a fit that the user stopped while it did something."""
-        outcome = replace(
-            self.estimate.outcome, status="interrupted", advice=f"stopped by the user while {doing}"
-        )
+        advice = f"stopped by the user while {doing}"
+        outcome = replace(self.estimate.outcome, status="interrupted", advice=advice)
         return replace(self, estimate=replace(self.estimate, outcome=outcome))
 
 

@@ -12,7 +12,7 @@ from stoop.base.notices import Notice, notice
 from stoop.errors import IdentificationError
 from stoop.estimate import methods
 from stoop.estimate.filter_likelihood import SCORING
-from stoop.estimate.gusts import doubt, exceed_sensors, gust_levels, unexplained, with_turbulence
+from stoop.estimate.gusts import doubt, exceed_sensors, gust_bias, gust_levels, unexplained, with_turbulence
 from stoop.results.decisions import DecisionRecord
 from stoop.strategy.decision import Change, Decision, Fitted, Fitter, Setup
 from stoop.strategy.instability import late_sensors
@@ -51,8 +51,6 @@ def fit_in_gusts(setup: Setup, fit: Fitter) -> Fitted:
         found = fit(setup)
         if not any(n.code == "gusts-ignored" for n in found.setup.notices):
             return found
-        from stoop.estimate.gust_bias import gust_bias
-
         return found.noting(*gust_bias(found.estimate, found.setup.flights))
     began, calm = time.perf_counter(), None
     filtered, doubts = None, tuple[Notice, ...]()
@@ -82,9 +80,8 @@ def _filtered(
     setup: Setup, fit: Fitter, start: Mapping[str, float], gives_up: bool
 ) -> tuple[Fitted | None, tuple[Notice, ...]]:
     """Return the fit by the filter from a start, by default the file's values and the regression, and what speaks against it."""
-    options = replace(
-        setup.options, treatment=replace(setup.options.treatment, gives_up=gives_up), start=start
-    )
+    treatment = replace(setup.options.treatment, gives_up=gives_up)
+    options = replace(setup.options, treatment=treatment, start=start)
     filtered = replace(setup, vehicle=with_turbulence(setup.vehicle), options=options)
     if _calm_search(setup) is not None:  # that goes on, and not by the filter
         filtered = replace(filtered, callback=None, state=None)

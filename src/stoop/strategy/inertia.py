@@ -42,9 +42,9 @@ def hold_inertia(setup: Setup, fit: Fitter) -> Fitted:
     """Return the fit with moments of inertia held that it moves to a default bound, or to where no body has them."""
     first = found = fit(setup)
     began, held, vehicle = time.perf_counter(), dict[str, float](), setup.vehicle
-    while found.estimate.outcome.status != "interrupted" and (
-        name := _farthest(found.estimate, setup.vehicle)
-    ):
+    while found.estimate.outcome.status != "interrupted":
+        if not (name := _farthest(found.estimate, setup.vehicle)):
+            break
         (known,) = (p for p in vehicle.parameters if p.name == name)
         # all that is known of a number without a prior is that its bounds hold it: evenly
         prior = known.prior or (known.upper - known.lower) / math.sqrt(12.0)
@@ -77,10 +77,8 @@ def _farthest(fit: Estimate, file: Vehicle) -> str:
 
     Of that about the rotors' axis and their torque a flight shows the ratio: it is returned where its prior is contradicted.
     """
-    vehicle, free = (
-        fit.problem.layout.vehicle,
-        {n: x for n, x in fit.estimates.items() if n.startswith(PLACE)},
-    )
+    vehicle = fit.problem.layout.vehicle
+    free = {n: x for n, x in fit.estimates.items() if n.startswith(PLACE)}
     unbounded = {name for name, q in leaves(file.file) if q.bounds is None}
 
     def distance(name: str) -> float:

@@ -35,9 +35,8 @@ def choose(setup: Setup) -> Change | None:
     sensed = all({*RATES, *SPECIFIC_FORCE} <= own and not own & {*WIND, *EULER} for own in recorded)
     if recorded and sensed:
         why = notice("no-states-recorded", method=STATELESS, other=usual)
-        return Change(
-            setup.by(STATELESS).noting(why), "neither velocity nor attitude was recorded", STATELESS
-        )
+        found = "neither velocity nor attitude was recorded"
+        return Change(setup.by(STATELESS).noting(why), found, STATELESS)
     rate = slowest_motors(setup)
     if rate < MIN_MOTOR_RATE:
         why = notice("motors-logged-slowly", rate=rate, limit=MIN_MOTOR_RATE, method=SLOW_MOTORS, other=usual)

@@ -44,9 +44,8 @@ def setup_of(
         raise IdentificationError("treatment: a strategy decides it; switch decisions off with strategy=")
     known = replace(options, method=options.method or OUTPUT_ERROR, treatment=strategy.treatment)
     method = not options.method
-    return Setup(
-        vehicle, flights, tuple(fitted), tuple(held_back), known, method, strategy.names, strategy.left_out
-    )
+    windows, choice = (tuple(fitted), tuple(held_back)), (strategy.names, strategy.left_out)
+    return Setup(vehicle, flights, *windows, known, method, *choice)
 
 
 def choose_method(
@@ -133,9 +132,8 @@ def _decided(setup: Setup, name: str, decide: Callable[[Setup], Change | None]) 
     change, seconds = decide(setup), time.perf_counter() - began
     if change is None:
         return replace(setup, records={**setup.records, name: DecisionRecord(name, seconds=seconds)})
-    record = DecisionRecord(
-        name, "applied", change.found, change.done, change.gained, change.held_back, seconds
-    )
+    figures = change.gained, change.held_back, seconds
+    record = DecisionRecord(name, "applied", change.found, change.done, *figures)
     return replace(change.setup, records={**setup.records, name: record})
 
 

@@ -18,11 +18,10 @@ from stoop.base.notices import Notice, notice
 from stoop.base.variables import VELOCITY
 from stoop.errors import IdentificationError
 from stoop.estimate import methods
-from stoop.estimate.estimate import Estimate
 from stoop.estimate.regression.velocity_delay import velocity_delay
 from stoop.results.decisions import DecisionRecord
 from stoop.results.extensions import ExtensionTests
-from stoop.strategy.decision import Change, Decision, Fitted, Fitter, Setup, Tested, test
+from stoop.strategy.decision import Change, Decision, Fitted, Fitter, Setup, test
 from stoop.strategy.gusts import IN_GUSTS
 from stoop.strategy.likelihood import log_likelihood_rise, penalized_rise
 from stoop.vehicle import Vehicle
@@ -60,7 +59,7 @@ def free_delays(setup: Setup, fit: Fitter) -> Fitted:
     saved = first = best = fit(setup)
     tested, cut = test(first.estimate, setup.left_out)
     began, vehicle = time.perf_counter(), setup.vehicle
-    freed = dict[str, str]()  # name: that of its parameter
+    freed, notices = dict[str, str](), list[Notice]()  # name: that of its parameter
     ended = first.estimate.outcome.status != "interrupted"
     while ended and not cut and (extension := _late_sensor(vehicle, tested.tests)):
         box = list(USUAL.sensor_delay_bounds)
@@ -92,7 +91,11 @@ def free_delays(setup: Setup, fit: Fitter) -> Fitted:
             NAME, "applied", "score tests ask for a delay before all else", f"{', '.join(freed)} estimated",
             rise, seconds=time.perf_counter() - began,
         )  # fmt: skip
-        best = best.noting(*_notices(best.estimate, tested, freed)).recorded(record)
+        index = {p.name: i for i, p in enumerate(best.estimate.problem.layout.parameters)}
+        for name, one in freed.items():
+            known = {"estimate": best.estimate.estimates[one], "std": float(tested.bars.std[index[one]])}
+            notices.append(notice("sensor-delay-freed", name, **known, prior=USUAL.sensor_delay_std))
+        best = best.noting(*notices).recorded(record)
     return best.interrupted(DOING) if cut else best
 
 
@@ -104,18 +107,6 @@ def _late_sensor(vehicle: Vehicle, tests: ExtensionTests) -> Extension | None:
     best, *others = tests.found
     tied = any(one.name not in late and best.gain - one.gain < LIMITS.tie for one in others)
     return None if tied else late.get(best.name)
-
-
-def _notices(fit: Estimate, tested: Tested, freed: dict[str, str]) -> list[Notice]:
-    """Return the estimates of freed delays."""
-    index = {p.name: i for i, p in enumerate(fit.problem.layout.parameters)}
-    std, prior = tested.bars.std, USUAL.sensor_delay_std
-    return [
-        notice(
-            "sensor-delay-freed", name, estimate=fit.estimates[one], std=float(std[index[one]]), prior=prior
-        )
-        for name, one in freed.items()
-    ]
 
 
 SENSOR_DELAYS = Decision(NAME, "Are readings of a sensor late?", problem=find_delay, around=free_delays)

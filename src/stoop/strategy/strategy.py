@@ -58,9 +58,8 @@ def _offered() -> list[Decision]:
     found = list[Decision]()
     for package, name, row in rows("decisions", [one.name for one in _BUILT_IN]):
         with guarded(package, f"its decision '{name}'"):
-            points: dict[str, Any] = {
-                point: partial(_call, package, str(row[point])) for point in POINTS if point in row
-            }
+            places = {point: str(row[point]) for point in POINTS if point in row}
+            points: dict[str, Any] = {point: partial(_call, package, x) for point, x in places.items()}
             found.append(Decision(name, str(row["question"]), row.get("default") is True, **points))
     return found
 

@@ -7,7 +7,7 @@ and motors; a file that gives a lag (0 for none) or a delay decides for itself.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Set
+from collections.abc import Mapping, Set
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -59,15 +59,16 @@ def with_assumptions(vehicle: Vehicle, dt: float) -> tuple[Vehicle, tuple[Notice
         Time between samples, s: no lag is assumed where none could be told.
     """
     entries, found = dict[tuple[str, ...], Any](), list[Notice]()
-    tables = dict(_channels(vehicle))
+    # of controls and of the rotors: the channels that move them, servos first
+    tables: dict[tuple[str, ...], Set[str]] = {
+        ("controls", c): {*vehicle.channels_of(c)} for c in vehicle.controls
+    }
+    if vehicle.rotors:
+        tables["rotors",] = {rotor.channel for rotor in vehicle.file.rotor.values()}
     lags = _without_lag(vehicle, tables) if USUAL.lag_samples * dt < USUAL.lag else []
     # servos of one channel have one delay: that of a file that describes one of them
-    described = {
-        channel
-        for keys, own in tables.items()
-        if keys not in lags or ".".join((*keys, "delay")) in vehicle.rows
-        for channel in own
-    }
+    named = [k for k in tables if k not in lags or ".".join((*k, "delay")) in vehicle.rows]
+    described = {channel for keys in named for channel in tables[keys]}
     late = [keys for keys in lags if not tables[keys] & described]
     delay = {"value": USUAL.delay, "prior": USUAL.delay_std}
     for kind, places, entry in (("lag", lags, _lag(dt)), ("delay", late, delay)):
@@ -75,11 +76,8 @@ def with_assumptions(vehicle: Vehicle, dt: float) -> tuple[Vehicle, tuple[Notice
             first, *others = ((*keys, kind) for keys in places)
             entries |= {first: entry} | dict.fromkeys(others, "=" + ".".join(first))
             names = tuple(".".join(keys) for keys in places)
-            found.append(
-                notice(
-                    f"{kind}-assumed", ".".join(first), places=names, value=entry["value"], std=entry["prior"]
-                )
-            )
+            values = {"value": entry["value"], "std": entry["prior"]}
+            found.append(notice(f"{kind}-assumed", ".".join(first), places=names, **values))
     numbers, loadings = dict(leaves(vehicle.file)), vehicle.file.loadings.values()
     thrust = {
         name: {"prior": USUAL.thrust * abs(q.value)}
@@ -111,11 +109,3 @@ def _without_lag(vehicle: Vehicle, tables: Mapping[tuple[str, ...], Set[str]]) -
 
     commanded = {keys for keys, own in tables.items() if all(full_command(c) is not None for c in own)}
     return [keys for keys in tables if keys in commanded and not given(keys)]
-
-
-def _channels(vehicle: Vehicle) -> Iterator[tuple[tuple[str, ...], Set[str]]]:
-    """Yield the tables of controls and of the rotors with the channels that move them, servos first."""
-    for c in vehicle.controls:
-        yield ("controls", c), set(vehicle.channels_of(c))
-    if vehicle.rotors:
-        yield ("rotors",), {rotor.channel for rotor in vehicle.file.rotor.values()}

@@ -63,8 +63,7 @@ def _advice(name: str) -> str:
     if near := difflib.get_close_matches(name.removesuffix(".toml").replace("_", "-"), BUILT_IN, 1):
         return f"did you mean the built-in vehicle {near[0]}?"
     with suppress(OSError):
-        if near := difflib.get_close_matches(
-            Path(name).name, [p.name for p in Path(name).parent.iterdir()], 1
-        ):
+        beside = [p.name for p in Path(name).parent.iterdir()]
+        if near := difflib.get_close_matches(Path(name).name, beside, 1):
             return f"did you mean {Path(name).with_name(near[0])}?"
     return f"check the path, draft it by stoop vehicle new, or use a built-in vehicle ({', '.join(BUILT_IN)})"

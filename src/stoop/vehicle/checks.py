@@ -34,9 +34,8 @@ def check(vehicle: Vehicle) -> None:
                 "add bounds = [low, high]"
             )
     # all controls and rotors of a channel have one delay
-    driven = [
-        (f"controls.{c}.delay", c, channel) for c in vehicle.controls for channel in vehicle.channels_of(c)
-    ]
+    pairs = [(c, channel) for c in vehicle.controls for channel in vehicle.channels_of(c)]
+    driven = [(f"controls.{c}.delay", c, channel) for c, channel in pairs]
     driven += [("rotors.delay", name, rotor.channel) for name, rotor in vehicle.file.rotor.items()]
     first: dict[str, tuple[str, str]] = {}
     for delay, name, channel in driven:

@@ -151,19 +151,12 @@ def _default_bounds(name: str, q: Quantity, sizes: Mapping[str, float]) -> tuple
         return box
     if q.prior is not None:
         return q.prior_mean - 5.0 * q.prior, q.prior_mean + 5.0 * q.prior
-    if name.startswith("controls.") and (box := _servo_bounds(name, value)):
-        return box
+    if name.startswith("controls.") and _last(name) in ("rate_limit", "dead_zone"):
+        return (0.2 * value, 5.0 * value) if _last(name) == "rate_limit" else (0.0, max(0.1, 3.0 * value))
     if name in _GROUND_EFFECTS:
         return min(-1.0, 2.0 * value), max(4.0, 2.0 * value)
     low, high = sorted((0.5 * value, 1.5 * value))
     return low, high
-
-
-def _servo_bounds(name: str, value: float) -> tuple[float, float] | None:
-    """Return the bounds of the nonlinear numbers of a servo; None for its other numbers."""
-    return {"rate_limit": (0.2 * value, 5.0 * value), "dead_zone": (0.0, max(0.1, 3.0 * value))}.get(
-        _last(name)
-    )
 
 
 _POSITIVE: Final = ("T2", "Q2", "torque_ratio", "gain", "inertia", "radius", "factor", "torque_factor")

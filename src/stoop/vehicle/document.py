@@ -76,14 +76,10 @@ def with_entries(vehicle: Vehicle, entries: Mapping[tuple[str, ...], Any]) -> Ve
     for keys, value in entries.items():
         write_entry(document, keys, value)
     extended = parse_vehicle(tomlkit.dumps(document), vehicle.where)
-    tables = {
-        n: getattr(vehicle.file, n)
-        for n in type(vehicle.file).model_fields
-        if getattr(extended.file, n) is None
-    }
-    extended = replace(
-        extended, file=extended.file.model_copy(update=tables)
-    )  # such as the gusts of a method
+    absent = [n for n in type(vehicle.file).model_fields if getattr(extended.file, n) is None]
+    tables = {n: getattr(vehicle.file, n) for n in absent}
+    # such as the gusts of a method
+    extended = replace(extended, file=extended.file.model_copy(update=tables))
     if extended.reduce != vehicle.reduce:
         extended = extended.reduced(vehicle.reduce)
     extended = extended.coupled_to(vehicle.measured)

@@ -88,10 +88,8 @@ class Extension:
 
     def believes(self, change: float) -> bool:
         """Whether a change from the null value makes sense, and is none that what is known of a held number allows."""
-        return (
-            abs(change) >= self.known
-            and (0.0 if self.positive else -self.probe.reach) < change < self.probe.reach
-        )
+        least = 0.0 if self.positive else -self.probe.reach
+        return abs(change) >= self.known and least < change < self.probe.reach
 
     def value(self, change: float) -> float:
         """Return the number of the file at a change from the null value."""
@@ -271,16 +269,13 @@ def _terms(vehicle: Vehicle) -> Iterator[Extension]:
         return
     controls, taken = vehicle.controls, {name for name, _ in leaves(vehicle.file)}
     for coefficient, own in vehicle.terms.items():
-        longitudinal, present = (
-            coefficient in ("CL", "CD", "Cm"),
-            {terms.written(text) for text in own.values()},
-        )
+        longitudinal = coefficient in ("CL", "CD", "Cm")
+        present = {terms.written(text) for text in own.values()}
         texts = [*(LONGITUDINAL if longitudinal else LATERAL), *controls, *(f"alpha*{c}" for c in controls)]
         texts += [f"{c}^2" for c in controls] if longitudinal else []
         for text in (text for text in texts if terms.written(text) not in present):
-            known = {
-                term: name for name, (term, _, _) in EQUATION_1[coefficient].items() if name not in taken
-            }
+            rows = EQUATION_1[coefficient].items()
+            known = {term: name for name, (term, _, _) in rows if name not in taken}
             name = known.get(text) or terms.parameter_name(coefficient, text, taken)
             taken.add(name)
             entries = _term(coefficient, name, text)
@@ -310,10 +305,8 @@ def _rotors(vehicle: Vehicle) -> Iterator[Extension]:
     yield from _single_rotors(vehicle)
     for kind in ("linear", "quadratic"):
         if body is None or getattr(body, kind) is None:
-            probe, symbol = (
-                SHARE.times(rotor_size(kind, numbers)),
-                unit(f"body_drag.{kind}", Quantity(), (), ""),
-            )
+            probe = SHARE.times(rotor_size(kind, numbers))
+            symbol = unit(f"body_drag.{kind}", Quantity(), (), "")
             yield from _points(("body_drag", kind), "drag", symbol, (0.0, 0.0, 0.0), probe)
 
 

@@ -200,9 +200,8 @@ class Propeller(Table):
     CT0: Quantity
     CT1: Quantity | None = None
     CT2: Quantity | None = None
-    inertia: Quantity | None = (
-        None  #: about the thrust line, kg m2; negative where it turns counterclockwise from behind
-    )
+    #: about the thrust line, kg m2; negative where it turns counterclockwise from behind
+    inertia: Quantity | None = None
     position: Point | None = None
     pitch: Quantity | None = None
 

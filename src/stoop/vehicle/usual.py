@@ -35,10 +35,7 @@ ROTORS_ONLY: Final = {
 }
 ASPECT_RATIOS: Final = (5.0, 14.0)  #: of small airplanes
 #: kg over the square of the span: 0.1 kg of 0.43 m to 13.5 kg of 2.9 m, within a factor of two
-MASS_BY_SPAN: Final = (
-    0.4,
-    2.5,
-)
+MASS_BY_SPAN: Final = (0.4, 2.5)
 LIFT: Final = (0.3, 0.9)  #: CL of cruise
 
 

@@ -16,9 +16,8 @@ from pydantic import BaseModel
 
 from stoop.base.arrays import FloatArray
 from stoop.base.html import table
-from stoop.base.names import unknown_name
 from stoop.base.numbers import count, number
-from stoop.base.text import nearest, printable
+from stoop.base.text import nearest, printable, unknown_name
 from stoop.base.variables import POSITION
 from stoop.errors import VehicleError
 from stoop.kernels import Kernel, load_kernel
@@ -28,11 +27,8 @@ from stoop.vehicle.schema import CHANNELS, WIND, Quantity, Term, VehicleFile
 
 _BIASES = frozenset(f"sensors.{channel}.bias" for channel in (*WIND, *CHANNELS, *POSITION))
 RIGID_STATES = ("u", "v", "w", "p", "q", "r", "e0", "e1", "e2", "e3", "h")
-GUST_STATES = {
-    "u": ("gust.u",),
-    "v": ("gust.v.fast", "gust.v.slow"),
-    "w": ("gust.w.fast", "gust.w.slow"),
-}  #: of the Dryden filters, m/s
+#: of the Dryden filters, m/s
+GUST_STATES = {"u": ("gust.u",), **{axis: (f"gust.{axis}.fast", f"gust.{axis}.slow") for axis in "vw"}}
 #: absent from the structure where the file lacks them, as in kernels made before they were keys
 _LATER = (
     "turbulence", "vn", "ve", "vd", "airspeed", "rotors", "rotor", "body_drag", "ground_effect", "rate_limit", "dead_zone",

@@ -48,10 +48,8 @@ def unpacked(content: bytes, where: str) -> dict[str, Any]:
 
 def packed_curves(curves: Curves) -> bytes:
     """Return curves as an archive, one array for each curve: ``maneuver.kind.name``."""
-    arrays: dict[str, Any] = {
-        "convergence": curves.convergence,
-        "command": np.frombuffer(curves.command.encode(), dtype=np.uint8),
-    }
+    command = np.frombuffer(curves.command.encode(), dtype=np.uint8)
+    arrays: dict[str, Any] = {"convergence": curves.convergence, "command": command}
     for i, trace in enumerate(curves.traces):
         arrays[f"{i}.time"] = trace.time
         for name, channel in trace.channels.items():
@@ -100,8 +98,6 @@ def _trace(arrays: Mapping[str, Any], index: int) -> ManeuverTrace:
             if values.shape != time.shape:
                 raise ValueError(f"{key} has {values.size} samples for {time.size} times")
             groups[kind][name] = values
-    channels = {
-        name: ChannelTrace(measured, groups["simulated"][name], groups["deviation"].get(name))
-        for name, measured in groups["measured"].items()
-    }
+    simulated, deviation, measured = groups["simulated"], groups["deviation"], groups["measured"]
+    channels = {n: ChannelTrace(x, simulated[n], deviation.get(n)) for n, x in measured.items()}
     return ManeuverTrace(time, channels, groups["input"], groups["baseline"])

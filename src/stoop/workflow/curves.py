@@ -76,10 +76,8 @@ def _trace(vehicle: Vehicle, group: Simulated, own: Sequence[int], lag: Mapping[
     """Return the curves of the pieces of one maneuver."""
     pieces, channels = [group.prepared.pieces[k] for k in own], {}
     for i, name in enumerate(vehicle.outputs):
-        pairs = [
-            unwrapped(piece.measured[:, i], group.simulated[k][:, i], name in WRAPPED)
-            for piece, k in zip(pieces, own, strict=True)
-        ]
+        columns = [(p.measured[:, i], group.simulated[k][:, i]) for p, k in zip(pieces, own, strict=True)]
+        pairs = [unwrapped(z, y, name in WRAPPED) for z, y in columns]
         band = _joined(group.deviations, own, i)
         channels[name] = ChannelTrace(join([z for z, _ in pairs]), join([y for _, y in pairs]), band)
     inputs = {name: join([p.inputs[:, i] for p in pieces]) for i, name in enumerate(vehicle.recorded)}
@@ -126,12 +124,8 @@ def baseline_maneuver(vehicle: Vehicle, role: Role, pieces: Sequence[Piece]) -> 
             u = np.array([piece.inputs[:, vehicle.inputs.index(r.channel)] for r in rotors.values()])
             at = np.array([[vehicle.value(f"rotor.{name}.position.{a}") for a in "xy"] for name in rotors])
             about = np.array([1.0 if r.spin == "ccw" else -1.0 for r in rotors.values()])
-            commands |= {
-                "rotors_roll": -at[:, 1] @ u,
-                "rotors_pitch": at[:, 0] @ u,
-                "rotors_yaw": about @ u,
-                "rotors_heave": u.sum(axis=0),
-            }
+            moments = {"roll": -at[:, 1] @ u, "pitch": at[:, 0] @ u, "yaw": about @ u, "heave": u.sum(axis=0)}
+            commands |= {f"rotors_{axis}": x for axis, x in moments.items()}
         measured = {}
         for i, name in enumerate(vehicle.outputs):
             column = piece.measured[:, i]

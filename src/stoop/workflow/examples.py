@@ -68,12 +68,8 @@ def examples() -> dict[str, Example]:
         raise StoopError(
             f"{folder() / INDEX}: this installation has no examples; install the wheel"
         ) from None
-    return {
-        one["name"]: Example(
-            one["name"], (f"{one['name']}.ipynb", *one.get("files", ())), tuple(one.get("data", ()))
-        )
-        for one in listed
-    }
+    rows = [(one["name"], one.get("files", ()), one.get("data", ())) for one in listed]
+    return {name: Example(name, (f"{name}.ipynb", *files), tuple(data)) for name, files, data in rows}
 
 
 def example(name: str) -> Example:

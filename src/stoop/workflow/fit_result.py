@@ -156,10 +156,8 @@ def _nuisances(fit: Estimate, bars: ErrorBars) -> tuple[tuple[InitialState, ...]
             unit = "m/s" if n.name.startswith("gust.") else START_UNITS.get(n.name, "rad")
             states[n.piece][n.name] = Quantity(value, std, unit)
     segments = [sum(p.maneuver == piece.maneuver for p in pieces[:i]) for i, piece in enumerate(pieces)]
-    initial = tuple(
-        InitialState(piece.maneuver, segment, float(piece.time[0]), values)
-        for piece, segment, values in zip(pieces, segments, states, strict=True)
-    )
+    rows = zip(pieces, segments, states, strict=True)
+    initial = tuple(InitialState(p.maneuver, segment, float(p.time[0]), own) for p, segment, own in rows)
     return initial, tuple(SensorBiases(maneuver, values) for maneuver, values in enumerate(biases))
 
 

@@ -18,9 +18,8 @@ import numpy as np
 from stoop.assessment.assessment import Assessment
 from stoop.assessment.verdict import verdict
 from stoop.base.arrays import FloatArray
-from stoop.base.names import Names
 from stoop.base.notices import Notice
-from stoop.base.text import printable, printable_lines
+from stoop.base.text import Names, printable, printable_lines
 from stoop.errors import StoopError
 from stoop.estimate import methods
 from stoop.estimate.estimate import Estimate

@@ -94,17 +94,14 @@ def place_outputs(model: FittedModel, folder: Path, overwrite: bool = False) -> 
             f"{folder}: another run has written there meanwhile; this one's result is in {aside}"
         )
     # an old mark must not stand beside new files, nor an old posterior or estimate beside a new result
-    obsolete = [RESULT, *sorted(_leftover(folder, model) - set(files))] if (folder / RESULT).exists() else []
+    obsolete: list[str] = []
+    if (folder / RESULT).exists():
+        read = [path for path in model.files if path.exists()]
+        flights = flight_places(folder) if model.flights else []
+        own = {place.name for place in flights if not any(place.samefile(path) for path in read)}
+        obsolete = [RESULT, *sorted({*ATTACHED, *ARCHIVES, *own} - set(files))]
     write_files(folder, files, obsolete)
     return folder
-
-
-def _leftover(folder: Path, model: FittedModel) -> set[str]:
-    """Return the names of what an earlier result may have left, which would be read with the new one; inputs stay."""
-    flights = flight_places(folder) if model.flights else []
-    read = [path for path in model.files if path.exists()]
-    own = {place.name for place in flights if not any(place.samefile(path) for path in read)}
-    return {*ATTACHED, *ARCHIVES, *own}
 
 
 def flight_places(folder: Path) -> list[Path]:

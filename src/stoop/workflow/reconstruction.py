@@ -1,4 +1,4 @@
-"""The data compatibility of a flight, by its reconstructed flight path."""
+"""The folder of a check of the data compatibility."""
 
 from __future__ import annotations
 
@@ -8,27 +8,11 @@ from typing import Final
 
 from stoop.base.files import make_folder, write_files
 from stoop.flight import Flight, flight_bytes
-from stoop.reconstruction.compatibility import Compatibility, check, corrected_flight
+from stoop.reconstruction.compatibility import Compatibility
 from stoop.workflow.outputs import file_hashes, flight_files, versions
 
 COMPATIBILITY: Final = ("compatibility.html", "flight.nc", "compatibility.json")
 """Files; the result last: where it is, the others are."""
-
-
-def check_compatibility(
-    flight: Flight, windows: Sequence[tuple[float, float]] = ()
-) -> tuple[Compatibility, Flight]:
-    """Return the contradictions between the sensors, and the flight with their errors corrected.
-
-    `windows` are (start, stop) in s on the log's own clock; the airborne part without any.
-
-    Raises
-    ------
-    FlightError
-        The flight holds nothing that could be compared.
-    """
-    result, found = check(flight, windows)
-    return result, corrected_flight(found)
 
 
 def write_compatibility(

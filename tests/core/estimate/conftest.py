@@ -29,7 +29,7 @@ def resumed(tmp_path: Path) -> Callable[..., Estimate]:
             assert cut.outcome.state is not None
             optimize.save_state(tmp_path / "search.npz", cut.outcome.state)
             left.clear()
-            again = fit(*arguments, left.append, optimize.load_state(tmp_path / "search.npz"))
+            again = fit(*arguments, left.append, optimize.load_tagged(tmp_path / "search.npz")[0])
             assert len(left) == len(trials) - count  # no trial twice
             np.testing.assert_array_equal(again.z, whole.z)
             assert (again.cost, again.trajectories) == (whole.cost, whole.trajectories)

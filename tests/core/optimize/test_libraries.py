@@ -60,7 +60,7 @@ def check_repetition(name: str, make: Callable[[], Any], folder: Path, patch: py
     patch.setattr(libraries, "RESTARTS", 0)
     whole, first = (search(name, make(), 40_000.0, generations=n) for n in (2, 1))
     optimize.save_state(folder / "state.npz", first.state)
-    state, stop = optimize.load_state(folder / "state.npz"), optimize.Stop(generations=2, budget=40_000.0)
+    state, stop = optimize.load_tagged(folder / "state.npz")[0], optimize.Stop(generations=2, budget=40_000.0)
     again = optimize.minimize(optimize.create(name), make(), seed=99, stop=stop, state=state)
     assert (again.z.tobytes(), again.history.tobytes()) == (whole.z.tobytes(), whole.history.tobytes())
     assert again.trajectories == whole.trajectories > first.trajectories

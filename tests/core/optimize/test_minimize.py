@@ -71,7 +71,7 @@ def test_a_run_is_counted_repeatable_and_resumable(name: str, tmp_path: Path) ->
         state = part.state
         if state is not None:
             optimize.save_state(tmp_path / "state.npz", state)
-            state = optimize.load_state(tmp_path / "state.npz")
+            state = optimize.load_tagged(tmp_path / "state.npz")[0]
         _, rest = run(Stop(40, target_cost=-1.0), state=state)
         assert _same(rest.state, whole.state), stop
     before = pickle.dumps(states[8])

@@ -31,7 +31,7 @@ def test_a_file_holds_state_and_tag_without_pickle(state: Any, tmp_path: Path) -
     assert [p.name for p in tmp_path.iterdir()] == ["state.npz"]
     optimize.save_state(path, state)
     assert optimize.load_tagged(path)[1] == ""
-    assert optimize.load_state(path).evaluations.cost == state.evaluations.cost
+    assert optimize.load_tagged(path)[0].evaluations.cost == state.evaluations.cost
 
 
 def test_a_damaged_file_is_named_and_nothing_worse(state: Any, tmp_path: Path) -> None:
@@ -48,7 +48,7 @@ def test_a_damaged_file_is_named_and_nothing_worse(state: Any, tmp_path: Path) -
     for content in damaged:
         path.write_bytes(content)
         try:
-            optimize.load_state(path)  # a flipped bit may not matter
+            optimize.load_tagged(path)  # a flipped bit may not matter
         except IdentificationError as error:
             messages.append(str(error))
     assert len(messages) >= 100
@@ -67,9 +67,9 @@ def test_other_files_are_refused(state: Any, tmp_path: Path) -> None:
     for text, says in ((later, "stoop-state/9"), (header, "not a usable state"), (none, "holds no state")):
         np.savez(path, **arrays | {"header": np.frombuffer(text, dtype=np.uint8)})
         with pytest.raises(IdentificationError, match=says):
-            optimize.load_state(path)
+            optimize.load_tagged(path)
     with pytest.raises(IdentificationError, match="there is no saved state"):
-        optimize.load_state(tmp_path / "none.npz")
+        optimize.load_tagged(tmp_path / "none.npz")
     with pytest.raises(OutputError, match="cannot be written"):
         optimize.save_state(tmp_path / "none" / "state.npz", state)
     with pytest.raises(TypeError, match="cannot hold set"):
@@ -90,7 +90,7 @@ class Rastrigin(Residuals):
 
 
 def test_the_state_of_release_0_1_loads_and_continues() -> None:
-    old = optimize.load_state(Path(__file__).parent / "data" / "state-0.1.npz")
+    old = optimize.load_tagged(Path(__file__).parent / "data" / "state-0.1.npz")[0]
     stop = optimize.Stop(generations=80)
     outcome = optimize.minimize(optimize.create(), Rastrigin(), seed=0, stop=stop, state=old)
     assert (old.generation, outcome.generation) == (60, 80)

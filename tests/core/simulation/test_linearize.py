@@ -14,8 +14,7 @@ from stoop.errors import SimulationError
 from stoop.simulation import LinearModel, Trim, initial_states, linearize, parameter_rows, trim
 from stoop.simulation.fly import simulate
 from stoop.simulation.initial import mixed_inputs
-from stoop.simulation.linear_systems import pade
-from stoop.simulation.linearize import left_out, modes_of
+from stoop.simulation.linearize import left_out, modes_of, pade
 from stoop.simulation.trim import surface_moments
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import builtin_vehicle

@@ -157,9 +157,8 @@ def histories(
         angular[:, s] = [CubicSpline(time[s], rate[s])(time[s], 1) for rate in rates]
     found, variables = coefficients(vehicle, motion, angular), motion.variables(vehicle)
     each = [[{n: v[s] for n, v in columns.items()} for columns in (found, variables)] for s in stretches]
-    return tuple(
-        History(piece.maneuver, time[s], piece.dt, *own) for s, own in zip(stretches, each, strict=True)
-    )
+    pairs = zip(stretches, each, strict=True)
+    return tuple(History(piece.maneuver, time[s], piece.dt, *own) for s, own in pairs)
 
 
 def coefficients(vehicle: Vehicle, motion: Motion, angular: FloatArray) -> dict[str, FloatArray]:

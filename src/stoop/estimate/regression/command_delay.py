@@ -68,19 +68,20 @@ def scan_delays(vehicle: Vehicle, pieces: Sequence[Piece], columns: Sequence[int
     parts = [part for piece in pieces for part in _regressions(vehicle, piece, columns, delays, states)]
     if not parts or not any(part[2].size for part in parts):
         return None
-    signs = _signs([vehicle.recorded[i] for i in columns], [c for c in RATES if c in states])
-    errors = [
-        _errors([(y, np.column_stack([X, own[m]])) for y, X, own in parts], signs) for m in range(len(delays))
-    ]
+    # of the effect of columns on angular accelerations about their own axes; zero about others
+    known = {(name, rate): sign for rate, controls in EFFECTS.values() for name, sign in controls}
+    signs = np.array(
+        [[known.get((vehicle.recorded[i], c), 0.0) for c in RATES if c in states] for i in columns]
+    )
+    delayed = ([(y, np.column_stack([X, own[m]])) for y, X, own in parts] for m in range(len(delays)))
+    errors = [_errors(one, signs) for one in delayed]
     count = sum(len(one) for one in errors[0])
     squares = np.array([np.sum([np.sum(e**2, axis=0) for e in one], axis=0) for one in errors])
     best = int(np.argmin(np.sum(np.log(np.maximum(squares, np.finfo(float).tiny)), axis=1)))
     period = TimeDomain().period(dt)
     independent = count / float(np.median(correlation_times(errors[best], period)))
-    likelihood = (
-        -0.5 * independent * np.sum(np.log(np.maximum(squares, np.finfo(float).tiny) / count), axis=1)
-    )
-    return Scan(delays, likelihood)
+    variances = np.maximum(squares, np.finfo(float).tiny) / count
+    return Scan(delays, -0.5 * independent * np.sum(np.log(variances), axis=1))
 
 
 def _regressions(
@@ -115,20 +116,12 @@ def lagged_inputs(vehicle: Vehicle, piece: Piece, columns: Sequence[int]) -> Flo
     """Return inputs (m + n, c) before and of a piece after the lags of what they move, as the vehicle has them now."""
     commands, lags = piece.commands, dict[int, float]()
     for control in vehicle.controls:
-        lag = vehicle.value(f"controls.{control}.lag", 0.0)
-        lags |= dict.fromkeys(
-            (vehicle.inputs.index(channel) for channel in vehicle.channels_of(control)), lag
-        )
+        moved = map(vehicle.inputs.index, vehicle.channels_of(control))
+        lags |= dict.fromkeys(moved, vehicle.value(f"controls.{control}.lag", 0.0))
     for rotor in vehicle.file.rotor.values():
         lags[vehicle.inputs.index(rotor.channel)] = vehicle.value("rotors.lag", 0.0)
     own = (first_order_lag(commands[:, i], lags.get(i, 0.0), piece.dt) for i in columns)
     return np.column_stack(list(own))
-
-
-def _signs(columns: Sequence[str], rates: Sequence[str]) -> FloatArray:
-    """Return the sign (c, r) of the effect of columns on angular accelerations about their own axes; zero about others."""
-    known = {(name, rate): sign for rate, controls in EFFECTS.values() for name, sign in controls}
-    return np.array([[known.get((name, rate), 0.0) for rate in rates] for name in columns])
 
 
 def _errors(parts: Sequence[tuple[FloatArray, FloatArray]], signs: FloatArray) -> list[FloatArray]:

@@ -239,10 +239,8 @@ class Equations(ABC):
     def priors(self, values: FloatArray | None = None) -> Priors:
         """Return those of the vehicle file about values (k,), by default the means, with its bounds (none of the biases)."""
         layout, about = self.layout, {} if values is None else dict(zip(self.places, values, strict=True))
-        known = [
-            (*p.prior_about(about.get(i, p.prior_mean)), p.lower, p.upper)
-            for i, p in enumerate(layout.parameters)
-        ]
+        means = [(p, about.get(i, p.prior_mean)) for i, p in enumerate(layout.parameters)]
+        known = [(*p.prior_about(mean), p.lower, p.upper) for p, mean in means]
         known += [(n.center, n.scale, -np.inf, np.inf) for n in layout.nuisances]
         return Priors(*np.array([known[i] for i in self.places]).reshape(-1, 4).T)
 
@@ -330,9 +328,8 @@ def _with_constants(
             # noise of the mean itself is white noise's: the slow part of it is in the residual of the band
             weight = sigma / float(np.std(left) / np.sqrt(len(y)))
         mean = weight * np.mean(y)[None], weight * X.mean(axis=0)[None]
-        means.append(
-            Rows(equation, *mean, own[0].dt, own[0].maneuver if len({r.maneuver for r in own}) == 1 else -1)
-        )
+        maneuver = own[0].maneuver if len({r.maneuver for r in own}) == 1 else -1
+        means.append(Rows(equation, *mean, own[0].dt, maneuver))
     rows = (*found.rows, *means)
     return replace(found, values=values, rows=rows, covariance=_covariance(rows, spread, found.sigma))
 

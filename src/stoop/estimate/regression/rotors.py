@@ -98,10 +98,8 @@ class Stretch:
         numbers = {name: float(rows[row, 0]) for name, row in vehicle.rows.items()}
         mounting, axes = imu_axes(vehicle, rows[:, 0]), (RATES, SPECIFIC_FORCE)
         gyro, force = (np.array([numbers.get(f"sensors.{c}.scale", 1.0) for c in some]) for some in axes)
-        sensor, center = (
-            np.array([numbers.get(f"{point}.{c}", 0.0) for c in "xyz"])
-            for point in ("sensors.accelerometer_position", "mass.center_of_gravity")
-        )
+        points = ("sensors.accelerometer_position", "mass.center_of_gravity")
+        sensor, center = (np.array([numbers.get(f"{point}.{c}", 0.0) for c in "xyz"]) for point in points)
         arm = sensor - center if "sensors.accelerometer_position.x" in numbers else np.zeros(3)
         # the lever arm turns with the measured angular acceleration, not with the modeled one
         lever = np.cross(self.measured[:, :3] / gyro @ mounting - angular, arm)
@@ -201,11 +199,8 @@ class RotorEquations(Equations):
                 rows = self.kernel_parameters(stretch.piece, stepped)
                 slopes[:, :, j] = (stretch.modeled(vehicle, rows, cache) - modeled) / step
             y = stretch.measured - modeled + slopes @ values
-            out += [
-                Rows(name, y[:, i], slopes[:, i], stretch.piece.dt, stretch.piece.maneuver)
-                for i, name in enumerate(ACCELERATIONS)
-                if name in self.equations
-            ]
+            own, rates = stretch.piece, [(i, n) for i, n in enumerate(ACCELERATIONS) if n in self.equations]
+            out += [Rows(name, y[:, i], slopes[:, i], own.dt, own.maneuver) for i, name in rates]
         return out
 
     def solved(self, rows: Sequence[Rows], priors: Priors, values: FloatArray) -> Estimates:
@@ -237,7 +232,8 @@ class RotorEquations(Equations):
         follow it, uncertainty included, and do not move it (a "cut"; Plummer, "Cuts in Bayesian graphical models", Statistics
         and Computing 25, 2015).
         """
-        law = np.flatnonzero([n in THRUST_LAW for n in self._names])
+        names = [*(p.name for p in self.layout.parameters), *(b.name for b in self.biases)]
+        law = np.flatnonzero([n in THRUST_LAW for n in names])
         forces = [r for r in rows if r.equation not in MOMENTS]
         if not law.size or not forces or len(forces) == len(rows):
             return list(rows)
@@ -253,19 +249,13 @@ class RotorEquations(Equations):
             return list(rows)
         others = np.linalg.svd(known)[0][:, known.shape[1] :]
         moments = [r for r in rows if r.equation in MOMENTS]
-        scaled = (
-            np.concatenate([r.X / (np.std(r.y - r.X @ alone.values) or 1.0) for r in moments]) * self.scales
-        )
+        left = [np.std(r.y - r.X @ alone.values) or 1.0 for r in moments]
+        scaled = np.concatenate([r.X / s for r, s in zip(moments, left, strict=True)]) * self.scales
         follow = np.linalg.lstsq(scaled @ others, scaled @ known, rcond=None)[0]
         turn = others @ (others.T + follow @ known.T) * self.scales[:, None] / self.scales
         cut = [replace(r, X=r.X @ turn, y=r.y + r.X @ (turn @ values - values)) for r in moments]
         rest = iter(cut)
         return [next(rest) if r.equation in MOMENTS else r for r in rows]
-
-    @property
-    def _names(self) -> list[str]:
-        """The unknowns' names, in the order of j."""
-        return [*(p.name for p in self.layout.parameters), *(b.name for b in self.biases)]
 
     def reviewed(self, found: Estimates, domain: Domain) -> tuple[Estimates, RotorEquations]:
         """Return the estimates with R2 of each acceleration, and the equations without moments that commands do not explain.
@@ -277,11 +267,8 @@ class RotorEquations(Equations):
         for s in self.stretches:
             modeled = s.modeled(self.layout.vehicle, self.kernel_parameters(s.piece, found.values))
             y, x = (domain.rows(signals, s.piece.dt) for signals in (s.measured, modeled))
-            rows += [
-                Rows(name, y[:, i], x[:, i : i + 1], s.piece.dt)
-                for i, name in enumerate(ACCELERATIONS)
-                if name in self.equations and len(y)
-            ]
+            rates = [(i, n) for i, n in enumerate(ACCELERATIONS) if n in self.equations and len(y)]
+            rows += [Rows(name, y[:, i], x[:, i : i + 1], s.piece.dt) for i, name in rates]
         of_errors, of_response = self._whitened(rows, np.ones(1)), self._whitened(rows, np.zeros(1))
         for name in self.equations:
             own, innovations, alone = (

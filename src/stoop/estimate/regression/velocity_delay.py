@@ -53,9 +53,8 @@ def velocity_delay(flights: Iterable[Flight], bounds: tuple[float, float]) -> tu
 
 def _stretches(flight: Flight, delays: FloatArray) -> Iterator[FloatArray]:
     """Yield the squared errors (m, 3) of velocities by m delays, stretch for stretch without a gap."""
-    angles, force, velocity = (
-        np.column_stack([flight.column(n) for n in names]) for names in (EULER, SPECIFIC_FORCE, VELOCITY)
-    )
+    groups = (EULER, SPECIFIC_FORCE, VELOCITY)
+    angles, force, velocity = (np.column_stack([flight.column(n) for n in names]) for names in groups)
     acceleration = to_ground(quaternions_of(angles), force) + np.array([0.0, 0.0, STANDARD_GRAVITY])
     felt = np.isfinite(acceleration).all(axis=1)
     moved = cumulative_trapezoid(np.nan_to_num(acceleration), dx=1.0 / flight.rate, axis=0, initial=0)

@@ -20,8 +20,12 @@ from stoop.estimate.estimate import Estimate
 from stoop.estimate.regression import least_squares as ls
 from stoop.estimate.regression.aircraft import AircraftEquations
 from stoop.estimate.regression.least_squares import FrequencyDomain, Priors, Rows, TimeDomain, solve
-from stoop.estimate.regression.linear_problem import LinearProblem
-from stoop.estimate.regression.method import RegressionEstimate, equation_error, frequency_domain
+from stoop.estimate.regression.method import (
+    LinearProblem,
+    RegressionEstimate,
+    equation_error,
+    frequency_domain,
+)
 from stoop.parallel import Given
 from stoop.problem import Layout, Misfit, Weights
 from stoop.problem.evidence import Evidence, unknowns_of
