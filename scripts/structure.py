@@ -24,20 +24,20 @@ FLAG = re.compile(
 )  #: tests whether a vehicle has rotors
 #: package, or room of the core -> lines at most; "stoop" is the whole core
 BUDGETS = {
-    "stoop": 53952,
+    "stoop": 53955,
     "stoop_analysis": 6447,
     "stoop_app": 4022,
     "stoop_draft": 7293,
     "stoop_export": 7335,
     "stoop_fleet": 3657,
-    "stoop_plan": 5199,
+    "stoop_plan": 5208,
     "stoop_studies": 15042,
-    "stoop_tune": 4462,
+    "stoop_tune": 4463,
     "api": 73,
     "assessment": 4822,
     "base": 2628,
     "checks": 600,
-    "cli": 2176,
+    "cli": 2180,
     "estimate": 7310,
     "extend": 97,
     "flight": 5359,
@@ -53,7 +53,7 @@ BUDGETS = {
     "simulation": 3049,
     "strategy": 1494,
     "vehicle": 3692,
-    "workflow": 2418,
+    "workflow": 2417,
 }
 #: modules that an allowed import cycle goes through, imports in functions counted: registries that name their entries
 REGISTRIES = {"stoop.optimize.registry", "stoop.vehicle.vehicle", "stoop.workflow.fitted_model"}
