@@ -91,7 +91,7 @@ def test_without_a_model(flown: Flight) -> None:
 def test_bad_input(flight: Path, refused: Refused) -> None:
     for more, words in {
         "--input rudder --vehicle twin-boom": "it does not move", "--channel qq": "no such channel",
-        "--input elevater --vehicle twin-boom": "did you mean elevator", "--band 9:1": "LOW:HIGH in rad/s",
+        "--input elevater --vehicle twin-boom": "did you mean elevator", "--band 9:1": "LOW:HIGH, the lower number first",
         "--maneuver 3:3.2": "longer or more windows", "--band 0.01:0.02": "resolve nothing below",
         "--maneuver 0:0.9": "no input moves",
     }.items():  # fmt: skip

@@ -16,7 +16,6 @@ from tornado.httputil import HTTPHeaders
 from stoop.assessment.covariance import NEIGHBORS, window_scatter
 from stoop.base.html import table
 from stoop.base.robust import white_noise
-from stoop.cli.options import windows
 from stoop.estimate.filter_gains import Gains
 from stoop.estimate.filter_likelihood import Innovations
 from stoop.flight.faults import Fault, without_faulty
@@ -25,6 +24,7 @@ from stoop.logs.blackbox_units import Settings, physical
 from stoop.logs.netcdf import _unpacked
 from stoop.problem.evidence import unknowns_of
 from stoop.problem.layout import Layout
+from stoop.problem.windows import spans
 from stoop.reconstruction.compatibility import corrected_flight
 from stoop.report.charts import correlation_map
 from stoop.report.sheet import mathml
@@ -144,7 +144,7 @@ def test_text_within_formulas_and_tables_is_text() -> None:
 
 def test_a_result_is_moved_into_place_after_what_it_describes(monkeypatch: Any, tmp_path: Any) -> None:
     model: Any = SimpleNamespace(
-        attachments={"posterior.nc": b""}, vehicle=None, parameters={}, flights=(), archive=b"x", files=(),
+        attachments={"posterior.nc": b""}, vehicle=None, parameters={}, flights=(), evidence=b"x", files=(),
         traces=(), convergence=None, command="", result=None,
     )  # fmt: skip
     written: list[str] = []
@@ -165,7 +165,8 @@ def test_an_estimate_at_its_bound_is_rounded_into_the_bounds() -> None:
 
 
 def test_windows_may_touch() -> None:
-    assert windows(["3:4", "1:2", "2:3"]) == ((1.0, 2.0), (2.0, 3.0), (3.0, 4.0))
+    flight = from_columns("one", np.arange(5.0), {"q": np.zeros(5)})
+    assert spans(["3:4", "1:2", "2:3"], flight) == ((1.0, 2.0), (2.0, 3.0), (3.0, 4.0))
 
 
 def test_the_best_glide_is_the_largest_ratio_of_a_polar() -> None:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from stoop.base.files import check_targets, write_bytes_atomic
 from stoop.base.notices import of_severity
-from stoop.base.numbers import count
+from stoop.base.numbers import count, factor_and_unit, number, rounded_to_error
 from stoop.base.text import show
 from stoop.cli import options
 from stoop.cli.page import Page, alike, fixed, numbers, page, points, shown_unit, to_json, words
@@ -174,9 +174,8 @@ def _following(arguments: argparse.Namespace, found: Found) -> list[str]:
 
 def compatibility(arguments: argparse.Namespace) -> int:
     """Check whether the sensors agree, write where asked to, and print what was found."""
-    from stoop.base.notices import of_severity
-    from stoop.base.numbers import factor_and_unit, number, rounded_to_error
     from stoop.flight import load
+    from stoop.problem.windows import spans
     from stoop.workflow.reconstruction import COMPATIBILITY, check_compatibility, write_compatibility
 
     folder, others = arguments.output, options.given_paths(arguments.mapping)
@@ -185,7 +184,7 @@ def compatibility(arguments: argparse.Namespace) -> int:
     with LiveLine("reading the log"):
         flight = load(arguments.flight, arguments.mapping)
     with LiveLine("integrating and comparing"):
-        result, corrected = check_compatibility(flight, options.windows(arguments.window))
+        result, corrected = check_compatibility(flight, spans(arguments.window, flight))
     out = page()
     out.heading("Sensors")
     rows = []

@@ -13,12 +13,11 @@ import numpy.typing as npt
 from stoop.base.arrays import FloatArray
 from stoop.base.units import FACTORS
 from stoop.base.variables import VARIABLES
-from stoop.errors import FlightError, VehicleError
+from stoop.errors import FlightError
 from stoop.flight import Flight, load
 from stoop.flight.flight import from_columns
 from stoop.flight.load import load_several, with_contradictions
 from stoop.vehicle import Vehicle
-from stoop.vehicle.builtin import resolve_vehicle
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -26,23 +25,6 @@ if TYPE_CHECKING:
 
 OneFlight: TypeAlias = Union[Flight, str, Path, "pd.DataFrame", "xr.Dataset", Mapping[str, npt.ArrayLike]]
 Flights: TypeAlias = OneFlight | Sequence[OneFlight]
-
-
-def as_vehicle(given: Any) -> Vehicle:
-    """Return a vehicle from a vehicle, the name of a built-in one or a vehicle file.
-
-    Raises
-    ------
-    VehicleError
-        It is none of these.
-    """
-    if isinstance(given, Vehicle):
-        return given
-    if isinstance(given, str | Path):
-        return resolve_vehicle(given)
-    raise VehicleError(
-        f"a vehicle is expected first, not a {type(given).__name__}; give the vehicle, then the flights"
-    )
 
 
 def as_flight(given: Any) -> Flight:
@@ -117,6 +99,8 @@ def as_flights(given: Any) -> list[Flight]:
     """Return one or several flights, see :func:`as_flight`; logs are read onto grids of one rate."""
     several = given if isinstance(given, Sequence) and not isinstance(given, str) else [given]
     made = [None if isinstance(one, str | Path) else as_flight(one) for one in several]
+    if not made:
+        raise FlightError("no flight is given; give a flight, the path of a log, or a list of them")
     logs = iter(
         load_several([one for one in several if isinstance(one, str | Path)], beside=[*filter(None, made)])
     )

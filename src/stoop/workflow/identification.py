@@ -22,9 +22,10 @@ from stoop.strategy import Strategy, fit
 from stoop.strategy.decision import Fitted, Provenance
 from stoop.strategy.run import with_tests
 from stoop.vehicle import Vehicle
+from stoop.vehicle.builtin import resolve_vehicle
 from stoop.workflow.fit_result import fitted_model
 from stoop.workflow.fitted_model import FittedModel
-from stoop.workflow.flights import Flights, as_flights, as_vehicle
+from stoop.workflow.flights import Flights, as_flights
 from stoop.workflow.outputs import by_name, flight_files, input_hashes
 
 DEFAULTS = Options()
@@ -113,7 +114,7 @@ def search(
     were read (mapping, noise covariance), for the result's ``inputs``; `watch` is told what is fitted.
     """
     began = time.perf_counter()
-    vehicle = as_vehicle(vehicle)
+    vehicle = resolve_vehicle(vehicle)
     methods.find(options.method)
     known = by_name(as_flights(flights), "identify")
     rates = sorted({f"{flight.rate:g}" for flight in known.values()})
