@@ -25,13 +25,13 @@ FLAG = re.compile(
 #: package, or room of the core -> lines at most; "stoop" is the whole core
 BUDGETS = {
     "stoop": 53952,
-    "stoop_analysis": 6417,
+    "stoop_analysis": 6492,
     "stoop_app": 4022,
     "stoop_draft": 7293,
-    "stoop_export": 7335,
+    "stoop_export": 7266,
     "stoop_fleet": 3657,
     "stoop_plan": 5212,
-    "stoop_studies": 15042,
+    "stoop_studies": 15043,
     "stoop_tune": 4472,
     "api": 56,
     "assessment": 4822,

@@ -18,8 +18,9 @@ from stoop.vehicle import parse_vehicle
 from stoop.vehicle.builtin import builtin_text
 from stoop.workflow import FittedModel, identify
 from stoop.workflow.load import load, model_or_vehicle
+from stoop_analysis.known_model import Condition
 from stoop_export.export import model_data, write
-from stoop_export.exporter import Condition, ModelData
+from stoop_export.exporter import ModelData
 from stoop_export.jsbsim import EXPORT_PAGE as PAGE
 from stoop_export.targets import export
 
