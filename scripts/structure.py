@@ -24,7 +24,7 @@ FLAG = re.compile(
 )  #: tests whether a vehicle has rotors
 #: package, or room of the core -> lines at most; "stoop" is the whole core
 BUDGETS = {
-    "stoop": 53952,
+    "stoop": 53945,
     "stoop_analysis": 6492,
     "stoop_app": 4022,
     "stoop_draft": 7293,
@@ -52,8 +52,8 @@ BUDGETS = {
     "results": 1360,
     "simulation": 3052,
     "strategy": 1494,
-    "vehicle": 3698,
-    "workflow": 2428,
+    "vehicle": 3695,
+    "workflow": 2425,
 }
 #: modules that an allowed import cycle goes through, imports in functions counted: registries that name their entries
 REGISTRIES = {"stoop.optimize.registry", "stoop.vehicle.vehicle", "stoop.workflow.fitted_model"}

@@ -150,11 +150,11 @@ def look(arguments: argparse.Namespace) -> int:
 
 
 def _overview(arguments: argparse.Namespace) -> Overview:
-    from stoop.flight import load
+    from stoop.flight import load_flight
     from stoop.flight.windows import overview
 
     with LiveLine("reading the log"):
-        return overview(load(arguments.flight, arguments.mapping))
+        return overview(load_flight(arguments.flight, arguments.mapping))
 
 
 def _write_page(arguments: argparse.Namespace, seen: Overview) -> None:
@@ -174,7 +174,7 @@ def _following(arguments: argparse.Namespace, found: Found) -> list[str]:
 
 def compatibility(arguments: argparse.Namespace) -> int:
     """Check whether the sensors agree, write where asked to, and print what was found."""
-    from stoop.flight import load
+    from stoop.flight import load_flight
     from stoop.problem.windows import spans
     from stoop.workflow.reconstruction import COMPATIBILITY, check_compatibility, write_compatibility
 
@@ -182,7 +182,7 @@ def compatibility(arguments: argparse.Namespace) -> int:
     if folder is not None:
         check_targets(folder, COMPATIBILITY, arguments.overwrite)
     with LiveLine("reading the log"):
-        flight = load(arguments.flight, arguments.mapping)
+        flight = load_flight(arguments.flight, arguments.mapping)
     with LiveLine("integrating and comparing"):
         result, corrected = check_compatibility(flight, spans(arguments.window, flight))
     out = page()

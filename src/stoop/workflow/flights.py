@@ -14,7 +14,7 @@ from stoop.base.arrays import FloatArray
 from stoop.base.units import FACTORS
 from stoop.base.variables import VARIABLES
 from stoop.errors import FlightError
-from stoop.flight import Flight, load
+from stoop.flight import Flight, load_flight
 from stoop.flight.flight import from_columns
 from stoop.flight.load import load_several, with_contradictions
 from stoop.vehicle import Vehicle
@@ -30,7 +30,7 @@ Flights: TypeAlias = OneFlight | Sequence[OneFlight]
 def as_flight(given: Any) -> Flight:
     """Return a flight from a flight, a log, or columns over ``time`` (s) that are variables of the registry in SI.
 
-    Units, signs and axes of columns are checked as `stoop.flight.load` checks those of a log.
+    Units, signs and axes of columns are checked as `load_flight` checks those of a log.
 
     Raises
     ------
@@ -40,7 +40,7 @@ def as_flight(given: Any) -> Flight:
     if isinstance(given, Flight):
         return given
     if isinstance(given, str | Path):
-        return load(given)
+        return load_flight(given)
     if isinstance(given, Vehicle):
         raise FlightError(
             f"a flight is expected, not the vehicle {given.name}; give the vehicle before the flight"

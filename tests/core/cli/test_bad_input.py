@@ -144,7 +144,6 @@ WORDS: Mapping[str, str] = {
     "compare -o out --problems paper-M": "did you mean paper-W",
     "compare -o out --problems bbob-99": "bbob-",
     "compare -o out --problems bbob-01 --first-seed 0": "instance 0",
-    "compare -o out --problems flight": "--flight",
     "compare -o out --flight log.ulg": "--vehicle and --maneuver",
     "compare -o out --flight no.ulg --vehicle v.toml --maneuver 1:2": "no.ulg",
     "structure twin-boom x.nc --maneuver 0:1 -o o --band 2": "LOW:HIGH",
