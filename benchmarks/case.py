@@ -14,7 +14,7 @@ from stoop.simulation.fly import fly
 from stoop.simulation.maneuver import Maneuver
 from stoop.simulation.trajectories import Flown
 from stoop.vehicle import Vehicle
-from stoop.vehicle.builtin import resolve_vehicle
+from stoop.vehicle.builtin import load_vehicle
 
 RATE = 100.0
 SPREAD = 0.1  #: of the candidates' coefficients about the truth
@@ -87,5 +87,5 @@ class Case:
 
 def full() -> Case:
     """Return the case."""
-    vehicle = resolve_vehicle("twin-boom")
+    vehicle = load_vehicle("twin-boom")
     return Case(vehicle, fly(vehicle, MANEUVER))

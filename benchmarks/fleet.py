@@ -22,7 +22,7 @@ from benchmarks.table import Row
 from stoop.flight import from_columns
 from stoop.simulation.fly import simulate_flight
 from stoop.simulation.maneuver import Maneuver
-from stoop.vehicle.builtin import resolve_vehicle
+from stoop.vehicle.builtin import load_vehicle
 from stoop_plan.flight_logs import save_flight_as
 
 PART: Final = "fleet"
@@ -56,7 +56,7 @@ def make(folder: Path, count: int) -> list[str]:
     maneuver = Maneuver.model_validate(
         {"duration": SECONDS, "rate": RATE, "airspeed": 35.0, "altitude": 500.0}
     )
-    flight = simulate_flight(resolve_vehicle(VEHICLE), maneuver, name="f")
+    flight = simulate_flight(load_vehicle(VEHICLE), maneuver, name="f")
     columns = {name: flight.column(name) for name in flight.names}
     rng, paths = np.random.default_rng(0), list[str]()
     for i in range(count):

@@ -30,7 +30,7 @@ from stoop.problem.windows import Window
 from stoop.simulation.fly import simulate_flight
 from stoop.simulation.maneuver import Maneuver
 from stoop.vehicle import Vehicle
-from stoop.vehicle.builtin import resolve_vehicle
+from stoop.vehicle.builtin import load_vehicle
 from stoop_analysis.posterior import coordinates, posterior_target
 from stoop_analysis.sampling import Chains
 
@@ -108,7 +108,7 @@ def _peak() -> float:
 
 def _airplane(free: int | None = None) -> Vehicle:
     """Return the built-in airplane with its first `free` free numbers, all by default."""
-    vehicle = resolve_vehicle("twin-boom")
+    vehicle = load_vehicle("twin-boom")
     names = [p.name for p in vehicle.free_parameters]
     return vehicle.with_numbers({n: {"free": False} for n in names[free:]} if free is not None else {})
 

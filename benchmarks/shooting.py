@@ -13,7 +13,7 @@ from stoop.problem import Misfit
 from stoop.problem.windows import Window
 from stoop.simulation.fly import simulate_flight
 from stoop.simulation.maneuver import parse_maneuver
-from stoop.vehicle.builtin import resolve_vehicle
+from stoop.vehicle.builtin import load_vehicle
 from stoop.workflow import demo
 
 PART = "shooting"
@@ -68,7 +68,7 @@ def _one_by_one(windows: Shots, z: np.ndarray, nodes: np.ndarray) -> None:
 
 
 def _problem() -> Misfit:
-    aircraft = resolve_vehicle("twin-boom")
+    aircraft = load_vehicle("twin-boom")
     flight = simulate_flight(aircraft, parse_maneuver(MANEUVER, "minute"), seed=1, name="minute")
     vehicle = demo.misled(aircraft, 1)
     return estimation_problem(vehicle, {"minute": flight}, [Window("minute", 0.0, SECONDS)], Options())[0]

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Final
 
 from benchmarks.table import Row
-from stoop.workflow.identification import identify
+from stoop.workflow.identification import fit
 from stoop_studies.verify import capture
 
 PART = "short-windows"
@@ -28,7 +28,7 @@ def run() -> list[Row]:
         windows = tuple(f"{start:g}:{start + LENGTH:g}" for start in starts)
         for _ in range(2):
             began = time.process_time()
-            job = identify(vehicle, [flight], windows)
+            job = fit(vehicle, [flight], windows)
             taken = time.process_time() - began
     numbers = len(job.result.parameters)
     what = f"{COUNT} windows of {LENGTH:g} s, pose alone, {numbers} free numbers: fit, tests and verdict"

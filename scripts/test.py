@@ -87,7 +87,8 @@ def _install(folder: Path, extras: str) -> bool:
     """Make the environment and install the package as it is now: by uv where it can be had, otherwise by pip."""
     python = _programs(folder) / ("python.exe" if WINDOWS else "python")
     if not _works(python):
-        if folder.exists() and any(folder.iterdir()) and not (folder / "pyvenv.cfg").exists():
+        other = folder.is_file() or (folder.exists() and any(folder.iterdir()))
+        if other and not (folder / "pyvenv.cfg").exists():
             print(
                 f"{folder} is no virtual environment: name another folder by --environment", file=sys.stderr
             )

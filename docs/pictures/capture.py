@@ -13,7 +13,7 @@ from matplotlib.patches import Rectangle
 from pictures.registry import picture
 from pictures.sketch import BLUE, FAINT, ORANGE, SOFT, plots
 from stoop.workflow.fitted_model import FittedModel
-from stoop.workflow.identification import identify
+from stoop.workflow.identification import fit
 from stoop_studies.verify import capture as room
 
 SEED = 18  #: of the study's quadrotors
@@ -28,7 +28,7 @@ def model() -> FittedModel:
     with tempfile.TemporaryDirectory() as name:
         flown, _ = room.fly("rotors", SEED, Path(name))
         flight, vehicle = room.drafted(flown)
-        return identify(vehicle, [flight], FIT, (HELD_BACK,))
+        return fit(vehicle, [flight], FIT, (HELD_BACK,))
 
 
 @picture("capture")

@@ -16,7 +16,7 @@ from stoop.simulation import linearize, trim
 from stoop.simulation.fly import simulate_flight
 from stoop.simulation.maneuver import Maneuver
 from stoop.vehicle import Vehicle
-from stoop.vehicle.builtin import resolve_vehicle
+from stoop.vehicle.builtin import load_vehicle
 
 DEGREE = np.pi / 180.0
 
@@ -24,7 +24,7 @@ DEGREE = np.pi / 180.0
 @cache
 def aircraft() -> Vehicle:
     """Return the aircraft of these pictures."""
-    return resolve_vehicle("twin-boom")
+    return load_vehicle("twin-boom")
 
 
 def flight(

@@ -30,7 +30,7 @@ from pictures.sketch import (
 from stoop.base.arrays import FloatArray
 from stoop.simulation import trim
 from stoop.simulation.maneuver import Maneuver
-from stoop.vehicle.builtin import resolve_vehicle
+from stoop.vehicle.builtin import load_vehicle
 from stoop_plan.input_design.information import Forecast, Knowledge, Limits, Setup
 from stoop_plan.input_design.sensitivity import sensor_noise
 
@@ -54,7 +54,7 @@ GOOD, USABLE, POOR = 5.0, 20.0, 100.0  #: %, of the value; beyond, a flight says
 @cache
 def setup() -> Setup:
     """Return the twin-boom aircraft in steady flight, nothing known of its 32 coefficients, noise as its file says."""
-    vehicle = resolve_vehicle("twin-boom")
+    vehicle = load_vehicle("twin-boom")
     point = trim(vehicle)
     return Setup(vehicle, point, Limits.about(vehicle, point), Knowledge.none(), sensor_noise(vehicle))
 

@@ -30,7 +30,7 @@ from stoop.simulation.initial import initial_states, parameter_rows
 from stoop.simulation.rotors import allocation, channel_range
 from stoop.vehicle import Vehicle
 from stoop.vehicle.arrays import array_equations
-from stoop.vehicle.builtin import resolve_vehicle
+from stoop.vehicle.builtin import load_vehicle
 
 VEHICLES: Final = ("quad-x", "quad-plus", "hexa-x", "octo-x", "quadplane")
 TURN: Final = {"ccw": BLUE, "cw": ORANGE}
@@ -51,7 +51,7 @@ def hubs(vehicle: Vehicle) -> dict[str, Point]:
 
 def layout(name: str) -> Figure:
     """Draw the rotors of a built-in vehicle from above, with numbers, turning and arms."""
-    vehicle = resolve_vehicle(name)
+    vehicle = load_vehicle(name)
     places = hubs(vehicle)
     size = max(np.hypot(*p) for p in places.values())
     radius = 0.42 * min(
@@ -112,7 +112,7 @@ def shares(vehicle: Vehicle) -> FloatArray:
 
 def mixing(name: str) -> Figure:
     """Draw what the rotors of a built-in vehicle do for a roll, pitch and yaw acceleration and for a climb."""
-    vehicle = resolve_vehicle(name)
+    vehicle = load_vehicle(name)
     places, change = hubs(vehicle), shares(vehicle)
     edge = 1.75 * max(np.hypot(*p) for p in places.values())
     figure, drawings = panels(4, (-edge, edge), (-1.35 * edge, 1.25 * edge))
@@ -153,7 +153,7 @@ def rotor_law() -> Figure:
     carries a quarter of the weight. Right: thrust at that command falls in a climb and rises in a
     descent.
     """
-    vehicle = resolve_vehicle("quad-x")
+    vehicle = load_vehicle("quad-x")
     T1, T2, kv = (vehicle.value(f"rotors.{n}") for n in ("T1", "T2", "inflow"))
     hover = next(v for n, v in trim(vehicle, altitude=0.0).thrust.items() if n == "motor_1")
     figure, (left, right) = plots(1, 2, 2.7)

@@ -19,24 +19,23 @@ _MODULES = {
     "stoop.base.notices": "Notice",
     "stoop.estimate.fit": "Options",
     "stoop.flight": "Flight",
+    "stoop.flight.load": "load_flight save_flight",
     "stoop.results.result": "read_result",
     "stoop.simulation": "trim",
     "stoop.simulation.fly": "simulate_flight",
     "stoop.simulation.maneuver": "load_maneuver",
     "stoop.strategy": "Strategy",
     "stoop.vehicle": "Vehicle",
+    "stoop.vehicle.builtin": "load_vehicle",
     "stoop.workflow.fitted_model": "FittedModel",
     "stoop.workflow.flying": "linearize simulate",
+    "stoop.workflow.identification": "fit",
     "stoop.workflow.load": "load",
     "stoop.workflow.validation": "validate",
 }
 PLACES = {name: f"{module}:{name}" for module, names in _MODULES.items() for name in names.split()} | {
     "errors": "stoop:errors",
-    "fit": "stoop.workflow.identification:identify",
-    "load_flight": "stoop.flight.load:load",
-    "load_vehicle": "stoop.vehicle.builtin:resolve_vehicle",
     "predict": "stoop.workflow.validation:validate",
-    "save_flight": "stoop.flight.load:save",
 }
 """Public name -> ``module:name``, imported on first use, so that ``import stoop`` costs nothing. Packages add theirs."""
 

@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from stoop.flight import Flight
-from stoop.problem.windows import Windows, as_windows
+from stoop.problem.windows import Windows, spans
 from stoop.workflow.fitted_model import FittedModel
 from stoop.workflow.flights import OneFlight, as_flight
-from stoop.workflow.load import fitted_model
+from stoop.workflow.load import takes_model
 
 if TYPE_CHECKING:
-    from stoop.assessment.assessment import Assessment
     from stoop.reconstruction.compatibility import Compatibility
     from stoop.report.sheet import Page
+
+assess = takes_model(FittedModel.assess)
 
 
 def look(flight: OneFlight) -> Page:
@@ -37,21 +36,6 @@ def look(flight: OneFlight) -> Page:
     return Page(flight_sheet(overview(as_flight(flight))))
 
 
-def assess(
-    model: FittedModel | str | Path, *assessments: Assessment, watch: Callable[[str], None] | None = None
-) -> FittedModel:
-    """Return a fitted model with the uncertainty by further methods, such as ``stoop.Bootstrap()`` or ``stoop.Profile()``.
-
-    Parameters
-    ----------
-    model : FittedModel, or the folder of one
-    *assessments : Bootstrap, Profile, Posterior, or one of your own
-    watch : callable, optional
-        Gets a line of progress now and then.
-    """
-    return fitted_model(model).assess(*assessments, watch=watch)
-
-
 def reconstruct(flight: OneFlight, windows: Windows = ()) -> tuple[Compatibility, Flight]:
     """Reconstruct the flight path: return the errors of the instruments, and the flight without them.
 
@@ -69,5 +53,5 @@ def reconstruct(flight: OneFlight, windows: Windows = ()) -> tuple[Compatibility
     from stoop.reconstruction.compatibility import check, corrected_flight
 
     one = as_flight(flight)
-    result, found = check(one, [(w.start, w.stop) for w in as_windows(windows, {one.name: one})])
+    result, found = check(one, spans(windows, one))
     return result, corrected_flight(found)

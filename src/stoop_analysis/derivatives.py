@@ -65,15 +65,6 @@ class ParameterCovariance:
             n for n, s in zip(self.names, np.diag(self.covariance), strict=True) if not np.isfinite(s)
         )
 
-    def described(self) -> dict[str, str]:
-        """Return in words what is known of each parameter."""
-        lost = self.not_identified
-        errors = dict(zip(self.names, np.sqrt(np.abs(np.diag(self.covariance))).tolist(), strict=True))
-        return {
-            n: "not identified by the flight" if n in lost else f"standard error {error:.3g}"
-            for n, error in errors.items()
-        }
-
 
 @dataclass(frozen=True, eq=False)
 class Derivatives:

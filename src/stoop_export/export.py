@@ -5,18 +5,15 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
-
 from stoop import FittedModel, Vehicle
 from stoop.extend.arrays import FloatArray
 from stoop.extend.errors import StoopError
 from stoop.extend.files import check_targets, make_folder, write_files
-from stoop.extend.fits import Piece, Result, prepare, refusal, takes_model_or_vehicle
-from stoop.extend.flights import Window
-from stoop_analysis.derivatives import ParameterCovariance
+from stoop.extend.fits import Piece, Result, takes_model_or_vehicle
 from stoop_analysis.draws import POSTERIOR_FILE, draws_of
-from stoop_export.exporter import Condition, Exported, ModelData
-from stoop_export.jsbsim_flight import Record, without_turbulence
+from stoop_analysis.known_model import Condition, known_model
+from stoop_export.exporter import Exported, ModelData
+from stoop_export.jsbsim_flight import Record
 from stoop_export.targets import export as export_data
 
 
@@ -79,36 +76,15 @@ def _draws(model: FittedModel | Vehicle, count: int, seed: int) -> dict[str, Flo
 
 def model_data(model: FittedModel | Vehicle) -> ModelData:
     """Return what is exported of a fitted model or a vehicle."""
+    known = known_model(model)
     if isinstance(model, Vehicle):
-        vehicle, notices = without_turbulence(model.without_positions())
-        return ModelData(vehicle, notes=tuple(map(str, notices)))
-    vehicle, notices = without_turbulence(model.vehicle.without_positions())
-    notes = tuple(map(str, [*refusal(model.result, model.source), *notices]))
-    covariance = model.result.covariance
-    # What is known of the numbers that the vehicle has; those of its gusts are left with them.
-    kept = [i for i, name in enumerate(covariance.names) if name in vehicle.rows]
-    names = tuple(covariance.names[i] for i in kept)
-    matrix = covariance.matrix[np.ix_(kept, kept)].copy()
-    for i, name in enumerate(names):  # a standard error that is the prior's is no evidence of the flight
-        if not model.result.parameters[name].identifiable:
-            matrix[i], matrix[:, i] = np.nan, np.nan
-            matrix[i, i] = np.inf
-    estimated = ParameterCovariance(names, matrix) if kept else None
-    windows = [Window(m.flight, m.start, m.stop, m.loading or None) for m in model.result.maneuvers]
-    try:
-        flights = model.by_name
-        parts = [prepare(vehicle, flights, [window]).pieces for window in windows]
-        maneuvers = tuple(
-            _maneuver(vehicle, model.result, index, segment, piece)
-            for index, pieces in enumerate(parts)
-            for segment, piece in enumerate(pieces)
-        )
-    except StoopError as error:
-        return ModelData(vehicle, estimated, notes=(*notes, f"No comparison with the flight: {error}."))
-    first, density = parts[0][0], None
-    if "density" in vehicle.inputs:
-        density = float(np.mean(first.inputs[:, vehicle.inputs.index("density")]))
-    return ModelData(vehicle, estimated, maneuvers, first.start["h"], density, notes)
+        return ModelData(**vars(known))
+    maneuvers = tuple(
+        _maneuver(known.vehicle, model.result, index, segment, piece)
+        for index, pieces in enumerate(known.pieces)
+        for segment, piece in enumerate(pieces)
+    )
+    return ModelData(**vars(known), maneuvers=maneuvers)
 
 
 def _maneuver(vehicle: Vehicle, result: Result, index: int, segment: int, piece: Piece) -> Record:

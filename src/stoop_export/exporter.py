@@ -16,14 +16,14 @@ from typing import Any, Final
 
 import numpy as np
 
-from stoop import Vehicle, trim
+from stoop import Vehicle
 from stoop.extend.arrays import FloatArray
 from stoop.extend.errors import SimulationError, StoopError
 from stoop.extend.files import write_files
 from stoop.extend.motion import Trim, held_numbers
 from stoop.extend.text import count, printable_lines
 from stoop.extend.vehicles import leaves
-from stoop_analysis.derivatives import ParameterCovariance
+from stoop_analysis.known_model import Condition, KnownModel
 from stoop_export.agreement import (
     EXPORT_PAGE,
     Compared,
@@ -39,40 +39,16 @@ from stoop_export.reference_flight import ReferenceFlight, reference_flight, sta
 FLIP: Final = np.array([1.0, -1.0, -1.0])  #: forward, right, down <-> forward, left, up
 
 
-@dataclass(frozen=True)
-class Condition:
-    """The steady flight: m/s (the vehicle's V* when absent), m (the flight's), rad."""
-
-    airspeed: float | None = None
-    altitude: float | None = None
-    climb_angle: float = 0.0
-
-
 DEFAULT: Final = Condition()
 MOST_FILES: Final = 7  #: that a short text names
 
 
 @dataclass(frozen=True, eq=False)
-class ModelData:
-    """A vehicle with what is known of its parameters and of the flight that identified them.
+class ModelData(KnownModel):
+    """A known model with its flight, and draws of its parameters."""
 
-    Attributes
-    ----------
-    vehicle : without turbulence
-    covariance : of the estimates; None for a vehicle that was not identified
-    maneuvers : of the flight, from the estimated initial states
-    altitude : m, of the flight
-    density : kg/m3, likewise, where a channel gives it
-    notes : for the user
-    draws : of the parameters, by name, (D,) each; empty where none are asked for
-    """
-
-    vehicle: Vehicle
-    covariance: ParameterCovariance | None = None
-    maneuvers: tuple[Record, ...] = ()
-    altitude: float = 200.0
-    density: float | None = None
-    notes: tuple[str, ...] = ()
+    maneuvers: tuple[Record, ...] = ()  #: of the flight, from the estimated initial states
+    #: of the parameters, by name, (D,) each; empty where none are asked for
     draws: Mapping[str, FloatArray] = field(default_factory=dict)
 
     @property
@@ -81,21 +57,6 @@ class ModelData:
         lost = () if self.covariance is None else self.covariance.not_identified
         note = f"Not identified by the flight: {', '.join(lost)}; these numbers rest on the vehicle file or on priors."
         return (note,) if lost else ()
-
-    def altitude_of(self, condition: Condition) -> float:
-        """Return the altitude of a condition, m; the flight's where it gives none."""
-        return self.altitude if condition.altitude is None else condition.altitude
-
-    def trim(self, condition: Condition) -> Trim:
-        """Return the steady flight of a condition.
-
-        Raises
-        ------
-        SimulationError
-            There is none.
-        """
-        altitude = self.altitude_of(condition)
-        return trim(self.vehicle, condition.airspeed, altitude, condition.climb_angle, self.density)
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import hashlib
 import io
+import math
 import platform
 import shutil
 import subprocess
@@ -97,7 +98,12 @@ def make_unit(vehicle: Vehicle, point: Trim, known: ParameterCovariance | None =
     derivatives += position.values()
     channels = [n for n in vehicle.inputs if n != "none" and n not in map(slope_input, vehicle.sloped)]
     starts = dict(zip(vehicle.inputs, point.inputs.tolist(), strict=True))
-    described = {} if known is None else known.described()
+    known = ParameterCovariance() if known is None else known
+    errors = dict(zip(known.names, np.sqrt(np.abs(np.diag(known.covariance))).tolist(), strict=True))
+    described = {
+        n: f"standard error {x:.3g}" if math.isfinite(x) else "not identified by the flight"
+        for n, x in errors.items()
+    }
     used = set().union(*(sp.sympify(e).free_symbols for e in (*derivatives, *model.outputs)))
     numbers = [
         (symbol, Quantity(p.name, p.unit, value, "parameter", described.get(p.name, "")))

@@ -18,11 +18,10 @@ from typing import Any, Final
 
 import numpy as np
 
-from stoop import Notice, Vehicle
+from stoop import Vehicle
 from stoop.extend import motion
 from stoop.extend.arrays import FloatArray, quaternions_of
 from stoop.extend.errors import SimulationError, StoopError
-from stoop.extend.notices import notice
 from stoop.extend.units import FOOT, POUND_FORCE, SLUG
 from stoop.extend.variables import EULER, WRAPPED
 from stoop.extend.vehicles import WIND
@@ -193,18 +192,6 @@ def excitation_record(vehicle: Vehicle, point: motion.Trim) -> Record | None:
                 out, title=f"{duration:g} s open loop from the steady flight, every control in turn"
             )
     return None
-
-
-def without_turbulence(vehicle: Vehicle) -> tuple[Vehicle, tuple[Notice, ...]]:
-    """Return the vehicle in calm air, and a notice where it had turbulence: gusts are weather, not aircraft."""
-    if vehicle.file.turbulence is None:
-        return vehicle, ()
-    loadings = {
-        loading: {name: value for name, value in numbers.items() if not name.startswith("turbulence.")}
-        for loading, numbers in vehicle.file.loadings.items()
-    }
-    file = vehicle.file.model_copy(update={"turbulence": None, "loadings": loadings})
-    return replace(vehicle, file=file), (notice("turbulence-not-exported", vehicle.name),)
 
 
 def file_name(name: str) -> str:

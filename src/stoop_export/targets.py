@@ -14,7 +14,8 @@ from stoop.extend.text import nearest
 from stoop.extend.verbs import made, resolved
 
 if TYPE_CHECKING:
-    from stoop_export.exporter import Condition, Exported, Exporter, ModelData
+    from stoop_analysis.known_model import Condition
+    from stoop_export.exporter import Exported, Exporter, ModelData
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from stoop.extend.motion import unit_of
 from stoop.extend.notices import as_notice
 from stoop.extend.text import count, enumerated, remaining
 from stoop.extend.variables import EULER, RATES
-from stoop.extend.verbs import LiveLine, Page, Watch, fixed, numbers, options, page, points, words
+from stoop.extend.verbs import LiveLine, Page, Watch, fixed, hook, numbers, options, page, points, words
 from stoop_plan.injection_targets import MANUAL_THROTTLE
 
 if TYPE_CHECKING:
@@ -249,7 +249,7 @@ def _command(arguments: argparse.Namespace) -> str:
     for option in ("amplitude", "min_amplitude", "throw", "within", "shape", "free", "fix"):
         given = getattr(arguments, option)
         parts += [f"--{option}", *given] if given else []
-    parts += ["--optimizer", arguments.optimizer]
+    parts += ["--optimizer", arguments.optimizer] if arguments.optimizer else []
     parts += ["--evaluations", str(arguments.evaluations)] if arguments.evaluations else []
     return shlex.join([*parts, "--seed", str(arguments.seed), "-o", str(arguments.output)])
 
@@ -257,7 +257,7 @@ def _command(arguments: argparse.Namespace) -> str:
 def simulate(arguments: argparse.Namespace) -> int:
     """Fly from trim, write what the instruments would record, and print what to do next."""
     from stoop import load_maneuver, load_vehicle, simulate_flight
-    from stoop.extend.motion import flown_trim, numbers_set, simulate_under_law
+    from stoop.extend.motion import flown_trim, numbers_set
     from stoop.extend.recordings import mapping_beside
     from stoop.extend.text import nearest
     from stoop.extend.variables import VARIABLES
@@ -281,7 +281,8 @@ def simulate(arguments: argparse.Namespace) -> int:
         with LiveLine(options.COMPILING):
             asked = (arguments.seed, not arguments.no_noise, target.stem)
             if arguments.autopilot:
-                flight = simulate_under_law(vehicle, maneuver, arguments.autopilot, *asked)
+                under_law = hook("simulate_under_law", "the law of an autopilot")
+                flight = under_law(vehicle, maneuver, arguments.autopilot, *asked)
             else:
                 flight = simulate_flight(vehicle, maneuver, *asked)
             flown = numbers_set(vehicle, flown_trim(vehicle, maneuver))

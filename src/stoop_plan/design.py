@@ -139,7 +139,7 @@ def usual_plan(
     tried = EVALUATIONS if on_wings else ROTOR_EVALUATIONS
     plan = Plan(
         duration=duration or usual, beat=beat, evaluations=evaluations or tried,
-        textbook=on_wings or target != "ardupilot", **more,
+        textbook=on_wings or target != "ardupilot", **{name: value for name, value in more.items() if value},
     )  # fmt: skip
     return plan, tuple(shapes)
 

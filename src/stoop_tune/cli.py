@@ -11,7 +11,6 @@ from stoop.extend.errors import StoopError
 from stoop.extend.files import check_targets
 from stoop.extend.text import show
 from stoop.extend.verbs import LiveLine, Page, fixed, numbers, options, page, to_json, words
-from stoop_analysis.cli.propagate import airspeeds_of
 
 if TYPE_CHECKING:
     from stoop_tune.judgment import AxisMargins
@@ -28,7 +27,6 @@ def run(arguments: argparse.Namespace) -> int:
     from stoop_tune.proposal import check_proposal
     from stoop_tune.tuning import tune
 
-    airspeed = airspeeds_of(arguments.airspeed)
     wanted = Specification(
         arguments.gain_margin, arguments.phase_margin, arguments.disk_margin, arguments.noise
     )
@@ -41,7 +39,7 @@ def run(arguments: argparse.Namespace) -> int:
         found = tune(
             arguments.result,
             arguments.parameters,
-            airspeed,
+            arguments.airspeed,
             arguments.draws,
             arguments.seed,
             arguments.source,

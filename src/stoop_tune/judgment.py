@@ -25,9 +25,9 @@ from stoop.extend.motion import (
 )
 from stoop.extend.text import without_rounding
 from stoop.extend.variables import RATES
+from stoop.extend.verbs import hook
 from stoop_analysis.draws import Draws
 from stoop_analysis.handling import attitude_figures
-from stoop_draft.vehicle_draft.autopilot import read_setup
 from stoop_tune.control_laws.rate_law import AXES
 from stoop_tune.control_laws.table import Firmware
 from stoop_tune.loops import (
@@ -184,7 +184,7 @@ def _outputs(parameters: Mapping[str, float]) -> dict[str, FloatArray]:
 
     PX4 allocates by the pseudo-inverse of the shares that surfaces have in the moments; ArduPilot adds the shares themselves.
     """
-    setup = read_setup(parameters)
+    setup = hook("read_setup", "stoop tune")(parameters)
     if not setup.surfaces:
         return {}
     shares = np.array([surface.shares for surface in setup.surfaces])

@@ -32,8 +32,8 @@ from stoop.extend.errors import StoopError
 from stoop.extend.flights import RECONSTRUCTED
 from stoop.extend.units import SEA_LEVEL_DENSITY, equivalent_over_true
 from stoop.extend.vehicles import Propeller
+from stoop.extend.verbs import hook
 from stoop_analysis.propagation.wing_figures import Domain
-from stoop_draft.vehicle_draft.autopilot import read_setup
 from stoop_tune.control_laws import ardupilot, px4
 from stoop_tune.control_laws.mixing import thrust_of
 from stoop_tune.control_laws.parameters import Parameters
@@ -232,7 +232,8 @@ def level_throttle(names: Names, unit: float, own: Altitude, c: Candidates) -> F
 
 def surface_trim(names: Names, axis: str, c: Candidates) -> FloatArray:
     """Command about an axis in level flight; where outputs move the surfaces, it is the sum of their parts of it."""
-    level, surfaces = c.steady(c.airspeed(names)), read_setup(c.parameters).surfaces
+    level = c.steady(c.airspeed(names))
+    surfaces = hook("read_setup", "stoop tune")(c.parameters).surfaces
     if f"control_{axis}" in c.vehicle.inputs or not surfaces:
         return np.asarray(c.channel(level.points, f"control_{axis}") + level.none)
     total = level.none

@@ -15,6 +15,7 @@ from stoop.extend.fits import takes_model
 from stoop.extend.flights import RECONSTRUCTED, TRUE, airborne, power_spectra
 from stoop.extend.notices import notice
 from stoop.extend.reports import Page
+from stoop.extend.text import within_limits
 from stoop.extend.units import equivalent_over_true, standard_density
 from stoop_analysis.draws import POSTERIOR_FILE, Draws, Source, draws_of
 from stoop_analysis.frequency import FrequencyAnalysis
@@ -111,6 +112,10 @@ def tune(
         The parameters are missing, or of another kind of vehicle, the model is not driven by commands about the axes,
         or the loops are unstable around it.
     """
+    asked = None
+    if airspeed is not None:
+        low, high = within_limits("airspeed", airspeed, 2)
+        asked = low, high
     values = read_parameters(parameters)
     log = Path(parameters) if not isinstance(parameters, Mapping) and is_log(Path(parameters)) else None
     vehicle = model.vehicle.coupled_to(())
@@ -120,8 +125,8 @@ def tune(
     axes = commands_of(vehicle, firmware, values).axes
     drawn = draws_of(model.result, model.attachments.get(POSTERIOR_FILE), draws, seed, source, model.source)
     pitot = pitot_readings(model.flights, vehicle, drawn)
-    domain = flown_domain(model, airspeed and (airspeed[0] / pitot[0], airspeed[1] / pitot[0]))
-    low, high = airspeed or np.round(np.multiply(pitot[0], domain.airspeed), 1).tolist()
+    domain = flown_domain(model, asked and (asked[0] / pitot[0], asked[1] / pitot[0]))
+    low, high = asked or np.round(np.multiply(pitot[0], domain.airspeed), 1).tolist()
     speeds = [0.0] if firmware.rotors else np.linspace(low, high, SPEEDS).tolist()
     conditions = conditions_of(vehicle, firmware, values, speeds, domain.altitude, drawn, pitot)
     design = Design(firmware, values, axes, conditions, Specification(), gyro_noise(model.flights))
@@ -136,7 +141,12 @@ def tune(
     closed, doubts = None, [notice("tune-no-closed-loop", "parameters alone", reason="take them from a log")]
     if log:
         closed, doubts = closed_loops(log, firmware.rotors, conditions, design.loops(values))
-    taken = [*assumptions(design, vehicle, drawn, complete=log is not None), *beyond_band(band, found)]
+    slow_or_fast = [] if firmware.rotors else model.extrapolation(low, high)
+    taken = [
+        *slow_or_fast,
+        *assumptions(design, vehicle, drawn, complete=log is not None),
+        *beyond_band(band, found),
+    ]
     unfit = _not_for_control(model)
     against = (*unfit, *lacking, *(one for one in doubts if one.code == "tune-loop-contradicted"))
     notices = (*unfit, *drawn.notices, *lacking, *taken, *doubts)
@@ -184,13 +194,14 @@ def conditions_of(
     readings = np.atleast_1d(pitot)
     spread = equivalent_over_true(float(standard_density(np.array(altitude)))) * readings / readings[0]
     commands = commands_of(vehicle, firmware, parameters, altitude)
+    points = (trim(vehicle, None if firmware.rotors else x / readings[0], altitude) for x in speeds)
     return [
         Condition(
             speed,
             np.array([[firmware.airspeed_ratio(parameters, x)] for x in speed * spread]),
-            plants_of(vehicle, trim(vehicle, speed / readings[0] or None, altitude), drawn, commands),
+            plants_of(vehicle, point, drawn, commands),
         )
-        for speed in speeds
+        for speed, point in zip(speeds, points, strict=True)
     ]
 
 

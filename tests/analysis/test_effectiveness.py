@@ -10,7 +10,6 @@ import sympy as sp
 from stoop.errors import FlightError, VehicleError
 from stoop.flight import Flight, from_columns
 from stoop.vehicle import Vehicle, load_vehicle, parse_vehicle
-from stoop.vehicle.builtin import resolve_vehicle
 from stoop_analysis.performance import effectiveness
 from stoop_analysis.performance.effectiveness import (
     Balance,
@@ -47,7 +46,7 @@ def quad() -> Balance:
 
 @pytest.fixture(scope="module")
 def hexa() -> Balance:
-    return Balance(resolve_vehicle("hexa-x"))
+    return Balance(load_vehicle("hexa-x"))
 
 
 def accelerations(vehicle: Vehicle, commands: dict[str, float]) -> np.ndarray:
@@ -191,7 +190,7 @@ def test_what_cannot_be_used_is_said(quad: Balance) -> None:
         (lambda: hover(fast, quad), "choose a flight near hover"),
         (lambda: hover(without, quad), "motor_2 not recorded"),
         (lambda: Reference(quad, ()), "no healthy flight"),
-        (lambda: Balance(resolve_vehicle("twin-boom")), "has no rotors"),
+        (lambda: Balance(load_vehicle("twin-boom")), "has no rotors"),
         (lambda: Reference(idle, (hover(logged(hops()), idle),)), "check T, Q or torque_ratio"),
     ):
         with pytest.raises((FlightError, VehicleError), match=words):

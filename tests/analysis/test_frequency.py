@@ -12,7 +12,7 @@ from stoop.cli.main import main
 from stoop.flight import Flight, flight_bytes
 from stoop.simulation.fly import simulate_flight
 from stoop.simulation.maneuver import Maneuver
-from stoop.vehicle.builtin import resolve_vehicle
+from stoop.vehicle.builtin import load_vehicle
 from stoop_plan.log_bytes import Event, crazyflie_bytes
 
 
@@ -26,7 +26,7 @@ def swept(control: str, rate: float, duration: float, amplitude: float, band: fl
 @pytest.fixture(scope="module")
 def flown() -> Flight:
     maneuver = swept("elevator", 50.0, 24.0, 0.03, 3.0, "q")
-    return simulate_flight(resolve_vehicle("twin-boom"), maneuver, name="sweep")
+    return simulate_flight(load_vehicle("twin-boom"), maneuver, name="sweep")
 
 
 @pytest.fixture
@@ -54,7 +54,7 @@ def test_flight_against_model(flight: Path, capsys: pytest.CaptureFixture[str]) 
 
 def test_rotors_are_taken_by_the_axes_that_they_command() -> None:
     """The response of p to the commanded roll acceleration is a lag before an integrator, by the rotors' lag alone."""
-    vehicle = resolve_vehicle("quad-x")
+    vehicle = load_vehicle("quad-x")
     flight = simulate_flight(vehicle, swept("roll", 100.0, 30.0, 8.0, 4.0, "p"), name="hover")
     found = stoop.frequency_responses(flight, "1:29", vehicle)
     assert "roll" in found.inputs
@@ -91,7 +91,7 @@ def test_without_a_model(flown: Flight) -> None:
 def test_bad_input(flight: Path, refused: Refused) -> None:
     for more, words in {
         "--input rudder --vehicle twin-boom": "it does not move", "--channel qq": "no such channel",
-        "--input elevater --vehicle twin-boom": "did you mean elevator", "--band 9:1": "LOW:HIGH in rad/s",
+        "--input elevater --vehicle twin-boom": "did you mean elevator", "--band 9:1": "LOW:HIGH, the lower number first",
         "--maneuver 3:3.2": "longer or more windows", "--band 0.01:0.02": "resolve nothing below",
         "--maneuver 0:0.9": "no input moves",
     }.items():  # fmt: skip

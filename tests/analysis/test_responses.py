@@ -23,7 +23,7 @@ from stoop.workflow.demo import MANEUVER as DEMO
 from stoop_analysis.free_response import free_response, measured_mode
 from stoop_analysis.frequency import ModelResponse, transfer, uncertain_model
 from stoop_analysis.handling import Known, bandwidth, equivalent_system, error_correlation, flight_draws
-from stoop_analysis.response_misfit import response_misfits
+from stoop_analysis.workflow.response_misfit import response_misfits
 
 TIME = np.arange(0.0, 8.0, 0.01)
 

@@ -13,14 +13,12 @@ from naive.regression import best_subset, press, rss
 from stoop.cli.main import main
 from stoop.errors import IdentificationError, TermError
 from stoop.estimate.regression.least_squares import FrequencyDomain
-from stoop.flight import Flight, save
+from stoop.flight import Flight, save_flight
 from stoop.problem.windows import Window
 from stoop.simulation import trim
 from stoop.simulation.fly import simulate_flight
 from stoop.simulation.maneuver import Maneuver
-from stoop.vehicle import Vehicle, terms
-from stoop.vehicle.builtin import resolve_vehicle
-from stoop.vehicle.load import load_vehicle, parse_vehicle
+from stoop.vehicle import Vehicle, load_vehicle, parse_vehicle, terms
 from stoop.vehicle.terms import parameter_name
 from stoop_analysis.structure import (
     Model,
@@ -43,7 +41,7 @@ NOISE = {"V": 0.1, "alpha": 0.002, "q": 0.005, "theta": 0.005, "ax": 0.03, "az":
 @pytest.fixture(scope="module")
 def aircraft() -> Vehicle:
     """A longitudinal aircraft whose pitching moment is curved; alpha counts from its trim."""
-    base = resolve_vehicle("twin-boom")
+    base = load_vehicle("twin-boom")
     level = trim(base, None, 200.0).start["alpha"]
     text = base.text
     for old, new in (
@@ -142,7 +140,7 @@ def test_names_of_parameters() -> None:
 def test_verb(aircraft: Vehicle, flight: Flight, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     source, log, out = tmp_path / "v.toml", tmp_path / "sim.nc", tmp_path / "out"
     source.write_text(ignorant(aircraft).text, encoding="utf-8")
-    save(flight, log)
+    save_flight(flight, log)
     words = f"structure {source} {log} --maneuver 0:60 --band 0.04:1.5 -o {out}".split()
     assert main(words) == 0
     assert "next: stoop identify" in capsys.readouterr().out

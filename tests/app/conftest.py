@@ -211,11 +211,11 @@ def table(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return the log of an airplane as a table, two columns of which have names that nobody knows."""
     from stoop.simulation.fly import simulate_flight
     from stoop.simulation.maneuver import parse_maneuver
-    from stoop.vehicle.builtin import resolve_vehicle
+    from stoop.vehicle.builtin import load_vehicle
 
     shape = '[[input]]\ncontrol = "{}"\nshape = "3-2-1-1"\nstart = {}\nstep = 0.4\namplitude = 0.08\n'
     text = f"duration = 24.0\nrate = 50.0\n{shape.format('elevator', 2.0)}{shape.format('aileron', 12.0)}"
-    flight = simulate_flight(resolve_vehicle("twin-boom"), parse_maneuver(text, "m"), 0, name="m")
+    flight = simulate_flight(load_vehicle("twin-boom"), parse_maneuver(text, "m"), 0, name="m")
     data = {str(name): flight.column(str(name)) for name in flight.data.data_vars}
     w, x, y, z = (data[f"q{i}"] for i in range(4))
     data["phi"] = np.arctan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))

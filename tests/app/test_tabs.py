@@ -9,7 +9,7 @@ from pathlib import Path
 
 from playwright.sync_api import expect
 
-from stoop.vehicle.load import load_vehicle
+from stoop.vehicle import load_vehicle
 from stoop_app.folder import Project
 from stoop_app.steps import PROCESS
 from stoop_plan.input_design.windows_file import read_windows

@@ -22,7 +22,7 @@ from stoop.estimate.iterates import watched
 from stoop.report.series import Series
 from stoop.simulation.fly import simulate_flight
 from stoop.simulation.maneuver import parse_maneuver
-from stoop.vehicle.builtin import builtin_text, resolve_vehicle
+from stoop.vehicle.builtin import builtin_text, load_vehicle
 from stoop.workflow.demo import MANEUVER, NAME, misled
 from stoop.workflow.identification import finish, search
 from stoop_app import parts, steps
@@ -258,7 +258,7 @@ def test_a_folder_of_logs_is_read_and_its_page_is_shown(tmp_path: Path) -> None:
 
 
 def test_progress_and_comparison_of_fits(tmp_path: Path) -> None:
-    vehicle = resolve_vehicle("twin-boom").reduced("longitudinal")
+    vehicle = load_vehicle("twin-boom").reduced("longitudinal")
     flight = simulate_flight(vehicle, parse_maneuver(MANEUVER, NAME), 0, name=NAME)
     progress = ProgressFile(file := tmp_path / "progress.json")
     progress.turn_to("searching")

@@ -10,7 +10,7 @@ import pytest
 from docs.pages import DOCS, PAGES, ROOT, blocks, commands, table
 from stoop.cli.main import main, one_verb, parser_for
 from stoop.results.result import read_result
-from stoop.vehicle.builtin import resolve_vehicle
+from stoop.vehicle.builtin import load_vehicle
 
 OTHER = re.compile(
     r"^(\.venv/bin/)?(mv|python3? -m venv|pip install|pytest|"
@@ -65,7 +65,7 @@ def test_quick_start_runs(workplace: Path) -> None:
     for command in practice:
         run(command)
     result = read_result(workplace / "practice" / "result.json")
-    truth = {p.name: p.value for p in resolve_vehicle("twin-boom").parameters}
+    truth = {p.name: p.value for p in load_vehicle("twin-boom").parameters}
     assert len(result.parameters) == 32
     assert all(abs(p.estimate - truth[n]) < 4.0 * p.std_error for n, p in result.parameters.items())
 
@@ -78,7 +78,7 @@ def test_first_mile_runs(workplace: Path) -> None:
     for command in first:
         run(command)
     result = read_result(workplace / "result" / "result.json")
-    flown, file = (resolve_vehicle(p) for p in (ROOT / "examples" / "vtail.toml", workplace / "my.toml"))
+    flown, file = (load_vehicle(p) for p in (ROOT / "examples" / "vtail.toml", workplace / "my.toml"))
     truth = {p.name: p.value for p in flown.parameters}
     for coefficient, axis in (("Cl", "x"), ("Cm", "y"), ("Cn", "z")):  # for the inertia that the draft states
         stated = file.value(f"reference.inertia.{axis}") / flown.value(f"mass.inertia.{axis}{axis}")
@@ -97,7 +97,7 @@ def test_quadrotor_by_defaults(workplace: Path) -> None:
     page = DOCS / "vehicle-new.md"
     for command in (c for c in commands(page) if "hover.ulg" in c):
         run(command)
-    truth, found = resolve_vehicle("quad-x"), read_result("result/result.json").parameters
+    truth, found = load_vehicle("quad-x"), read_result("result/result.json").parameters
     names = table(page, "A quadrotor by defaults", "parameter").column("parameter")
     assert len(names) > 5
     for name in names:

@@ -12,10 +12,10 @@ import pytest
 import stoop
 from docs.pages import DOCS, LOG_PAGES, ROOT, blocks, commands, fences, run_python, table
 from stoop.cli.main import main, one_verb
-from stoop.flight import load, save
+from stoop.flight import load_flight, save_flight
 from stoop.simulation.fly import simulate_flight
 from stoop.simulation.maneuver import parse_maneuver
-from stoop.vehicle.builtin import resolve_vehicle
+from stoop.vehicle.builtin import load_vehicle
 
 NAMED = re.compile(r"# (\S+\.(?:toml|parm|config))\n")
 NUMBER = re.compile(r"[-+]?\d+\.\d+")
@@ -69,8 +69,8 @@ def test_python_of_a_page_prints_what_is_shown(page: str, tmp_path: Path) -> Non
 
 
 def test_python_of_the_page_of_flight_files(tmp_path: Path) -> None:
-    flight = simulate_flight(resolve_vehicle("twin-boom"), parse_maneuver("duration = 2.0", "two seconds"))
-    save(flight, tmp_path / "flight.nc")
+    flight = simulate_flight(load_vehicle("twin-boom"), parse_maneuver("duration = 2.0", "two seconds"))
+    save_flight(flight, tmp_path / "flight.nc")
     assert "simulated flight" in run_python(DOCS / "flight-files.md", tmp_path)
     assert (tmp_path / "copy.nc").exists()
 
@@ -157,7 +157,7 @@ def test_the_page_of_a_log_does_as_it_says(name: str, here: Path, capsys: pytest
             printed = ""
     if name != "other-logs":
         log = next(file for file in here.glob("flight.*") if file.suffix != ".toml")
-        assert {"motor_1", "elevator"} & set(map(str, load(log).data))
+        assert {"motor_1", "elevator"} & set(map(str, load_flight(log).data))
 
 
 def test_readme_runs_on_a_real_flight(tmp_path: Path, shared_data: Path) -> None:

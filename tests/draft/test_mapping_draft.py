@@ -15,10 +15,10 @@ from hypothesis import strategies as st
 from stoop.base.arrays import FloatArray
 from stoop.base.units import FACTORS
 from stoop.cli.main import main
-from stoop.flight import VARIABLES, load
+from stoop.flight import VARIABLES, load_flight
 from stoop.logs import Recording, Stream
 from stoop.simulation.fly import simulate_flight
-from stoop.vehicle.builtin import resolve_vehicle
+from stoop.vehicle.builtin import load_vehicle
 from stoop_draft.column_guesses import recognized
 from stoop_draft.mapping_draft import Draft, Outputs, draft, draft_of
 
@@ -105,7 +105,7 @@ def test_a_flight_comes_back_from_any_dialect(tmp_path: Path, dialect: str) -> N
     truth, names = flown(), DIALECTS[dialect]
     made = drafted(tmp_path, {column: factor * truth[v] for column, (v, factor) in names.items()})
     (tmp_path / "log.csv.toml").write_text(made.text)
-    flight = load(tmp_path / "log.csv")
+    flight = load_flight(tmp_path / "log.csv")
     assert flight.time[-1] == pytest.approx(T[-1])
     for variable, _ in names.values():
         np.testing.assert_allclose(flight.column(variable), truth[variable], atol=2e-6, err_msg=variable)
@@ -303,7 +303,7 @@ def test_parameters_say_which_surface_an_output_moves() -> None:
 
 
 def test_pulses_that_turn_the_vehicle_are_motors_without_any_parameter() -> None:
-    flown = simulate_flight(resolve_vehicle("hexa-x"), FLOWN, seed=2, name="f")
+    flown = simulate_flight(load_vehicle("hexa-x"), FLOWN, seed=2, name="f")
     pulses = {f"C{n}": np.round(1000.0 + 1000.0 * flown.column(f"motor_{n}")) for n in range(1, 7)}
     rates = {f"Gyr{axis}": flown.column(rate) for axis, rate in zip("XYZ", "pqr", strict=True)}
     force = {f"Acc{axis}": flown.column(f"a{axis.lower()}") for axis in "XYZ"}
@@ -311,7 +311,7 @@ def test_pulses_that_turn_the_vehicle_are_motors_without_any_parameter() -> None
     assert list(tomllib.loads(made.text)["variables"]) == [f"motor_{n}" for n in range(1, 7)]
     assert made.text.count("# unsure: a motor by what it turns, check its number") == made.unsure == 6
     assert "surface" not in made.text
-    flown = simulate_flight(resolve_vehicle("quad-x"), FLOWN, seed=2, name="f")
+    flown = simulate_flight(load_vehicle("quad-x"), FLOWN, seed=2, name="f")
     signals = {f"pwm_{n}": (flown.time, 1000.0 + 1000.0 * flown.column(f"motor_{n}")) for n in range(1, 5)}
     rates = {rate: (flown.time, flown.column(rate)) for rate in "pq"}
     outputs = Outputs(tuple(signals), {}, {**signals, **rates}, {})

@@ -16,10 +16,11 @@ from stoop.estimate.fit import Options
 from stoop.flight import Flight
 from stoop.vehicle import parse_vehicle
 from stoop.vehicle.builtin import builtin_text
-from stoop.workflow import FittedModel, identify
+from stoop.workflow import FittedModel, fit
 from stoop.workflow.load import load, model_or_vehicle
+from stoop_analysis.known_model import Condition
 from stoop_export.export import model_data, write
-from stoop_export.exporter import Condition, ModelData
+from stoop_export.exporter import ModelData
 from stoop_export.jsbsim import EXPORT_PAGE as PAGE
 from stoop_export.targets import export
 
@@ -101,7 +102,7 @@ def test_gusts_that_were_estimated_stay_behind(flight: Flight, tmp_path: Path) -
     """A result by filter error, an intensity among its estimates, one maneuver in a loading that names a length."""
     vehicle = parse_vehicle(builtin_text("twin-boom") + GUSTS, "gusty").reduced("longitudinal")
     few, options = with_few_free(vehicle, ("Cmq", "turbulence.w.intensity")), Options(method="filter-error")
-    found = identify(few, flight, ["0:8", "8:16#rough"], options=options)
+    found = fit(few, flight, ["0:8", "8:16#rough"], options=options)
     model = model_data(model_or_vehicle(found.save(tmp_path / "result")))
     assert model.covariance is not None
     assert model.covariance.names == ("Cmq",)

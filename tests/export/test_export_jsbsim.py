@@ -12,7 +12,7 @@ from stoop.base.rotations import to_body
 from stoop.errors import SimulationError
 from stoop.simulation import initial_states, parameter_rows, trim
 from stoop.vehicle import Vehicle, parse_vehicle
-from stoop.vehicle.builtin import builtin_vehicle, resolve_vehicle
+from stoop.vehicle.builtin import builtin_vehicle, load_vehicle
 from stoop.vehicle.document import with_entries
 from stoop_export import jsbsim_aircraft
 from stoop_export import jsbsim_flight as js
@@ -122,7 +122,7 @@ def vehicle_of(name: str) -> Vehicle:
         return vehicle if name == "speeds" else parse_vehicle(vehicle.text.replace("lag = 0.05", ""), name)
     if name == "drag":  # a wing whose body drags, with a constant thrust
         return with_entries(builtin_vehicle("twin-boom"), {("body_drag", "quadratic"): [0.3, 0.2, 0.1]})
-    return resolve_vehicle(EXAMPLES / name if name.endswith(".toml") else name)
+    return load_vehicle(EXAMPLES / name if name.endswith(".toml") else name)
 
 
 @pytest.mark.parametrize("name", ["hexacopter.toml", "quadplane", "speeds"])

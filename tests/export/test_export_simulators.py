@@ -10,7 +10,7 @@ import pytest
 from stoop.base.files import write_files
 from stoop.simulation import trim
 from stoop.vehicle import Vehicle
-from stoop.vehicle.builtin import builtin_vehicle, resolve_vehicle
+from stoop.vehicle.builtin import builtin_vehicle, load_vehicle
 from stoop.vehicle.document import with_entries
 from stoop_export import crazyflow, exporter, mujoco_flight, mujoco_model, pyflyt
 from stoop_export.agreement import AXES, Compared, loads_along
@@ -47,7 +47,7 @@ def written(folder: Path, files: dict[str, bytes], main: str) -> Any:
 ])  # fmt: skip
 def test_mujoco(name: str, airspeed: float | None, tmp_path: Path) -> None:
     pytest.importorskip("mujoco")
-    vehicle = resolve_vehicle(EXAMPLES / name if name.endswith(".toml") else name)
+    vehicle = load_vehicle(EXAMPLES / name if name.endswith(".toml") else name)
     flight, made = open_loop(vehicle, airspeed), mujoco_model.mujoco_model(vehicle, trim(vehicle, airspeed))
     texts = {place: text.encode() for place, text in made.texts.items()}
     script = written(tmp_path, texts, f"{made.name}_mujoco.py")

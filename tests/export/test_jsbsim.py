@@ -14,9 +14,10 @@ from stoop.simulation.fly import simulate_flight
 from stoop.simulation.maneuver import Maneuver
 from stoop.vehicle import Vehicle, parse_vehicle, terms
 from stoop.vehicle.builtin import builtin_vehicle
+from stoop_analysis.known_model import without_turbulence
 from stoop_export.jsbsim_aircraft import aircraft, folder, relative_errors
 from stoop_export.jsbsim_autopilot import AttitudeHold, fly_in_jsbsim
-from stoop_export.jsbsim_flight import file_name, steady_record, without_turbulence
+from stoop_export.jsbsim_flight import file_name, steady_record
 from stoop_export.jsbsim_model import convert, number
 from stoop_export.matlab import identifier
 from stoop_studies.verify.export import VEHICLES, load

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from stoop.errors import StoopError
 from stoop.flight import Flight, from_columns
-from stoop.vehicle.builtin import resolve_vehicle
+from stoop.vehicle.builtin import load_vehicle
 from stoop_fleet.logs import ABSENT, DATES, LogFigures, Reading, _require_own, gathered, is_table, plan, read
 from stoop_fleet.table import LOGS, read_figures
 
@@ -204,11 +204,11 @@ def test_a_flight_in_which_some_rotors_were_not_driven_is_of_another_vehicle() -
     def flown(*channels: str) -> Flight:
         return from_columns("f", np.arange(0.0, 10.0, 0.1), {name: np.full(100, 0.5) for name in channels})
 
-    hexa, plane = (resolve_vehicle(name) for name in ("hexa-x", "quadplane"))
+    hexa, plane = (load_vehicle(name) for name in ("hexa-x", "quadplane"))
     motors, rotors = ([r.channel for r in v.file.rotor.values()] for v in (hexa, plane))
     for channels, lost in ((motors[:4], f"input '{motors[4]}', '{motors[5]}'"), (["p", "q"], "")):
         with pytest.raises(StoopError, match=f"{lost} is not in this flight"):
             _require_own(hexa, flown(*channels))
     _require_own(hexa, flown(*motors, "voltage"))
     _require_own(plane, flown(*rotors))  # surfaces that were not recorded
-    _require_own(resolve_vehicle("twin-boom"), flown("elevator"))
+    _require_own(load_vehicle("twin-boom"), flown("elevator"))

@@ -12,14 +12,14 @@ from stoop.base.files import write_files
 from stoop.cli.main import main
 from stoop.errors import StoopError
 from stoop.flight.apply_mapping import read_mapped
-from stoop.flight.load import load
-from stoop.vehicle.builtin import resolve_vehicle
+from stoop.flight.load import load_flight
+from stoop.vehicle.builtin import load_vehicle
 from stoop_fleet.headers import CLOCKS, header
 from stoop_fleet.log_figures import rotors
 from stoop_fleet.parts import read_parts
 from stoop_fleet.simulation import FACTOR_SPREAD, FleetFile, MadeFlight, drawn, read_fleet, ready
 
-QUAD = resolve_vehicle("quad-x")
+QUAD = load_vehicle("quad-x")
 THRUST = "rotor.m1.factor"
 CALM = "vehicles = 2\nflights = 3\ndays = 3.0\nwind = 0.0\ngusts = 0.0\n[part.m1]\n"
 WEAK = CALM + f'[[change]]\nvehicle = 2\nflight = 2\nnumber = "{THRUST}"\nby = -0.03\npart = "m1"\n'
@@ -91,7 +91,7 @@ def test_the_logs_say_what_flew_and_a_weak_rotor_asks_for_more(tmp_path: Path, c
         said = header(read_mapped(folder / f"{name}.ulg", None, CLOCKS)[0])
         assert (said.vehicle, said.software) == (row.vehicle, "1.1" if str(name).endswith("3") else "1.0")
         assert said.zero == pytest.approx(pd.Timestamp(row.time).timestamp(), abs=0.51)
-        found = {f.name: f.value for f in islice(rotors(load(folder / f"{name}.ulg"), QUAD), 4)}
+        found = {f.name: f.value for f in islice(rotors(load_flight(folder / f"{name}.ulg"), QUAD), 4)}
         shares[name] = np.array([found[f"share.m{i}"] for i in range(1, 5)])
     assert shares["V2-001"] == pytest.approx(shares["V1-003"], abs=1e-5)
     weak = shares["V2-001"] / [0.97, 1.0, 1.0, 1.0]
@@ -109,7 +109,7 @@ def test_gusts_move_the_commands_and_a_fleet_may_be_a_number(tmp_path: Path) -> 
     words = ["simulate", "quad-x", "--fleet", "1", "--maneuver", str(tmp_path / "m.toml")]
     assert main([*words, "-o", str(tmp_path / "a")]) == 0
     assert len(list((tmp_path / "a").glob("*.ulg"))) == 12
-    motors, other = (load(tmp_path / "a" / f"V1-00{i}.ulg").column("motor_1") for i in (1, 2))
+    motors, other = (load_flight(tmp_path / "a" / f"V1-00{i}.ulg").column("motor_1") for i in (1, 2))
     assert 1e-4 < motors.std() < 0.05
     assert abs(np.corrcoef(motors, other)[0, 1]) < 0.9, "gusts of their own"
 

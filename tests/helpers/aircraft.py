@@ -8,7 +8,7 @@ from stoop.flight import Flight
 from stoop.simulation.fly import simulate_flight
 from stoop.simulation.maneuver import parse_maneuver
 from stoop.vehicle import Vehicle
-from stoop.vehicle.builtin import builtin_vehicle, resolve_vehicle
+from stoop.vehicle.builtin import builtin_vehicle, load_vehicle
 from stoop.workflow import FittedModel
 from stoop.workflow.demo import MANEUVER, misled
 from stoop.workflow.identification import finish, search
@@ -21,7 +21,7 @@ def twin_boom() -> Vehicle:
 
 @pytest.fixture(scope="session")
 def aircraft() -> Vehicle:
-    return resolve_vehicle("twin-boom").reduced("longitudinal")
+    return load_vehicle("twin-boom").reduced("longitudinal")
 
 
 @pytest.fixture(scope="session")

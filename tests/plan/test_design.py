@@ -12,7 +12,7 @@ from helpers.command_line import Cli, Done, Refused
 
 from stoop.cli.main import main, parser_for
 from stoop.cli.options import with_free
-from stoop.flight import Flight, load
+from stoop.flight import Flight, load_flight
 from stoop.simulation.maneuver import load_maneuver, parse_maneuver
 from stoop.vehicle import load_vehicle
 from stoop.workflow import FittedModel
@@ -119,7 +119,7 @@ TWIN_BOOM = (files("stoop.data") / "twin_boom.toml").read_text()
 def fly(examples: Path, target: Path, *words: str) -> Flight:
     maneuver = str(examples / "maneuver_3211.toml")
     assert main(["simulate", "twin-boom", "--maneuver", maneuver, "-o", str(target), *words]) == 0
-    return load(target)
+    return load_flight(target)
 
 
 def test_flies_the_papers_maneuver_with_noise_by_seed(examples: Path, tmp_path: Path) -> None:
@@ -153,7 +153,7 @@ def test_tells_what_it_wrote_and_what_to_do_next(examples: Path, tmp_path: Path,
     assert main([*map(str, command)]) == 2
     assert target.read_text() == "precious"
     done([*command, "--overwrite"])
-    assert load(target).rate == 100.0
+    assert load_flight(target).rate == 100.0
 
 
 @pytest.mark.parametrize(
@@ -188,7 +188,7 @@ def test_a_quadrotor_is_identified_if_an_input_moves_it(examples: Path, tmp_path
     wrote, after = done(f"simulate quad-x --maneuver {examples / 'maneuver_quad.toml'} -o {log}").splitlines()
     assert wrote == f"wrote {log}: 60 s at 100 Hz, 24 channels, sensor noise of seed 0"
     assert "--vehicle quad-x --maneuver 0.4:3.1 4.4:7.1 19.5:37.0 --validate 8.4:12.7 -o quad-result" in after
-    assert {"vn", "ve", "vd", "pn", "pe", "pd", "motor_1", "motor_4"} <= set(load(log).data.data_vars)
+    assert {"vn", "ve", "vd", "pn", "pe", "pd", "motor_1", "motor_4"} <= set(load_flight(log).data.data_vars)
     file.write_text("duration = 5.0\n")
     *_, why, after = done(f"simulate quad-x --maneuver {file} -o {log} --overwrite").splitlines()
     assert why == f"no input moves the vehicle: to identify it, add [[input]] tables to {file}"

@@ -12,10 +12,10 @@ from pyulog import ULog
 
 from stoop.base.variables import QUATERNION
 from stoop.errors import OutputError
-from stoop.flight import Flight, from_columns, load
+from stoop.flight import Flight, from_columns, load_flight
 from stoop.logs.csv_tables import mapping_beside
 from stoop.simulation.fly import simulate_flight
-from stoop.vehicle.builtin import resolve_vehicle
+from stoop.vehicle.builtin import load_vehicle
 from stoop_plan import blackbox_bytes
 from stoop_plan.flight_logs import WRITERS, save_flight_as
 
@@ -26,7 +26,7 @@ STEPS = {".bin": 0.5 / 500.0, ".usd": 0.5 / 65535.0}  #: of a command, half; Ard
 
 @cache
 def flown(name: str) -> Flight:
-    vehicle = resolve_vehicle(name)
+    vehicle = load_vehicle(name)
     doublet = ("roll" if vehicle.rotors else "elevator", "doublet", 0.5, 0.3, 8.0 if vehicle.rotors else 0.05)
     wind = (3.0, -2.0, 0.0) if vehicle.rotors else (0.0, 0.0, 0.0)
     return simulate_flight(vehicle, maneuver(3.0, doublet, rate=100.0, heading=4.0, wind=wind), seed=1)
@@ -34,7 +34,7 @@ def flown(name: str) -> Flight:
 
 def there_and_back(flight: Flight, target: Path) -> Flight:
     save_flight_as(flight, target)
-    return load(target)
+    return load_flight(target)
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ from stoop.problem.windows import Window
 from stoop.simulation import trim
 from stoop.simulation.fly import simulate_flight
 from stoop.vehicle import Vehicle, parse_vehicle
-from stoop.vehicle.builtin import builtin_text, builtin_vehicle, resolve_vehicle
+from stoop.vehicle.builtin import builtin_text, builtin_vehicle, load_vehicle
 from stoop_plan.input_design import information, optimization
 from stoop_plan.input_design.information import Knowledge, Limits, Setup, flights_from_trim, marginal
 from stoop_plan.input_design.inputs import SHAPES, Frame
@@ -33,7 +33,7 @@ def of(vehicle: Vehicle, **limits: Any) -> Setup:
 
 @functools.cache
 def setup() -> Setup:
-    return of(resolve_vehicle("twin-boom").reduced("longitudinal"))
+    return of(load_vehicle("twin-boom").reduced("longitudinal"))
 
 
 def test_information_is_that_of_the_problem_a_fit_would_pose() -> None:

@@ -9,9 +9,9 @@ import pytest
 from helpers.command_line import Cli, Done, Refused
 
 from stoop.base.arrays import FloatArray
-from stoop.flight import Flight, from_columns, load, save
+from stoop.flight import Flight, from_columns, load_flight, save_flight
 from stoop.vehicle import parse_vehicle
-from stoop.vehicle.builtin import builtin_text, resolve_vehicle
+from stoop.vehicle.builtin import builtin_text, load_vehicle
 from stoop_plan.input_design.windows import doubts
 from stoop_plan.input_design.windows_file import read_windows
 
@@ -21,7 +21,7 @@ Columns = dict[str, FloatArray]
 
 @pytest.fixture(scope="module")
 def hover(hover_file: Path) -> Flight:
-    return load(hover_file)
+    return load_flight(hover_file)
 
 
 def columns_of(flight: Flight) -> Columns:
@@ -43,7 +43,7 @@ def test_known_maneuvers_are_proposed(hover_file: Path, tmp_path: Path, done: Do
 
 def test_motors_that_no_rotor_has_are_told_before_the_search_and_a_gimbal_is_not(hover: Flight) -> None:
     """An autopilot that logs pulses does not say which of them turn rotors."""
-    quad, columns = resolve_vehicle("quad-x"), columns_of(hover)
+    quad, columns = load_vehicle("quad-x"), columns_of(hover)
     assert doubts({hover.name: hover}, quad) == []
     more = from_columns("hexa", hover.time, {**columns, "motor_5": columns["motor_1"]})
     (doubt,) = doubts({"hexa": more}, quad)
@@ -75,7 +75,7 @@ def calm(x: Columns) -> Columns:
 
 def changed(flight: Flight, name: str, change: Callable[[Columns], Columns]) -> Path:
     columns = change(columns_of(flight))
-    save(from_columns(name, flight.time[: columns["motor_1"].size], columns), Path(f"{name}.nc"))
+    save_flight(from_columns(name, flight.time[: columns["motor_1"].size], columns), Path(f"{name}.nc"))
     return Path(f"{name}.nc")
 
 

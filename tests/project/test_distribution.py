@@ -108,10 +108,13 @@ WORK = (
     "demo -o made", "linearize made", "info made/flight.nc", "info p.csv", f"{IDENTIFY} --maneuver 0:20 -o again",
     "validate again made/flight.nc --maneuver 20:30 --open-loop -o judged",
 )  # fmt: skip
+GAINS = "RRP RRI RRFF PRP PRI PRFF YRP YRI YRFF"
+DESIGN = "design made --shape doublet --evaluations 9 -o designed"  #: works without the studies
 #: what else is refused without a package
 NEEDED = {
-    "stoop_analysis": f"{IDENTIFY} --maneuver 0:20 --posterior -o x",
-    "stoop_plan": f"{IDENTIFY} w.toml -o x",
+    "stoop_analysis": (f"{IDENTIFY} --maneuver 0:20 --posterior -o x", "export made --to state-space -o x"),
+    "stoop_draft": ("tune made gains.params",),
+    "stoop_plan": (f"{IDENTIFY} w.toml -o x",),
 }
 CODE = """
 import contextlib, io, json, sys
@@ -138,9 +141,11 @@ def test_without_a_package_its_verbs_are_absent_and_the_rest_works(
     (tmp_path / "p.csv").write_text("t,p\n" + "".join(f"{0.02 * k},{k % 7}\n" for k in range(200)))
     lines = "[time]\ncolumn = 't'\nunit = 's'\n[variables]\np = {column = 'p', unit = 'deg/s'}\n"
     (tmp_path / "p.csv.toml").write_text(lines)
+    (tmp_path / "gains.params").write_text("".join(f"FW_{n[:2]}_{n[2:]},0.1\n" for n in GAINS.split()))
     verbs = {p: list(tomllib.loads(wheel[f"{p}/stoop.toml"].decode()).get("verbs", ())) for p in PACKAGES}
-    asked = [*(verb for p in gone for verb in verbs[p]), *(NEEDED[p] for p in gone if p in NEEDED)]
-    code = f"PLACE, WORK, REFUSED = {str(tmp_path / 'installed')!r}, {WORK}, {asked}\n{CODE}"
+    asked = [words for p in gone for words in (*verbs[p], *NEEDED.get(p, ()))]
+    work = (*WORK, *[DESIGN] * (absent == "stoop_studies"))
+    code = f"PLACE, WORK, REFUSED = {str(tmp_path / 'installed')!r}, {work}, {asked}\n{CODE}"
     command = [sys.executable, "-I", "-S", "-c", code]
     done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
@@ -148,7 +153,7 @@ def test_without_a_package_its_verbs_are_absent_and_the_rest_works(
     every = {name for own in verbs.values() for name in own}
     assert every - set(names) == {name for p in gone for name in verbs[p]}
     assert set(helped) == {0}
-    assert worked == [0] * len(WORK), done.stderr
+    assert worked == [0] * len(work), done.stderr
     assert ("signs, units and axes were not compared" in done.stdout) == ("stoop_draft" in gone)
     for words, (status, said) in zip(asked, refused, strict=True):
         assert (status, said.count("\n"), said[:14]) == (2, 1, "stoop: error: "), (words, said)

@@ -9,7 +9,7 @@ from helpers.made_logs import CLOCK, lines_of
 
 from stoop.base.arrays import FloatArray
 from stoop.errors import StoopError
-from stoop.flight import describe, load, without_faults
+from stoop.flight import describe, load_flight, without_faults
 from stoop_plan.input_design.windows import find_windows
 
 HOSTILE = (0.0, 1.0, -1.0, 5e-324, 1e-9, 1e9, 1e154, -1e308, np.inf, -np.inf, np.nan)
@@ -55,6 +55,6 @@ def test_hostile_numbers_end_well(seeds: range, tmp_path: Path) -> None:
     for seed in seeds:
         path = write(np.random.default_rng([seed // 5, seed % 5]), tmp_path)
         with contextlib.suppress(StoopError):
-            flight = load(path)
+            flight = load_flight(path)
             describe(flight)
             find_windows({"flight": without_faults(flight)})

@@ -16,7 +16,6 @@ from tornado.httputil import HTTPHeaders
 from stoop.assessment.covariance import NEIGHBORS, window_scatter
 from stoop.base.html import table
 from stoop.base.robust import white_noise
-from stoop.cli.options import windows
 from stoop.estimate.filter_gains import Gains
 from stoop.estimate.filter_likelihood import Innovations
 from stoop.flight.faults import Fault, without_faulty
@@ -25,6 +24,7 @@ from stoop.logs.blackbox_units import Settings, physical
 from stoop.logs.netcdf import _unpacked
 from stoop.problem.evidence import unknowns_of
 from stoop.problem.layout import Layout
+from stoop.problem.windows import spans
 from stoop.reconstruction.compatibility import corrected_flight
 from stoop.report.charts import correlation_map
 from stoop.report.sheet import mathml
@@ -33,7 +33,7 @@ from stoop.simulation.linearize import LinearModel
 from stoop.simulation.rotors import channel_range, effects
 from stoop.strategy.extensions import Trial
 from stoop.vehicle import parse_vehicle
-from stoop.vehicle.builtin import resolve_vehicle
+from stoop.vehicle.builtin import load_vehicle
 from stoop.vehicle.symbolic import forces, frames
 from stoop.workflow import outputs
 from stoop_analysis.performance.polar import Polar
@@ -69,12 +69,12 @@ lift = 0.4
 
 
 def twin_boom(more: str = "", density: str = "1.20165") -> Any:
-    text = resolve_vehicle("twin-boom").text.replace("density = 1.20165", f"density = {density}")
+    text = load_vehicle("twin-boom").text.replace("density = 1.20165", f"density = {density}")
     return parse_vehicle(text + more, "test")
 
 
 def airplane() -> Any:
-    head, rest = resolve_vehicle("twin-boom").text.split("[propulsion]")
+    head, rest = load_vehicle("twin-boom").text.split("[propulsion]")
     return parse_vehicle(head + PROPELLER + rest[rest.index("[aerodynamics") :], "test")
 
 
@@ -144,7 +144,7 @@ def test_text_within_formulas_and_tables_is_text() -> None:
 
 def test_a_result_is_moved_into_place_after_what_it_describes(monkeypatch: Any, tmp_path: Any) -> None:
     model: Any = SimpleNamespace(
-        attachments={"posterior.nc": b""}, vehicle=None, parameters={}, flights=(), archive=b"x", files=(),
+        attachments={"posterior.nc": b""}, vehicle=None, parameters={}, flights=(), evidence=b"x", files=(),
         traces=(), convergence=None, command="", result=None,
     )  # fmt: skip
     written: list[str] = []
@@ -159,13 +159,14 @@ def test_a_result_is_moved_into_place_after_what_it_describes(monkeypatch: Any, 
 
 def test_an_estimate_at_its_bound_is_rounded_into_the_bounds() -> None:
     bound = 0.12345678906
-    vehicle = resolve_vehicle("twin-boom").with_numbers({"Cm0": {"free": True, "bounds": (0.0, bound)}})
+    vehicle = load_vehicle("twin-boom").with_numbers({"Cm0": {"free": True, "bounds": (0.0, bound)}})
     text = outputs.with_values(vehicle, {"Cm0": bound})
     assert parse_vehicle(text, "test").value("Cm0") == bound
 
 
 def test_windows_may_touch() -> None:
-    assert windows(["3:4", "1:2", "2:3"]) == ((1.0, 2.0), (2.0, 3.0), (3.0, 4.0))
+    flight = from_columns("one", np.arange(5.0), {"q": np.zeros(5)})
+    assert spans(["3:4", "1:2", "2:3"], flight) == ((1.0, 2.0), (2.0, 3.0), (3.0, 4.0))
 
 
 def test_the_best_glide_is_the_largest_ratio_of_a_polar() -> None:
@@ -259,7 +260,7 @@ def test_readings_of_a_mounted_instrument_are_those_of_its_axes() -> None:
 
 
 def test_the_error_by_a_prior_alone_is_its_distance_from_the_estimate() -> None:
-    vehicle = resolve_vehicle("twin-boom").with_numbers({"Cm0": {"free": True, "prior": 0.1, "mean": 0.3}})
+    vehicle = load_vehicle("twin-boom").with_numbers({"Cm0": {"free": True, "prior": 0.1, "mean": 0.3}})
     layout = Layout.of(vehicle, ())
     own = next(u for u in unknowns_of(layout, layout.start) if u.name == "Cm0")
     square = norm.expect(lambda x: (x - own.estimate) ** 2, loc=0.3, scale=0.1)
@@ -299,7 +300,7 @@ def test_full_deflection_is_counted_from_the_center_of_the_channel() -> None:
 
 
 def test_a_rotor_that_turns_the_other_way_yaws_the_other_way() -> None:
-    vehicle = resolve_vehicle("quad-x")
+    vehicle = load_vehicle("quad-x")
     area, inputs = channel_range(vehicle), np.zeros(len(vehicle.inputs))
     inputs[area.columns] = 0.6
     moments = effects(vehicle, {}, inputs, {})[:3]
@@ -347,7 +348,7 @@ def test_positions_go_on_across_the_date_line() -> None:
 def test_rotors_damp_every_rotation() -> None:
     """What turns downward meets air from below: thrust grows with the inflow, and drag opposes the motion."""
     changes = {"rotors.inflow": {"value": 0.5}, "rotors.drag": {"value": 0.2}}
-    vehicle = resolve_vehicle("quad-x").with_numbers(changes)
+    vehicle = load_vehicle("quad-x").with_numbers(changes)
     n, air, spins = frames.Numbers(vehicle), frames.air((1.0, 0.0, 0.0)), dict.fromkeys(vehicle.rotors, 0.6)
 
     def moment(omega: Any) -> np.ndarray:

@@ -33,7 +33,7 @@ from stoop.report import charts, estimates
 from stoop.results.result import ParameterEstimate
 from stoop.simulation import initial_states, parameter_rows
 from stoop.vehicle import parse_vehicle
-from stoop.vehicle.builtin import resolve_vehicle
+from stoop.vehicle.builtin import load_vehicle
 from stoop_draft.vehicle_draft.autopilot import read_setup
 from stoop_draft.vehicle_draft.strips import strips, to_flap
 from stoop_export.ardupilot_parameters import frame
@@ -75,7 +75,7 @@ def test_one_of_forty_levels_lies_three_deviations_off_by_chance() -> None:
 
 
 def test_a_cost_knows_no_turns_of_the_heading() -> None:
-    vehicle = resolve_vehicle("twin-boom")
+    vehicle = load_vehicle("twin-boom")
     rows, inputs = parameter_rows(vehicle), np.zeros((30, len(vehicle.inputs)))
     start = {"V": 35.0, "psi": math.pi - 0.01, "r": 0.3, "h": 100.0}
     states = initial_states(vehicle, start, rows, inputs[0])
@@ -93,7 +93,7 @@ def test_damping_is_updated_as_nielsen_has_it() -> None:
 
 
 def test_an_average_voltage_is_centered() -> None:
-    text = resolve_vehicle("quad-x").text.replace("[rotors]", "[rotors]\nvoltage_average = 0.4")
+    text = load_vehicle("quad-x").text.replace("[rotors]", "[rotors]\nvoltage_average = 0.4")
     vehicle, time = parse_vehicle(text, "test"), 0.01 * np.arange(200)
     flight = from_columns("a", time, {"voltage": 16.0 - time})
     averaged = with_average_voltage(vehicle, flight).column("voltage")
@@ -159,7 +159,7 @@ def test_the_band_of_white_residuals_narrows_with_the_root_of_their_number(monke
 
 
 def test_a_heading_about_south_is_not_stuck() -> None:
-    vehicle, n = resolve_vehicle("twin-boom"), 100
+    vehicle, n = load_vehicle("twin-boom"), 100
     noise = 0.01 * np.random.default_rng(0).standard_normal((n, len(vehicle.outputs)))
     psi = vehicle.outputs.index("psi")
     noise[:, psi] = np.mod(noise[:, psi] + 2.0 * np.pi, 2.0 * np.pi) - np.pi

@@ -5,17 +5,17 @@ from pathlib import Path
 import pytest
 from real import simulated
 
-from stoop.flight import Flight, load
+from stoop.flight import Flight, load_flight
 from stoop.vehicle import load_vehicle
 
 
 @pytest.fixture(scope="session")
 def vtail_flight(shared_data: Path) -> Flight:
-    return load(shared_data / "altlnt-vtail-8kg-px4" / "flight2")
+    return load_flight(shared_data / "altlnt-vtail-8kg-px4" / "flight2")
 
 
 @pytest.fixture(scope="session")
 def simulated_flight(tmp_path_factory: pytest.TempPathFactory) -> Flight:
     """Return the flight of a log that anybody has: PX4's, in a closed loop, with gusts, dropouts and a faulty pitot."""
     log = tmp_path_factory.mktemp("simulated") / "flight.ulg"
-    return load(simulated.write(log, load_vehicle(simulated.EXAMPLE)))
+    return load_flight(simulated.write(log, load_vehicle(simulated.EXAMPLE)))

@@ -9,14 +9,14 @@ from real import simulated
 
 from stoop.errors import FlightError
 from stoop.estimate.fit import Options
-from stoop.flight import OUTPUTS, Flight, find_maneuvers, load, segments, without_faults
+from stoop.flight import OUTPUTS, Flight, find_maneuvers, load_flight, segments, without_faults
 from stoop.flight.faults import Fault
 from stoop.flight.flight import AirData
 from stoop.logs import read
 from stoop.reconstruction.compatibility import Compatibility, check, corrected_flight
 from stoop.vehicle import load_vehicle
 from stoop.vehicle.load import parse_vehicle
-from stoop.workflow import identify
+from stoop.workflow import fit
 from stoop.workflow.reconstruction import write_compatibility
 from stoop_draft.checks.kinematics import check_rates
 from stoop_draft.checks.mapping import check_mapping
@@ -64,7 +64,7 @@ controls = { elevator = {}, aileron = {} }
 
 def mapped(log: Path, folder: Path, text: str) -> Flight:
     (folder / "m.toml").write_text(text)
-    return load(log, folder / "m.toml")
+    return load_flight(log, folder / "m.toml")
 
 
 def test_channels_and_windows_of_the_v_tail(vtail_flight: Flight, shared_data: Path) -> None:
@@ -109,7 +109,7 @@ def test_motion_capture_in_degrees(shared_data: Path, tmp_path: Path) -> None:
 
 def test_a_clipped_rate_counts_as_not_measured_and_is_said(shared_data: Path, tmp_path: Path) -> None:
     log = shared_data / "a430-micro-fixedwing-mocap" / "short_loop_6_20230227_120302.csv"
-    job = identify(parse_vehicle(A430, "a430"), mapped(log, tmp_path, A430_MAPPING), ["3:6"], options=BUDGET)
+    job = fit(parse_vehicle(A430, "a430"), mapped(log, tmp_path, A430_MAPPING), ["3:6"], options=BUDGET)
     words = " ".join(job.result.warnings)
     assert "treated as not measured" in words
     assert "the attitude turns 1.20 times as fast as p indicates" in words
@@ -127,7 +127,7 @@ def test_ten_hertz_without_air_data_is_said_and_not_invented(shared_data: Path, 
     assert "logged at only 10.2 Hz" in " ".join(map(str, flight.notices))
     _, notices = segments(flight, 60.0, 80.0, ("aileron", "thrust"), OUTPUTS)
     assert "slow-input" in {found.code for found in notices}
-    result = identify(parse_vehicle(SKYWALKER, "skywalker"), flight, ["121.3:128.7"], options=BUDGET).result
+    result = fit(parse_vehicle(SKYWALKER, "skywalker"), flight, ["121.3:128.7"], options=BUDGET).result
     words = " ".join(result.warnings)
     assert "No airspeed was measured" in words
     assert "Too few samples" in words
@@ -140,8 +140,8 @@ def test_ten_hertz_without_air_data_is_said_and_not_invented(shared_data: Path, 
 def test_a_window_without_excitation_is_said(vtail_flight: Flight) -> None:
     vehicle = load_vehicle(simulated.EXAMPLE)
     with pytest.raises(FlightError, match="choose another window"):
-        identify(vehicle, vtail_flight, ["145:145.4"], options=BUDGET)
-    result = identify(vehicle, vtail_flight, ["115:118"], options=BUDGET).result
+        fit(vehicle, vtail_flight, ["145:145.4"], options=BUDGET)
+    result = fit(vehicle, vtail_flight, ["115:118"], options=BUDGET).result
     doubted = [str(n) for n in result.notices if n.code in ("control-still", "contribution-in-doubt")]
     assert any("rudder" in text for text in doubted)
     assert result.verdict.grade == "do not use"
@@ -212,7 +212,7 @@ def check_kinematics(flight: Flight, spans: list[tuple[float, float]], folder: P
     for name, limit in (("phi", 0.02), ("theta", 0.02), ("vn", 0.3), ("ve", 0.3), ("vd", 0.3)):
         assert result.channels[name].rms < min(limit, 0.2 * result.channels[name].movement)
     write_compatibility(result, flight, corrected, folder, "stoop compatibility")
-    again = load(folder / "flight.nc")
+    again = load_flight(folder / "flight.nc")
     assert 24.0 / air_of(again).pitot_scale + air_of(again).pitot_offset == pytest.approx(24.0, abs=1.0)
     for name in ("p", "phi", "ax", "V"):
         assert np.array_equal(again.column(name), corrected.column(name), equal_nan=True)
@@ -275,7 +275,7 @@ def test_compatibility_of_the_v_tail(vtail_flight: Flight, tmp_path: Path) -> No
 
 def test_a_healthy_pitot_is_left_healthy(shared_data: Path) -> None:
     """Solar Surfer: another airplane, another autopilot version, published as usable."""
-    air = air_of(load(shared_data / "mit-solar-surfer-px4csv"))
+    air = air_of(load_flight(shared_data / "mit-solar-surfer-px4csv"))
     assert air.method == "pitot"
     assert abs(air.pitot_scale - 1.0) < 2.5 * air.pitot_scale_std
     assert abs(air.pitot_offset) < 2.5 * air.pitot_offset_std

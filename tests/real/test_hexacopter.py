@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 from stoop import optimize
-from stoop.flight import Flight, load
+from stoop.flight import Flight, load_flight
 from stoop.problem.windows import parse_window, whole
 from stoop.strategy.run import choose_method
-from stoop.vehicle.load import load_vehicle
+from stoop.vehicle import load_vehicle
 from stoop_draft.checks.motors import check_motors
 from stoop_plan.input_design.windows import find_windows
 from stoop_studies.problems import hexacopter, pose
@@ -27,7 +27,7 @@ VEHICLE = load_vehicle(ROOT / "examples" / "hexacopter.toml")
 
 @pytest.fixture(scope="module")
 def flight(shared_data: Path) -> Flight:
-    return load(shared_data / FOLDER, MAPPING)
+    return load_flight(shared_data / FOLDER, MAPPING)
 
 
 def printed(path: Path) -> list[str]:
@@ -80,7 +80,7 @@ def records(name: str) -> list[dict[str, str]]:
 def test_outputs_mixed_of_moments_are_those_that_were_logged(shared_data: Path) -> None:
     """A second's mean of what the mixer makes of 236 Hz is that of the outputs, which were logged at 43 Hz."""
     mapping = Path(hexacopter.__file__).parent / "hexacopter_mapping.toml"
-    flight = load(shared_data / hexacopter.FOLDER, mapping, hexacopter.RATE)
+    flight = load_flight(shared_data / hexacopter.FOLDER, mapping, hexacopter.RATE)
     mixed, used = hexacopter.mixed(flight), (flight.time > 140.0) & (flight.time < 214.0)
     pulses = [[f.column(f"pwm_{i}") for i in range(1, 7)] for f in (flight, mixed)]
     holes = np.isnan(pulses).any(axis=1)

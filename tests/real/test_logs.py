@@ -12,7 +12,7 @@ import pytest
 from naive.dataflash import same_as_pymavlink
 
 from stoop.errors import LogError
-from stoop.flight import load
+from stoop.flight import load_flight
 from stoop.logs import Recording, read, ulog
 from stoop.logs.dataflash import parse_dataflash
 from stoop_draft.mapping_draft import draft_of
@@ -134,7 +134,7 @@ def test_all_flights_of_crazyflies_are_read_whole(shared_data: Path) -> None:
 
 def test_crazyflie(shared_data: Path) -> None:
     """Velocity is the derivative of position, acceleration that of velocity; hover needs 44.4 to 44.8 thousand of 65535."""
-    flight = load(shared_data / "crazypad-propeller-damage" / "normal_flight__E8_log00.usd")
+    flight = load_flight(shared_data / "crazypad-propeller-damage" / "normal_flight__E8_log00.usd")
     for rate, place in (("ve", "pe"), ("vd", "pd")):  # it hardly moves north
         moved = flight.column(place)[20:] - flight.column(place)[:-20]
         said = np.convolve(flight.column(rate), np.full(21, 0.01))[20:-20]
@@ -149,7 +149,7 @@ def test_crazyflie(shared_data: Path) -> None:
 
 def test_ardupilot(shared_data: Path) -> None:
     """The vehicle stands, leaning on its wing: gravity must point as the attitude says."""
-    flight = load(shared_data / "ardupilot-dataflash-sample" / "test.BIN")
+    flight = load_flight(shared_data / "ardupilot-dataflash-sample" / "test.BIN")
     force = np.array([np.nanmedian(flight.column(name)) for name in ("ax", "ay", "az")])
     assert np.linalg.norm(force) == pytest.approx(9.81, rel=0.02)
     phi, theta = (float(np.nanmedian(flight.column(name))) for name in ("phi", "theta"))

@@ -8,7 +8,7 @@ import pytest
 from real.replay import replay_px4
 
 from stoop.errors import FlightError, StoopError
-from stoop.flight import Flight, load
+from stoop.flight import Flight, load_flight
 from stoop.logs.read import read
 from stoop_analysis.performance.polar import Propulsion
 from stoop_analysis.workflow.polar import drag_polar
@@ -24,7 +24,7 @@ WINDOW = (1116.3, 1379.3)  #: s on the log's clock; flight window of SOURCE.md
 
 
 def test_drag_agrees_with_the_published_polar_within_both_errors(shared_data: Path, tmp_path: Path) -> None:
-    flight = load(shared_data / "mit-solar-surfer-px4csv")
+    flight = load_flight(shared_data / "mit-solar-surfer-px4csv")
     polar = drag_polar(flight, 9.4, 1.499, [WINDOW])[0]
     for CL, (CD, low, high) in PUBLISHED.items():
         value, std = polar.drag(np.array([CL]))
@@ -46,7 +46,7 @@ def test_drag_agrees_with_the_published_polar_within_both_errors(shared_data: Pa
             drag_polar(flight, mass, area, [WINDOW], Propulsion(efficiency))
     p = 'p = {column = "p_rps", unit = "rad/s", file = "plane_bodyrate.csv"}'
     (tmp_path / "m.toml").write_text(f'time = {{column = "t_s", unit = "s"}}\n[variables]\n{p}\n')
-    bare = load(shared_data / "stanford-skywalker-10hz", tmp_path / "m.toml")
+    bare = load_flight(shared_data / "stanford-skywalker-10hz", tmp_path / "m.toml")
     with pytest.raises(FlightError, match="a drag polar needs V, alpha"):
         drag_polar(bare, 2.47, 0.39)
 

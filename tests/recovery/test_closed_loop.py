@@ -16,7 +16,7 @@ from stoop.estimate import filter_error
 from stoop.estimate.estimate import Estimate
 from stoop.estimate.gusts import MIN_BIAS, exceed_sensors, gust_biases, gust_levels
 from stoop.estimate.instability import PREDICTED_GROWTH, growth, growth_at_start
-from stoop.flight import load
+from stoop.flight import load_flight
 from stoop.flight.flight import from_columns
 from stoop.problem.prepare import prepare
 from stoop.problem.windows import Window
@@ -175,7 +175,7 @@ def test_noise_that_a_grid_spreads_over_neighbors_is_no_gust(shaken, tmp_path):
         kept = slice(None, None, round(flight.rate / 50.0))
         slow = from_columns("slow", flight.time[kept], {n: flight.column(n)[kept] for n in flight.names}, {})
         save_flight_as(slow, path)
-        read = load(path, rate=100.0)
+        read = load_flight(path, rate=100.0)
         levels = gust_levels(vehicle, {"sim": read}, (Window("sim", read.time[0], read.time[0] + 10.0),))
         assert np.isfinite(levels).all()
         assert exceed_sensors(vehicle, levels) == (air == "light")

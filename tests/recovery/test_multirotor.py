@@ -15,6 +15,7 @@ import pytest
 from helpers.fits import deviations
 from helpers.flown import maneuver
 
+import stoop
 from stoop import Options, Vehicle, load_vehicle, simulate_flight, trim
 from stoop.assessment.covariance import NORMAL_95
 from stoop.base.variables import EULER
@@ -23,7 +24,6 @@ from stoop.problem.windows import Window
 from stoop.vehicle import parse_vehicle
 from stoop.vehicle.builtin import builtin_text
 from stoop.vehicle.schema import WIND
-from stoop.workflow import identify
 from stoop_analysis.performance.effectiveness import Balance, Hover, Reference, assess, hover, judge
 
 SECONDS, Flights = 40.0, Mapping[str, range]
@@ -123,7 +123,7 @@ def test_the_default_needs_no_state() -> None:
     flight = simulate_flight(gusty, maneuver(20.0, *TUMBLING, rate=100.0), seed=1)
     sensed = replace(flight, data=flight.data.drop_vars([*WIND, *EULER], errors="ignore"))
     wrong = {n: {"value": f * truth.value(n), "free": True, "bounds": None} for n, f in WRONG_SMALL.items()}
-    result = identify(truth.with_numbers(wrong), sensed, ["0.5:19.5"]).result
+    result = stoop.fit(truth.with_numbers(wrong), sensed, ["0.5:19.5"]).result
     assert (result.method, result.status) == ("equation-error", "converged")
     assert "no-states-recorded" in {n.code for n in result.notices}
     found = {name: result.parameters[name].estimate for name in WRONG_SMALL}
@@ -165,7 +165,7 @@ WRONG = {
 def test_what_spins_rotors_up_is_found(method: str) -> None:
     true = parse_vehicle(SPINNING, "quad")
     flight = simulate_flight(true, SPINS, seed=3, name="sim")
-    found = identify(true.with_numbers(WRONG), flight, ["0:16"], options=Options(method=method))
+    found = stoop.fit(true.with_numbers(WRONG), flight, ["0:16"], options=Options(method=method))
     parameters = found.result.parameters
     assert set(WRONG) <= set(parameters)
     for name, p in parameters.items():
@@ -199,7 +199,7 @@ def test_the_ground_effect_is_recovered(method: str, name: str, value: float, sh
         wrong = {"value": 0.0, "bounds": (-1.0, 1.0)}
     flight = simulate_flight(true, flown, seed=1 if name == "rotor" else 2, name="low")
     start = true.with_numbers({f"ground_effect.{name}": wrong})
-    result = identify(start, flight, ["0:20"], options=Options(method=method)).result
+    result = stoop.fit(start, flight, ["0:20"], options=Options(method=method)).result
     found = result.parameters[f"ground_effect.{name}"]
     assert abs(found.estimate - value) < 3.5 * found.std_error
     assert found.std_error < share * value

@@ -13,6 +13,7 @@ import pytest
 from helpers.fits import deviations, fit_by
 from helpers.flown import maneuver
 
+import stoop
 from stoop import Flight, Options, Vehicle, load_vehicle, simulate_flight, trim
 from stoop.errors import IdentificationError, VehicleError
 from stoop.estimate.estimate import Estimate
@@ -22,7 +23,6 @@ from stoop.problem.windows import Window
 from stoop.simulation.maneuver import Maneuver
 from stoop.vehicle import parse_vehicle
 from stoop.vehicle.builtin import builtin_text
-from stoop.workflow import identify
 from stoop_plan.input_design.windows import find_windows
 
 TEXT = builtin_text("twin-boom")
@@ -244,7 +244,7 @@ def test_known_maneuvers_are_found_and_calm_flight_is_not(name: str, inputs: Inp
     moved = [any(w.start < a + 7.0 * s and w.stop > a for _, _, a, s, _ in inputs) for w in fitted]
     assert np.mean(moved) >= 0.75
     if name == "twin-boom":  # error bars come out as foretold
-        told = identify(vehicle, flight, found.texts("fit"), options=Options(budget=5000.0)).result.parameters
+        told = stoop.fit(vehicle, flight, found.texts("fit"), budget=5000.0).result.parameters
         ratios = [told[e.name].std_error / e.std_error for e in found.expected if told[e.name].identifiable]
         assert len(ratios) > 3
         assert 0.5 < float(np.median(ratios)) < 2.0

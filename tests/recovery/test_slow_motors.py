@@ -18,7 +18,7 @@ from stoop.problem.windows import Window
 from stoop.simulation.maneuver import Maneuver
 from stoop.strategy.method import MIN_MOTOR_RATE
 from stoop.strategy.run import choose_method
-from stoop.workflow.identification import identify
+from stoop.workflow.identification import fit
 
 SECONDS = 20.0
 FINE = 500.0  #: Hz, of the simulation
@@ -80,7 +80,7 @@ def test_error_bars_at_the_threshold_hold_the_moments_of_inertia(log: Log) -> No
     """As a user fits them, with a lag to estimate: by equation error they are 8 standard errors off."""
     free = {n: {"free": True, "value": 1.3 * log.vehicle.value(n), "bounds": (1e-3, 1.0)} for n in INERTIA}
     begun = log.vehicle.with_numbers({**free, "rotors.lag": {"free": True, "bounds": (0.002, 0.3)}})
-    found = identify(begun, log.at(MIN_MOTOR_RATE), [f"0.2:{SECONDS - 0.2}"]).result
+    found = fit(begun, log.at(MIN_MOTOR_RATE), [f"0.2:{SECONDS - 0.2}"]).result
     assert found.method == WINDOWS
     for name in INERTIA:
         own = found.parameters[name]

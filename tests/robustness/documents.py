@@ -15,7 +15,7 @@ from robustness.trials import READ, promise
 from stoop.assessment.uncertainty import agreement
 from stoop.errors import StoopError
 from stoop.estimate.noise import read_covariance
-from stoop.flight import describe, load, save
+from stoop.flight import describe, load_flight, save_flight
 from stoop.flight.mapping import read_flight_mapping
 from stoop.optimize import create, load_tagged, minimize, save_state
 from stoop.optimize.minimize import Stop
@@ -159,13 +159,13 @@ def ask_store(path: Path, number: int) -> None:
 
 
 def ask_flight(path: Path, number: int) -> None:
-    flight = load(path)
+    flight = load_flight(path)
     describe(flight)
     texts = (*flight.notices, *flight.faults)
     promise(all(str(one).isprintable() for one in texts), "a notice steers a terminal")
     if number % 3 == 0:
-        save(flight, path.with_name("again.nc"))
-        again = load(path.with_name("again.nc"))
+        save_flight(flight, path.with_name("again.nc"))
+        again = load_flight(path.with_name("again.nc"))
         same = [again.notices, again.sources, again.rate] == [flight.notices, flight.sources, flight.rate]
         promise(same, "written and read differ")
 

@@ -13,7 +13,7 @@ from robustness.corpus import Case, sound
 from robustness.trials import LISTED, READ, promise
 
 from stoop import logs
-from stoop.flight import describe, load
+from stoop.flight import describe, load_flight
 from stoop.logs import compiled, guard
 from stoop.logs.recording import reason
 
@@ -42,7 +42,7 @@ def ask_apart(folder: Path, case: Case) -> str:
 def ask(path: Path, mapping: Path | None, way: str) -> frozenset[str]:
     """Read a log as a recording or to a flight, see to what it promises, and return its defects."""
     if way == FLIGHT:
-        flight = load(path, mapping)
+        flight = load_flight(path, mapping)
         describe(flight)
         check_clock(flight.time)
         defects = frozenset(map(str, flight.notices))

@@ -25,7 +25,7 @@ from stoop.base.npz import read_arrays
 from stoop.base.toml import parse_source
 from stoop.cli.main import USER_ERROR, main
 from stoop.errors import StoopError
-from stoop.flight import load
+from stoop.flight import load_flight
 from stoop.optimize import load_tagged
 from stoop.parallel.pools import Given
 from stoop.results.result import from_json, to_json
@@ -175,7 +175,7 @@ READERS: Final[Mapping[str, Callable[[Path], Any]]] = {
     "result.json": lambda path: _json(path) and to_json(from_json(path.read_text("utf-8"))) == path.read_text("utf-8"),
     ".html": lambda path: bool(re.fullmatch(r"(?is)\s*<!doctype html.*</html>\s*", path.read_text("utf-8"))),
     ".toml": lambda path: parse_source(path.read_text("utf-8"), path.name, StoopError), ".json": _json, ".csv": _table,
-    "vehicle.toml": load_vehicle, "v.toml": load_vehicle, ".nc": load, ".xml": ET.parse, "search.npz": load_tagged,
+    "vehicle.toml": load_vehicle, "v.toml": load_vehicle, ".nc": load_flight, ".xml": ET.parse, "search.npz": load_tagged,
     ".npz": lambda path: read_arrays(io.BytesIO(path.read_bytes()), 2**31), STORES: _store,
 }  # fmt: skip  #: name or ending -> how it is read; False where it is cut or damaged
 

@@ -16,7 +16,7 @@ from scipy.io import savemat
 
 from stoop import logs
 from stoop.errors import LogError, OutputError
-from stoop.flight import Flight, from_columns, load
+from stoop.flight import Flight, from_columns, load_flight
 from stoop.logs.csv_tables import read_table
 from stoop.logs.recording import Defect
 from stoop_plan.flight_logs import save_flight_as
@@ -109,7 +109,7 @@ def test_impossible_values_are_missing_in_a_flight_and_in_what_is_written(tmp_pa
     assert [n.code for n in made.notices] == ["impossible-values"] * 3
     for ending in (".nc", ".csv", ".mat", ".parquet", ".ulg", ".bin", ".usd"):
         save_flight_as(made, tmp_path / f"a{ending}")
-        q = load(tmp_path / f"a{ending}").column("q")
+        q = load_flight(tmp_path / f"a{ending}").column("q")
         assert np.nanmax(np.abs(q - 0.25)) < 1e-6, ending
         assert np.isfinite(q).sum() >= 40, ending
 
@@ -117,7 +117,7 @@ def test_impossible_values_are_missing_in_a_flight_and_in_what_is_written(tmp_pa
 def test_clocks_from_1970_and_those_that_no_autopilot_has(tmp_path: Path) -> None:
     made = flight(1.7e9, np.zeros(50))
     save_flight_as(made, tmp_path / "a.csv")
-    np.testing.assert_allclose(load(tmp_path / "a.csv").time, made.time, rtol=1e-15)
+    np.testing.assert_allclose(load_flight(tmp_path / "a.csv").time, made.time, rtol=1e-15)
     for start in (-5.0, 1e13):
         moved = replace(made, data=made.data.assign_coords(time=made.time - 1.7e9 + start))
         for ending in (".ulg", ".bin", ".usd"):

@@ -18,7 +18,7 @@ from robustness.small_runs import command
 from robustness.trials import BAD, READ, Bounds, Child, lay_out, promise
 
 from stoop.base.variables import RATES
-from stoop.flight import load
+from stoop.flight import load_flight
 from stoop_plan.flight_logs import save_flight_as
 
 HERE = Path(__file__).parent
@@ -44,9 +44,9 @@ def once_more(folder: Path, surface: str, words: list[str], files: Mapping[str, 
 
 def there_and_back(path: Path, ending: str) -> None:
     """Write a flight as a log, and read it: body rates are the same to 32 bits and a microsecond of the clock."""
-    flight = load(path)
+    flight = load_flight(path)
     save_flight_as(flight, path.with_name(f"a{ending}"))
-    back = load(path.with_name(f"a{ending}"), rate=flight.rate)
+    back = load_flight(path.with_name(f"a{ending}"), rate=flight.rate)
     at = np.searchsorted(flight.time, back.time - 1e-6).clip(0, flight.time.size - 1)
     for name in (n for n in RATES if n in flight.names and n in back.names):
         known, found = flight.column(name)[at], back.column(name)

@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 
 from stoop import optimize
-from stoop.flight.load import save
+from stoop.flight.load import save_flight
 from stoop.optimize.problem import forward_jacobian
 from stoop.simulation.fly import simulate_flight
 from stoop.simulation.maneuver import parse_maneuver
-from stoop.vehicle.builtin import resolve_vehicle
+from stoop.vehicle.builtin import load_vehicle
 from stoop.workflow.demo import MANEUVER
 from stoop_studies.problems import Posed, pose
 
@@ -26,9 +26,9 @@ def _freed(line: re.Match[str]) -> str:
 @pytest.fixture(scope="module")
 def posed(tmp_path_factory: pytest.TempPathFactory) -> Posed:
     folder = tmp_path_factory.mktemp("flight")
-    vehicle = resolve_vehicle("twin-boom")
+    vehicle = load_vehicle("twin-boom")
     flight = simulate_flight(vehicle.reduced("longitudinal"), parse_maneuver(MANEUVER, "m"), 3, name="flown")
-    save(flight, folder / "flown.nc")
+    save_flight(flight, folder / "flown.nc")
     text = re.sub(r"^(C\w+) = (\S+)$", _freed, vehicle.text, flags=re.MULTILINE)
     (folder / "v.toml").write_text(f'model.reduce = "longitudinal"\n{text}', encoding="utf-8")
     place, file = str(folder / "flown.nc"), str(folder / "v.toml")
@@ -69,5 +69,5 @@ def test_the_default_gets_there_blind_and_near_the_truth(posed: Posed) -> None:
     outcome = optimize.minimize(optimize.create(), posed.problem, seed=7, stop=stop)
     assert outcome.status == "target"
     found = dict(zip(posed.parameters, posed.values(outcome.z), strict=True))
-    truth = {name: resolve_vehicle("twin-boom").value(name) for name in FREE}
+    truth = {name: load_vehicle("twin-boom").value(name) for name in FREE}
     assert {name: found[name] for name in FREE} == pytest.approx(truth, rel=0.05)

@@ -5,10 +5,10 @@ import numpy as np
 from stoop.base.variables import POSITION
 from stoop.problem import Piece
 from stoop.vehicle import Vehicle, parse_vehicle
-from stoop.vehicle.builtin import resolve_vehicle
+from stoop.vehicle.builtin import load_vehicle
 from stoop_studies.open_loop import ARX, LINE, channels_of, open_loop_scores, score
 
-VEHICLE: Vehicle = parse_vehicle(resolve_vehicle("twin-boom").text + "\n[sensors.pn]\n", "twin-boom")
+VEHICLE: Vehicle = parse_vehicle(load_vehicle("twin-boom").text + "\n[sensors.pn]\n", "twin-boom")
 COUNT, DT = 400, 0.02
 
 

@@ -107,7 +107,7 @@ def table() -> Mapping[str, Kind]:
 def notice(code: str, subject: str = "", **values: Value) -> Notice:
     """Return a notice with the severity that the table gives its code; of infinite numbers, which JSON lacks, the sign stays."""
     finite = {name: _finite(value) for name, value in values.items()}
-    return Notice(code, table()[code].severity, subject, MappingProxyType(finite))
+    return Notice(code, table()[code].severity, subject, finite)
 
 
 def _finite(value: Any) -> Any:
@@ -135,7 +135,7 @@ def from_dict(content: Mapping[str, Any]) -> Notice:
     if content["code"] not in table():
         return as_notice(str(content["message"]), content["severity"])
     values = {name: _value(v) for name, v in content["values"].items()}
-    found = Notice(content["code"], content["severity"], str(content["subject"]), MappingProxyType(values))
+    found = Notice(content["code"], content["severity"], str(content["subject"]), values)
     try:
         message(found)
     except LookupError:

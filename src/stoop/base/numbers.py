@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import math
 import re
-from typing import TYPE_CHECKING, Final, TypeVar
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 from stoop.base.units import DEGREE
+from stoop.errors import SimulationError
 
 if TYPE_CHECKING:
     from stoop.base.arrays import FloatArray
@@ -19,6 +21,24 @@ ROUNDING: Final = 1e-12  #: of the scale of a row, a column or a matrix: what so
 RAISED: Final = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
 SHOWN_IN_DEGREES: Final = {"rad": "deg", "rad/s": "deg/s", "rad/s2": "deg/s2"}
 POWER: Final = re.compile(r"(?<=[a-zA-Z])\d+")
+#: quantity of a condition -> unit and limits
+LIMITS: Final = {
+    "airspeed": ("m/s", 0.0, 1e4), "altitude": ("m", -1e4, 4e4), "band": ("rad/s", 1e-3, 1e4), "band in Hz": ("Hz", 0.0, 1e4),
+}  # fmt: skip
+
+
+def within_limits(name: str, given: Any, count: int = 1) -> tuple[float, ...]:
+    """Return a quantity of `LIMITS`, or two of a pair or a text LOW:HIGH; raises `SimulationError`: no such, or outside."""
+    unit, least, most = LIMITS[name]
+    try:
+        parts = given.split(":") if isinstance(given, str) else given if count > 1 else [given]
+        values = tuple(map(float, parts))
+    except (TypeError, ValueError):
+        values = ()
+    if len(values) != count or not all(a <= b for a, b in pairwise((least, *values, most))):
+        form = "a number" if count == 1 else "LOW:HIGH, the lower number first,"
+        raise SimulationError(f"{name} {given}: give {form} from {least:g} to {most:g} {unit}")
+    return values
 
 
 def number(value: float, digits: int = 4) -> str:

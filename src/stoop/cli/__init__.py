@@ -1,5 +1,5 @@
 """The command line: verbs parse, call and print.
 
-A verb is a module with ``add_arguments(parser)`` and ``run(arguments) -> int`` (the exit code), or a function of a module
-beside another that adds its arguments; see ``main.VERBS``. Modules import nothing heavy at their top: ``--help`` is instant.
+A verb is a function of the parsed arguments that returns the exit code; a row of ``data/verbs.toml``, or of a package's
+``stoop.toml``, names it and its options. Modules import nothing heavy at their top: ``--help`` is instant.
 """

@@ -43,11 +43,11 @@ def vehicle(arguments: argparse.Namespace) -> int:
     if arguments.equations:
         if name is None or output is not None:
             arguments.complain("--equations needs the name of a vehicle or its file, and no -o")
-        from stoop.vehicle.builtin import resolve_vehicle
+        from stoop.vehicle.builtin import load_vehicle
         from stoop.vehicle.symbolic import build_model
 
         with LiveLine(options.COMPILING):
-            lines = build_model(resolve_vehicle(name)).latex
+            lines = build_model(load_vehicle(name)).latex
         for line in lines:
             show(line)
     elif name is None:

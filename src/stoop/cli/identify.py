@@ -126,9 +126,9 @@ def _read(arguments: argparse.Namespace) -> tuple[Vehicle, list[Flight], Options
     from stoop.flight.load import load_several
     from stoop.optimize import create
     from stoop.strategy.run import choose_method
-    from stoop.vehicle.builtin import resolve_vehicle
+    from stoop.vehicle.builtin import load_vehicle
 
-    vehicle = options.with_free(resolve_vehicle(arguments.vehicle), arguments.free, arguments.fix)
+    vehicle = options.with_free(load_vehicle(arguments.vehicle), arguments.free, arguments.fix)
     find(arguments.method)
     create(arguments.optimizer)
     given = read_covariance(arguments.noise, vehicle.outputs) if arguments.noise is not None else None

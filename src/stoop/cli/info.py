@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from stoop.base.files import check_targets, write_bytes_atomic
 from stoop.base.notices import of_severity
-from stoop.base.numbers import count
+from stoop.base.numbers import count, factor_and_unit, number, rounded_to_error
 from stoop.base.text import show
 from stoop.cli import options
 from stoop.cli.page import Page, alike, fixed, numbers, page, points, shown_unit, to_json, words
@@ -147,11 +147,11 @@ def look(arguments: argparse.Namespace) -> int:
 
 
 def _overview(arguments: argparse.Namespace) -> Overview:
-    from stoop.flight import load
+    from stoop.flight import load_flight
     from stoop.flight.windows import overview
 
     with LiveLine("reading the log"):
-        return overview(load(arguments.flight, arguments.mapping))
+        return overview(load_flight(arguments.flight, arguments.mapping))
 
 
 def _write_page(arguments: argparse.Namespace, seen: Overview) -> None:
@@ -170,9 +170,8 @@ def _following(arguments: argparse.Namespace, found: Found) -> list[str]:
 
 def compatibility(arguments: argparse.Namespace) -> int:
     """Check whether the sensors agree, write where asked to, and print what was found."""
-    from stoop.base.notices import of_severity
-    from stoop.base.numbers import factor_and_unit, number, rounded_to_error
-    from stoop.flight import load
+    from stoop.flight import load_flight
+    from stoop.problem.windows import spans
     from stoop.reconstruction.compatibility import check, corrected_flight
     from stoop.workflow.reconstruction import COMPATIBILITY, write_compatibility
 
@@ -180,9 +179,9 @@ def compatibility(arguments: argparse.Namespace) -> int:
     if folder is not None:
         check_targets(folder, COMPATIBILITY, arguments.overwrite)
     with LiveLine("reading the log"):
-        flight = load(arguments.flight, arguments.mapping)
+        flight = load_flight(arguments.flight, arguments.mapping)
     with LiveLine("integrating and comparing"):
-        result, found = check(flight, options.windows(arguments.window))
+        result, found = check(flight, spans(arguments.window, flight))
         corrected = corrected_flight(found)
     out = page()
     out.heading("Sensors")

@@ -25,7 +25,7 @@ from typing import Any, Final, NoReturn
 from stoop.base.cache import fonts_folder
 from stoop.base.files import recorded_inputs
 from stoop.base.interrupts import keep_freed_memory, restore_interrupts, unblock_interrupts
-from stoop.base.packages import resolved
+from stoop.base.packages import PREFIX, resolved
 from stoop.base.streams import flush_or_discard, open_missing_streams
 from stoop.base.text import nearest, printable, show
 from stoop.base.verbs import Verb, verbs
@@ -129,6 +129,10 @@ def _guarded(given: Sequence[str], debug: bool) -> int:
             code = int(arguments.run(arguments))
     except SystemExit as leaving:  # argparse leaves this way after --help and after errors
         code = leaving.code if isinstance(leaving.code, int) else 0
+    except ModuleNotFoundError as error:
+        if not str(error.name).startswith(PREFIX):
+            raise
+        code = _complain(f"error: this needs the package {error.name}; install stoop anew", USER_ERROR)
     except StoopError as error:
         if debug:
             _print_traceback()

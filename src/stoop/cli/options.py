@@ -1,4 +1,4 @@
-"""Options of verbs for argparse, their numbers and windows, and what follows from them."""
+"""Options of verbs for argparse, their numbers, and what follows from them."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ import math
 import shlex
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -15,7 +14,7 @@ from stoop.base.files import check_target, note_input
 from stoop.base.numbers import MAX_NUMBER
 from stoop.base.text import show
 from stoop.base.verbs import Option, plain
-from stoop.errors import FlightError, IdentificationError, OutputError
+from stoop.errors import IdentificationError, OutputError
 
 if TYPE_CHECKING:
     from stoop.flight.windows import Found
@@ -149,37 +148,6 @@ def check_outputs(options: Sequence[Option], arguments: argparse.Namespace) -> N
         check_target(target, arguments.overwrite)
     if len({target.absolute() for target in targets}) < len(targets):
         raise OutputError(f"{targets[-1]}: named for two outputs; name another file for one of them")
-
-
-def ends(text: str) -> tuple[float, float]:
-    """Return the two numbers of LOW:HIGH; NaN, which no limits hold, where it is of another form."""
-    try:
-        low, high = (float(part) for part in text.split(":"))
-    except ValueError:
-        return math.nan, math.nan
-    return low, high
-
-
-def windows(texts: Sequence[str]) -> tuple[tuple[float, float], ...]:
-    """Read windows START:STOP of one flight, s on the log's own clock.
-
-    Raises `FlightError` if one is not of this form, the wrong way round, or overlaps another.
-    """
-    found = []
-    for text in texts:
-        try:
-            start, stop = (float(part) for part in text.split(":"))
-        except ValueError:
-            raise FlightError(f"--window {text}: write START:STOP in seconds, for example 140:145") from None
-        if not (math.isfinite(start) and math.isfinite(stop) and start < stop):
-            raise FlightError(f"--window {text}: the start must come before the stop")
-        found.append((start, stop))
-    for one, following in pairwise(sorted(found)):
-        if following[0] < one[1]:
-            raise FlightError(
-                f"--window {following[0]:g}:{following[1]:g}: overlaps {one[0]:g}:{one[1]:g}; give windows that lie apart"
-            )
-    return tuple(sorted(found))
 
 
 def command_line() -> str:

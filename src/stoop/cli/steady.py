@@ -31,6 +31,7 @@ def _trimmed(arguments: argparse.Namespace) -> tuple[Vehicle, Trim, str]:
     from stoop.simulation.steady_flight import steady_flight
     from stoop.vehicle import Vehicle
     from stoop.vehicle.schema import Quantity
+    from stoop.workflow.flying import warn_of_extrapolation
     from stoop.workflow.load import model_or_vehicle
 
     model, given = model_or_vehicle(arguments.vehicle), arguments.density
@@ -52,6 +53,7 @@ def _trimmed(arguments: argparse.Namespace) -> tuple[Vehicle, Trim, str]:
             flown, arguments.airspeed, arguments.altitude, arguments.climb_angle, given,
             arguments.velocity, arguments.wind, arguments.heading,
         )  # fmt: skip
+    warn_of_extrapolation(model, point)
 
     if choice == "standard":
         density = "standard atmosphere"
@@ -114,11 +116,8 @@ def trim_document(vehicle: Vehicle, point: Trim) -> dict[str, Any]:
     start = point.start
     flown: dict[str, Any] = {"velocity": point.velocity, "wind": point.wind, "altitude": start["h"]}
     if "V" in start:
-        flown = {
-            "airspeed": start["V"],
-            "altitude": start["h"],
-            "climb_angle": without_rounding(point.climb_angle, 1.0),
-        }
+        climb = without_rounding(point.climb_angle, 1.0)
+        flown = {"airspeed": start["V"], "altitude": start["h"], "climb_angle": climb}
     else:
         flown["heading"] = start["psi"]
     return {
@@ -176,15 +175,13 @@ def linearize(arguments: argparse.Namespace) -> int:
 
 def linear_document(vehicle: Vehicle, point: Trim, model: LinearModel) -> dict[str, Any]:
     """Return the linear model for JSON, SI and rad."""
+    figures = ("name", "frequency", "damping", "time_constant")
     modes = [
         {
-            "name": mode.name,
-            "eigenvalue": {"real": mode.eigenvalue.real, "imag": mode.eigenvalue.imag},
-            "frequency": mode.frequency,
-            "damping": mode.damping,
-            "time_constant": mode.time_constant,
+            **{key: getattr(m, key) for key in figures},
+            "eigenvalue": {"real": m.eigenvalue.real, "imag": m.eigenvalue.imag},
         }
-        for mode in model.modes
+        for m in model.modes
     ]
     return {
         "format": "stoop-linear-model/1",

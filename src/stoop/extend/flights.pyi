@@ -69,6 +69,7 @@ from stoop.problem.windows import Window as Window
 from stoop.problem.windows import Windows as Windows
 from stoop.problem.windows import as_windows as as_windows
 from stoop.problem.windows import parse_window as parse_window
+from stoop.problem.windows import spans as spans
 from stoop.problem.windows import whole as whole
 from stoop.problem.windows import within as within
 from stoop.reconstruction.compatibility import Compatibility as Compatibility

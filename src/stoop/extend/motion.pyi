@@ -78,4 +78,3 @@ from stoop.simulation.trim import Trims as Trims
 from stoop.simulation.trim import inputs_about as inputs_about
 from stoop.simulation.trim import neutral_inputs as neutral_inputs
 from stoop.simulation.trim import surface_moments as surface_moments
-from stoop.workflow.flying import simulate_under_law as simulate_under_law

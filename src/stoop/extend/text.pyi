@@ -11,6 +11,7 @@ from stoop.base.numbers import number as number
 from stoop.base.numbers import readable_unit as readable_unit
 from stoop.base.numbers import rounded_to_error as rounded_to_error
 from stoop.base.numbers import share as share
+from stoop.base.numbers import within_limits as within_limits
 from stoop.base.numbers import without_rounding as without_rounding
 from stoop.base.text import Summarized as Summarized
 from stoop.base.text import enumerated as enumerated

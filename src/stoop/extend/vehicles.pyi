@@ -22,7 +22,7 @@ from stoop.vehicle.document import write_entry as write_entry
 from stoop.vehicle.document import write_fields as write_fields
 from stoop.vehicle.extensions import with_free_number as with_free_number
 from stoop.vehicle.load import STANDARD_CONTROLS as STANDARD_CONTROLS
-from stoop.vehicle.load import load_vehicle as load_vehicle
+from stoop.vehicle.builtin import load_vehicle as load_vehicle
 from stoop.vehicle.load import parse_vehicle as parse_vehicle
 from stoop.vehicle.schema import Number as Number
 from stoop.vehicle.schema import Propeller as Propeller

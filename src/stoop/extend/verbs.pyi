@@ -1,4 +1,5 @@
 from stoop.base.extras import install as install
+from stoop.base.packages import hook as hook
 from stoop.base.packages import made as made
 from stoop.base.packages import resolved as resolved
 from stoop.base.verbs import Option as Option

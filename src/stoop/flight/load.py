@@ -37,7 +37,7 @@ SLOW_RATES: Final = 25.0  #: Hz; body rates below this do not show the fast mode
 NOTICES: Final = "notices"  #: attribute; files of older versions hold sentences as "notes"
 
 
-def load(path: str | Path, mapping: str | Path | None = None, rate: float | None = None) -> Flight:
+def load_flight(path: str | Path, mapping: str | Path | None = None, rate: float | None = None) -> Flight:
     """Read a log and lay its channels on one uniform grid.
 
     Channels faster than the grid are low-passed first (zero phase, per contiguous stretch). Nothing is
@@ -137,10 +137,10 @@ def load_several(
     paths: Sequence[str | Path], mapping: str | Path | None = None, beside: Sequence[Flight] = ()
 ) -> list[Flight]:
     """Read logs onto grids of one rate: that of the fastest of them and of the flights `beside` them; see `load`."""
-    flights = [load(path, mapping) for path in paths]
+    flights = [load_flight(path, mapping) for path in paths]
     rate = max((flight.rate for flight in (*flights, *beside)), default=0.0)
     pairs = zip(paths, flights, strict=True)
-    return [one if one.rate == rate else load(path, mapping, rate) for path, one in pairs]
+    return [one if one.rate == rate else load_flight(path, mapping, rate) for path, one in pairs]
 
 
 def _contradictions(
@@ -192,7 +192,7 @@ def without_faults(flight: Flight) -> Flight:
     return replace(flight, data=data, notices=(*flight.notices, found))
 
 
-def save(flight: Flight, path: str | Path) -> None:
+def save_flight(flight: Flight, path: str | Path) -> None:
     """Write a flight as netCDF-3; `load` of the file gives it back bit for bit.
 
     Parameters

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from numbers import Real
 from typing import Any, TypeAlias
 
@@ -62,6 +63,15 @@ def as_windows(given: Windows, flights: Mapping[str, Flight]) -> tuple[Window, .
         text = ":".join(map(str, edges)) if isinstance(edges, tuple | list) else str(edges)
         out.append(one if isinstance(one, Window) else parse_window(text, flights))
     return tuple(out)
+
+
+def spans(given: Windows, flight: Flight) -> tuple[tuple[float, float], ...]:
+    """Return windows of one flight as (start, stop), s, in order; raises `FlightError`: of no such form, or two overlap."""
+    found = sorted((w.start, w.stop) for w in as_windows(given, {flight.name: flight}))
+    for one, following in pairwise(found):
+        if following[0] < one[1]:
+            raise FlightError(f"windows: {one} and {following} overlap; give windows that lie apart")
+    return tuple(found)
 
 
 def whole(flights: Mapping[str, Flight]) -> list[Window]:

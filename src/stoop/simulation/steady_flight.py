@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from stoop.base.arrays import FloatArray, IntArray
 from stoop.base.atmosphere import standard_density
+from stoop.base.numbers import within_limits
 from stoop.base.rotations import matrices_of_angles
 from stoop.base.units import STANDARD_GRAVITY
 from stoop.errors import SimulationError
@@ -345,6 +346,8 @@ def trim(
         its full command.
     """
     vehicle = vehicle.reduced("full") if vehicle.reduce == "lateral" else vehicle.coupled_to(())
+    airspeed = airspeed if airspeed is None else within_limits("airspeed", airspeed)[0]
+    (altitude,) = within_limits("altitude", altitude)
     air = np.array([vehicle.value(n, 0.0) for n in WIND_NUMBERS] if wind is None else wind, dtype=float)
     given = () if wind is None else zip(WIND_NUMBERS, air.tolist(), strict=True)
     numbers = {name: value for name, value in given if name in vehicle.rows}

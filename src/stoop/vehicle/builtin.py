@@ -9,8 +9,9 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Final
 
+from stoop.base.toml import read_source
 from stoop.errors import VehicleError
-from stoop.vehicle.load import load_vehicle, parse_vehicle
+from stoop.vehicle.load import parse_vehicle
 from stoop.vehicle.vehicle import Vehicle
 
 BUILT_IN: Final = {
@@ -19,27 +20,34 @@ BUILT_IN: Final = {
 }  #: name -> file in stoop/data
 
 
-def resolve_vehicle(name_or_path: str | Path) -> Vehicle:
+def load_vehicle(name_or_path: str | Path | Vehicle) -> Vehicle:
     """Return a vehicle of the package by its name, or read a vehicle file.
 
     A name of the package wins over a file of the same name; write ``./twin-boom`` for the file.
 
     Parameters
     ----------
-    name_or_path : str or Path
-        "twin-boom", "quad-x", "quad-plus", "hexa-x", "octo-x" or "quadplane", or where the file is.
+    name_or_path : str, Path or Vehicle
+        "twin-boom", "quad-x", "quad-plus", "hexa-x", "octo-x" or "quadplane", or where the file is; a vehicle is returned.
 
     Raises
     ------
     VehicleError
         There is no such vehicle, or what is wrong in its file.
     """
+    given: object = name_or_path
+    if isinstance(name_or_path, Vehicle):
+        return name_or_path
+    if not isinstance(given, str | Path):
+        kind = type(given).__name__
+        raise VehicleError(f"a vehicle is expected first, not a {kind}; give the vehicle, then the flights")
     name = str(name_or_path)
     if name in BUILT_IN:
         return builtin_vehicle(name)
-    if not Path(name_or_path).exists():
-        raise VehicleError(f"{Path(name_or_path)}: there is no such vehicle file; {_advice(name)}")
-    return load_vehicle(name_or_path)
+    with suppress(OSError):  # a name that is too long for a file
+        if not Path(name_or_path).exists():
+            raise VehicleError(f"{Path(name_or_path)}: there is no such vehicle file; {_advice(name)}")
+    return parse_vehicle(read_source(name_or_path, "vehicle", VehicleError), name)
 
 
 def builtin_vehicle(name: str) -> Vehicle:

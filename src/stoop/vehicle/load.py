@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 from pydantic import ValidationError
 
 from stoop.base.schema_errors import first_complaint
-from stoop.base.toml import parse_source, read_source
+from stoop.base.toml import parse_source
 from stoop.base.variables import POSITION, RATES, SPECIFIC_FORCE
 from stoop.errors import VehicleError
 from stoop.vehicle import terms
@@ -25,11 +24,6 @@ _SENSOR_DEFAULTS = {
     **dict.fromkeys(("p", "q", "r", "phi", "theta", "psi"), (0.02, 0.01)), **dict.fromkeys(("ax", "ay", "az"), (0.2, 0.1)),
 }  # fmt: skip
 """Prior of the bias and noise, standard deviations in the channel's unit."""
-
-
-def load_vehicle(path: Path | str) -> Vehicle:
-    """Read a vehicle file; a :class:`VehicleError` names the file, the key and what to write instead."""
-    return parse_vehicle(read_source(path, "vehicle", VehicleError), str(path))
 
 
 def parse_vehicle(text: str, where: str) -> Vehicle:

@@ -6,9 +6,9 @@ from stoop.assessment.bootstrap import Bootstrap
 from stoop.assessment.profile import Profile
 from stoop.base.packages import places, resolved
 from stoop.workflow.fitted_model import FittedModel
-from stoop.workflow.identification import identify
+from stoop.workflow.identification import fit
 
-__all__ = ["Bootstrap", "FittedModel", "Profile", "identify"]
+__all__ = ["Bootstrap", "FittedModel", "Profile", "fit"]
 
 
 def __getattr__(name: str) -> Any:

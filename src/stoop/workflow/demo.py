@@ -11,7 +11,7 @@ from stoop.estimate.fit import Options
 from stoop.simulation.fly import simulate_flight
 from stoop.simulation.maneuver import parse_maneuver
 from stoop.vehicle import Vehicle
-from stoop.vehicle.builtin import resolve_vehicle
+from stoop.vehicle.builtin import load_vehicle
 from stoop.workflow.fitted_model import FittedModel
 from stoop.workflow.identification import finish, search
 
@@ -42,7 +42,7 @@ amplitude = -0.1
 
 def identify_demo(seed: int) -> tuple[FittedModel, dict[str, float]]:
     """Return the fitted model and the truth."""
-    vehicle = resolve_vehicle("twin-boom").reduced("longitudinal")
+    vehicle = load_vehicle("twin-boom").reduced("longitudinal")
     flight = simulate_flight(vehicle, parse_maneuver(MANEUVER, NAME), seed, name=NAME)
     truth = {k: v for k, v in json.loads(flight.attributes["truth"]).items() if k in TABLE_1}
     options = Options(seed=seed)

@@ -7,7 +7,7 @@ of a model is what `FittedModel.save` writes and `stoop.load` reads.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from html import escape
 from pathlib import Path
@@ -18,7 +18,7 @@ import numpy as np
 from stoop.assessment.assessment import Assessment
 from stoop.assessment.verdict import verdict
 from stoop.base.arrays import FloatArray
-from stoop.base.notices import Notice
+from stoop.base.notices import Notice, notice
 from stoop.base.text import Names, printable, printable_lines
 from stoop.errors import StoopError
 from stoop.estimate import methods
@@ -35,7 +35,7 @@ from stoop.results.uncertainty import Components
 from stoop.results.verdict import Verdict
 from stoop.vehicle import Vehicle
 from stoop.vehicle.notation import symbols
-from stoop.workflow.archive import unpacked
+from stoop.workflow.archive import packed, unpacked
 from stoop.workflow.curves import channel_units
 from stoop.workflow.model_methods import ModelMethods, add_methods
 from stoop.workflow.outputs import ESTIMATE, RESULT, check_folder, place_outputs
@@ -141,6 +141,18 @@ class FittedModel(ModelMethods):
             raise StoopError(f"{where}: holds another fit than {RESULT} beside it; fit again")
         return found
 
+    @property
+    def evidence(self) -> bytes:
+        """State of the estimate as an archive; empty where there is none."""
+        return self.archive or (packed(self.fresh.state()) if self.fresh else b"")
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return the fields for pickle; the estimate of this session becomes its archive."""
+        return {f.name: getattr(self, f.name) for f in fields(self)} | {
+            "fresh": None,
+            "archive": self.evidence,
+        }
+
     def with_result(self, result: Result) -> FittedModel:
         """Return this model with another result, its verdict made anew."""
         return replace(self, result=replace(result, verdict=verdict(result, result.verdict.uses)))
@@ -228,6 +240,20 @@ class FittedModel(ModelMethods):
         """Return the windows that were fitted, or predicted beside the fit."""
         own = [m for m in self.result.maneuvers if m.role == role]
         return [Window(m.flight, m.start, m.stop, m.loading or None) for m in own]
+
+    def extrapolation(self, *airspeeds: float) -> list[Notice]:
+        """Return a notice where airspeeds, m/s, lie more than a tenth outside those of the fitted maneuvers."""
+        fitted = [t for t, m in zip(self.traces, self.result.maneuvers, strict=True) if m.role == "fit"]
+        flown = np.concatenate(
+            [np.empty(0), *(t.channels["V"].measured for t in fitted if "V" in t.channels)]
+        )
+        if not np.isfinite(flown).any():
+            return []
+        first, last = float(np.nanmin(flown)), float(np.nanmax(flown))
+        if not (min(airspeeds) < 0.9 * first or max(airspeeds) > 1.1 * last):
+            return []
+        asked = " to ".join(f"{x:.4g}" for x in sorted(set(airspeeds)))
+        return [notice("airspeed-not-flown", f"{asked} m/s", first=first, last=last)]
 
     @cached_property
     def coupled(self) -> Vehicle:

@@ -13,12 +13,11 @@ import numpy.typing as npt
 from stoop.base.arrays import FloatArray
 from stoop.base.units import FACTORS
 from stoop.base.variables import VARIABLES
-from stoop.errors import FlightError, VehicleError
-from stoop.flight import Flight, load
+from stoop.errors import FlightError
+from stoop.flight import Flight, load_flight
 from stoop.flight.flight import from_columns
 from stoop.flight.load import load_several, with_contradictions
 from stoop.vehicle import Vehicle
-from stoop.vehicle.builtin import resolve_vehicle
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -28,27 +27,10 @@ OneFlight: TypeAlias = Union[Flight, str, Path, "pd.DataFrame", "xr.Dataset", Ma
 Flights: TypeAlias = OneFlight | Sequence[OneFlight]
 
 
-def as_vehicle(given: Any) -> Vehicle:
-    """Return a vehicle from a vehicle, the name of a built-in one or a vehicle file.
-
-    Raises
-    ------
-    VehicleError
-        It is none of these.
-    """
-    if isinstance(given, Vehicle):
-        return given
-    if isinstance(given, str | Path):
-        return resolve_vehicle(given)
-    raise VehicleError(
-        f"a vehicle is expected first, not a {type(given).__name__}; give the vehicle, then the flights"
-    )
-
-
 def as_flight(given: Any) -> Flight:
     """Return a flight from a flight, a log, or columns over ``time`` (s) that are variables of the registry in SI.
 
-    Units, signs and axes of columns are checked as `stoop.flight.load` checks those of a log.
+    Units, signs and axes of columns are checked as `load_flight` checks those of a log.
 
     Raises
     ------
@@ -58,7 +40,7 @@ def as_flight(given: Any) -> Flight:
     if isinstance(given, Flight):
         return given
     if isinstance(given, str | Path):
-        return load(given)
+        return load_flight(given)
     if isinstance(given, Vehicle):
         raise FlightError(
             f"a flight is expected, not the vehicle {given.name}; give the vehicle before the flight"
@@ -117,6 +99,8 @@ def as_flights(given: Any) -> list[Flight]:
     """Return one or several flights, see :func:`as_flight`; logs are read onto grids of one rate."""
     several = given if isinstance(given, Sequence) and not isinstance(given, str) else [given]
     made = [None if isinstance(one, str | Path) else as_flight(one) for one in several]
+    if not made:
+        raise FlightError("no flight is given; give a flight, the path of a log, or a list of them")
     logs = iter(
         load_several([one for one in several if isinstance(one, str | Path)], beside=[*filter(None, made)])
     )

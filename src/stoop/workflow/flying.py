@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from stoop.base.arrays import FloatArray
 from stoop.base.packages import hook
-from stoop.errors import ManeuverError
+from stoop.errors import ManeuverError, StoopWarning
 from stoop.flight import Flight
 from stoop.simulation import LinearModel, Trim, trim
 from stoop.simulation import linearize as linearized
@@ -50,7 +51,17 @@ def linearize(
         ``output_delays``, s; SI and rad.
     """
     vehicle = model.vehicle if isinstance(model, FittedModel) else model
-    return linearized(vehicle, point or trim(vehicle, airspeed, altitude))
+    point = point or trim(vehicle, airspeed, altitude)
+    warn_of_extrapolation(model, point)
+    return linearized(vehicle, point)
+
+
+def warn_of_extrapolation(model: FittedModel | Vehicle, point: Trim) -> None:
+    """Warn where a fitted model did not fly at the airspeed of a steady flight."""
+    for one in (
+        model.extrapolation(point.start["V"]) if isinstance(model, FittedModel) and point.on_wings else ()
+    ):
+        warnings.warn(str(one), StoopWarning, stacklevel=3)
 
 
 @takes_model_or_vehicle
@@ -114,7 +125,9 @@ def simulate(
             raise ManeuverError(
                 "autopilot: a maneuver has its own time and steady flight; remove time, airspeed and initial_state"
             )
-        return simulate_under_law(vehicle, maneuver, autopilot, seed, noise, name)
+        simulate_under_law = hook("simulate_under_law", "the law of an autopilot")
+        flight: Flight = simulate_under_law(vehicle, maneuver, autopilot, seed, noise, name)
+        return flight
     return simulated(
         vehicle,
         inputs,
@@ -126,17 +139,3 @@ def simulate(
         name=name,
         initial_state=initial_state,
     )
-
-
-def simulate_under_law(
-    vehicle: Vehicle,
-    maneuver: Maneuver,
-    autopilot: str | Path | Sequence[str | Path] | Mapping[str, float],
-    seed: int,
-    noise: bool,
-    name: str,
-) -> Flight:
-    """Simulate a maneuver under the law of an autopilot; parameters and errors as of :func:`simulate`."""
-    simulated_under_law = hook("simulate_under_law", "the law of an autopilot")
-    flight: Flight = simulated_under_law(vehicle, maneuver, autopilot, seed, noise, name)
-    return flight

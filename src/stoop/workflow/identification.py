@@ -18,20 +18,20 @@ from stoop.estimate import methods
 from stoop.estimate.fit import Options
 from stoop.flight import without
 from stoop.problem.windows import Windows, as_windows
-from stoop.strategy import Strategy, fit
+from stoop.strategy import Strategy, run
 from stoop.strategy.decision import Fitted, Provenance
-from stoop.strategy.run import with_tests
 from stoop.vehicle import Vehicle
+from stoop.vehicle.builtin import load_vehicle
 from stoop.workflow.fit_result import fitted_model
 from stoop.workflow.fitted_model import FittedModel
-from stoop.workflow.flights import Flights, as_flights, as_vehicle
+from stoop.workflow.flights import Flights, as_flights
 from stoop.workflow.outputs import by_name, flight_files, input_hashes
 
 DEFAULTS = Options()
 STRATEGY = Strategy.default()
 
 
-def identify(
+def fit(
     vehicle: Vehicle | str | Path,
     flights: Flights,
     maneuvers: Windows = (),
@@ -75,7 +75,7 @@ def identify(
     StoopError
         One line that says what is wrong and what to do.
     """
-    options = with_settings(options, settings, "fit", identify)
+    options = with_settings(options, settings, "fit", fit)
     decisions = Strategy.named(strategy)
     decisions = decisions.including("extensions") if extend else decisions
     return finish(search(vehicle, flights, maneuvers, validate, options, callback, strategy=decisions))
@@ -107,13 +107,13 @@ def search(
     strategy: Strategy = STRATEGY,
     watch: Callable[[str], None] = lambda text: None,
 ) -> Fitted:
-    """Do the long part of :func:`identify`; wrong input raises its error before the search.
+    """Do the long part of :func:`fit`; wrong input raises its error before the search.
 
     Further arguments: the `state` of an interrupted search to resume; the `command` line, for the report; other `files` that
     were read (mapping, noise covariance), for the result's ``inputs``; `watch` is told what is fitted.
     """
     began = time.perf_counter()
-    vehicle = as_vehicle(vehicle)
+    vehicle = load_vehicle(vehicle)
     methods.find(options.method)
     known = by_name(as_flights(flights), "identify")
     rates = sorted({f"{flight.rate:g}" for flight in known.values()})
@@ -137,9 +137,9 @@ def search(
     inputs = input_hashes(vehicle, known, files)
     for name, flight in known.items():
         known[name] = without(flight, [(w.start, w.stop) for w in predicted if w.flight == name])
-    found = fit(strategy, vehicle, known, fitted, predicted, options, callback, state, watch)
+    found = run.fit(strategy, vehicle, known, fitted, predicted, options, callback, state, watch)
     read = (Path(vehicle.where), *flight_files(known.values()), *files)
-    return replace(with_tests(found), provenance=Provenance(inputs, read, command, began))
+    return replace(run.with_tests(found), provenance=Provenance(inputs, read, command, began))
 
 
 finish = on_one_blas_thread(fitted_model)

@@ -16,11 +16,9 @@ from stoop.base.numbers import MAX_NUMBER
 from stoop.base.text import nearest
 from stoop.errors import StoopError
 from stoop.estimate.noise import is_covariance
-from stoop.flight import Flight
-from stoop.flight import load as load_flight
+from stoop.flight import Flight, load_flight
 from stoop.results.result import Result, read_result
 from stoop.vehicle import Vehicle, load_vehicle
-from stoop.vehicle.builtin import resolve_vehicle
 from stoop.workflow.archive import Curves, unpacked_curves, without_curves
 from stoop.workflow.fitted_model import FittedModel
 from stoop.workflow.outputs import ARCHIVES, ATTACHED, CURVES, ESTIMATE, RESULT, flight_file, flight_places
@@ -46,7 +44,7 @@ def model_or_vehicle(given: FittedModel | Vehicle | Place) -> FittedModel | Vehi
     if isinstance(given, Vehicle):
         return given
     if isinstance(given, str | Path) and not (Path(given).is_dir() or Path(given).suffix == ".json"):
-        return resolve_vehicle(given)
+        return load_vehicle(given)
     return fitted_model(given)
 
 

@@ -21,7 +21,7 @@ from stoop.results.result import to_json
 from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.vehicle.document import keys_of, write_entry, write_fields
 from stoop.vehicle.vehicle import leaves
-from stoop.workflow.archive import Curves, packed, packed_curves
+from stoop.workflow.archive import Curves, packed_curves
 
 if TYPE_CHECKING:
     from stoop.workflow.fitted_model import FittedModel
@@ -81,7 +81,7 @@ def place_outputs(model: FittedModel, folder: Path, overwrite: bool = False) -> 
     files: dict[str, bytes | str] = dict(model.attachments)
     files["vehicle.toml"] = with_values(model.vehicle, {n: p.estimate for n, p in model.parameters.items()})
     files |= {flight_file(flight.name, len(model.flights)): flight_bytes(flight) for flight in model.flights}
-    if archive := model.archive or (packed(model.fresh.state()) if model.fresh else b""):
+    if archive := model.evidence:
         files[ESTIMATE] = archive
     files[CURVES] = packed_curves(Curves(model.traces, model.convergence, model.command))
     files |= {"report.html": render(model), RESULT: to_json(model.result)}

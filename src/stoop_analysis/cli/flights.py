@@ -5,11 +5,13 @@ from __future__ import annotations
 import argparse
 import math
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from stoop.extend.errors import FlightError, IdentificationError
 from stoop.extend.files import check_targets
+from stoop.extend.text import within_limits
 from stoop.extend.verbs import LiveLine, Watch, fixed, numbers, options, page, words
 
 if TYPE_CHECKING:
@@ -23,6 +25,7 @@ def polar(arguments: argparse.Namespace) -> int:
     """Fit a drag polar, write where asked to, and print what was found."""
     from stoop import load_flight
     from stoop.extend.fits import NORMAL_95
+    from stoop.extend.flights import spans
     from stoop_analysis.performance.polar import Propulsion
     from stoop_analysis.report.polar import MEANINGS, lift_grid
     from stoop_analysis.workflow.polar import POLAR, drag_polar, write_polar
@@ -34,7 +37,7 @@ def polar(arguments: argparse.Namespace) -> int:
         flight = load_flight(arguments.flight, arguments.mapping)
     efficiency, spread = arguments.efficiency
     propulsion = Propulsion(efficiency, spread, arguments.disc)
-    used = options.windows(arguments.window)
+    used = spans(arguments.window, flight)
     found, notices = drag_polar(flight, arguments.mass, arguments.area, used, propulsion)
     out, summary = page(), found.summary
     out.heading("Polar")
@@ -125,17 +128,9 @@ def structure(arguments: argparse.Namespace) -> int:
     from stoop_analysis.workflow.structure import structure as determined
 
     check_targets(arguments.output, FILES, arguments.overwrite)
-    try:
-        low, high = (float(part) for part in arguments.band.split(":"))
-    except ValueError:
-        low = high = 0.0
-    if not 0.0 <= low < high < 1e4:
-        raise IdentificationError(f"--band {arguments.band}: write LOW:HIGH in Hz, for example 0.1:2")
-    criteria: dict[str, Any] = {
-        "f": stepwise,
-        "press": lambda rows: stepwise(rows, Press()),
-        "pse": orthogonal,
-    }
+    low, high = within_limits("band in Hz", arguments.band, 2)
+    press = partial(stepwise, criterion=Press())
+    criteria: dict[str, Any] = {"f": stepwise, "press": press, "pse": orthogonal}
     vehicle = load_vehicle(arguments.vehicle)
     candidates: dict[str, tuple[str, ...]] = {} if arguments.candidates else standard_candidates(vehicle)
     for text in arguments.candidates:

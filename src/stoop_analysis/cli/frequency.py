@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
-from stoop.extend.errors import FlightError
 from stoop.extend.text import show
 from stoop.extend.verbs import LiveLine, fixed, numbers, options, page, points, to_json, words
 
@@ -19,12 +18,11 @@ def run(arguments: argparse.Namespace) -> int:
     from stoop_analysis.workflow.frequency import frequency_responses
 
     target = arguments.output
-    band = _band(arguments.band)
     with LiveLine("reading the log"):
         flights = load_several(arguments.flight, arguments.mapping)
     with LiveLine("estimating frequency responses"):
         found = frequency_responses(
-            flights, arguments.maneuver, arguments.vehicle, arguments.input, arguments.channel, band
+            flights, arguments.maneuver, arguments.vehicle, arguments.input, arguments.channel, arguments.band
         )
     if target is not None:
         from stoop.extend.reports import write_sheet
@@ -39,15 +37,6 @@ def run(arguments: argparse.Namespace) -> int:
     if target is not None:
         page().line(f"page: {target}")
     return 0
-
-
-def _band(text: str | None) -> tuple[float, float] | None:
-    if text is None:
-        return None
-    low, high = options.ends(text)
-    if not 0.0 < low < high < 1e4:
-        raise FlightError(f"--band {text}: write LOW:HIGH in rad/s, for example 1:20")
-    return low, high
 
 
 def _print(found: FrequencyAnalysis) -> None:

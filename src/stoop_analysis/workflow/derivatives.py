@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -14,11 +14,10 @@ from stoop import FittedModel, Vehicle
 from stoop.extend.errors import OutputError
 from stoop.extend.files import csv_text, write_text_atomic
 from stoop.extend.fits import takes_model_or_vehicle
-from stoop.extend.text import printable_lines
+from stoop.extend.text import finite_or_none, printable_lines
 from stoop_analysis.derivatives import LOADS, Derivatives, Table
 from stoop_analysis.derivatives import derivatives as about
-from stoop_export.export import model_data
-from stoop_export.exporter import Condition, ModelData
+from stoop_analysis.known_model import Condition, KnownModel, known_model
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -33,7 +32,7 @@ COLUMNS: Final = ("axes", "form", "name", "value", "unit", "std_error", "identif
 class DerivativeTables:
     """Derivatives along one set of axes in the forms that were asked for, with the steady flight."""
 
-    model: ModelData
+    model: KnownModel
     found: Derivatives
     tables: tuple[Table, ...]
     flight: dict[str, float]  #: airspeed, m/s; altitude, m; alpha, rad
@@ -95,12 +94,14 @@ def derivatives(
     StoopError
         No steady flight, a reduced vehicle, or nondimensional derivatives of a hover.
     """
-    data = model_data(model)
+    data = known_model(model)
     point = data.trim(Condition(airspeed, altitude, climb_angle))
     found = about(data.vehicle, point, data.covariance).along(axes)
     forms = ("dimensional", "specific") if dimensional else ("nondimensional",)
     speed = float(np.linalg.norm(found.velocity))
     flight = {"airspeed": speed, "altitude": point.start["h"], "alpha": found.alpha}
+    if isinstance(model, FittedModel) and point.on_wings:
+        data = replace(data, notes=(*data.notes, *map(str, model.extrapolation(speed))))
     return DerivativeTables(data, found, tuple(map(found.table, forms)), flight)
 
 
@@ -119,7 +120,7 @@ def save_derivatives(reported: DerivativeTables, target: Path) -> None:
 
 def as_csv(reported: DerivativeTables) -> str:
     """Return one row for each derivative; the standard error is empty where the flight does not determine it."""
-    return csv_text(COLUMNS, [(*row[:5], _finite(row[5]), row[6]) for row in reported.rows()])
+    return csv_text(COLUMNS, [(*row[:5], finite_or_none(row[5]), row[6]) for row in reported.rows()])
 
 
 def as_json(reported: DerivativeTables) -> str:
@@ -131,8 +132,8 @@ def as_json(reported: DerivativeTables) -> str:
             "identified": t.identified.tolist(),
         }  # fmt: skip
         if t.known.names:
-            table["std_errors"] = [_finite(x) for x in t.std_errors.tolist()]
-            table["covariance"] = [[_finite(x) for x in row] for row in t.covariance.tolist()]
+            table["std_errors"] = [finite_or_none(x) for x in t.std_errors.tolist()]
+            table["covariance"] = [[finite_or_none(x) for x in row] for row in t.covariance.tolist()]
         tables.append(table)
     content = {
         "format": FORMAT,
@@ -145,7 +146,3 @@ def as_json(reported: DerivativeTables) -> str:
         "tables": tables,
     }
     return json.dumps(content, indent=1, allow_nan=False, ensure_ascii=False) + "\n"
-
-
-def _finite(x: float) -> float | None:
-    return x if math.isfinite(x) else None

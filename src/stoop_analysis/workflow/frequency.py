@@ -34,7 +34,7 @@ from stoop.extend.flights import (
     within,
 )
 from stoop.extend.notices import notice
-from stoop.extend.text import nearest
+from stoop.extend.text import nearest, within_limits
 from stoop.extend.variables import EULER, VARIABLES, WRAPPED
 from stoop_analysis.frequency import (
     AXES,
@@ -130,6 +130,9 @@ def frequency_responses(
     FlightError
         An input is unknown or does not move, an output is unknown, or the windows are too short.
     """
+    if band is not None:
+        low, high = within_limits("band", band, 2)
+        band = low, high
     flights = as_flights(flights)
     named = by_name(flights, "frequency")
     found_model = None if model is None else model_or_vehicle(model)
@@ -193,6 +196,13 @@ def _columns(
     if vehicle is None:
         return {**columns, **({} if inputs else {one.variable: one.u for one in commands(flight)})}
     recorded = {name: flight.column(name) for name in vehicle.inputs if name in flight.names}
+    if not recorded:
+        if not columns:
+            lost = ", ".join(vehicle.inputs)
+            raise FlightError(
+                f"{flight.name}: holds no input of {vehicle.where} ({lost}); map one, or give no model"
+            )
+        return columns
     axes = None if steady is None or set(inputs) & set(motion.channel_range(vehicle).names) else steady.axes
     return columns | control_inputs(vehicle, recorded, axes)
 

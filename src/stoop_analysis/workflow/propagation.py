@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import fields
 from typing import Final
 
 import numpy as np
@@ -13,6 +12,7 @@ from stoop.extend.arrays import FloatArray
 from stoop.extend.errors import StoopError
 from stoop.extend.fits import at_center_of_gravity, refusal, takes_model, true_values
 from stoop.extend.reports import Page
+from stoop.extend.text import within_limits
 from stoop.extend.units import standard_density
 from stoop.extend.variables import EULER, RATES, VELOCITY
 from stoop_analysis.draws import POSTERIOR_FILE, Source, draws_of
@@ -74,12 +74,12 @@ def propagate(
     StoopError
         The posterior did not converge, there is no covariance, an expression has an unknown name, or nothing trims.
     """
+    domain = flown_domain(model, airspeed, altitude)
     posterior = model.attachments.get(POSTERIOR_FILE)
     drawn = draws_of(model.result, posterior, draws, seed, source, model.source)
-    domain = flown_domain(model, airspeed, altitude)
     made = propagate_draws(model.vehicle, drawn, domain, expressions, model.source, seed)
     notices = (*refusal(model.result, model.source), *made.notices)
-    return Propagated(**{item.name: getattr(made, item.name) for item in fields(made)} | {"notices": notices})
+    return Propagated(**{**vars(made), "notices": notices})
 
 
 def flown_domain(
@@ -87,6 +87,9 @@ def flown_domain(
 ) -> Domain:
     """Return the airspeeds, angles of attack and altitude of the fitted maneuvers, or those asked for in their place."""
     vehicle = model.vehicle
+    if airspeed is not None:
+        slowest, fastest = within_limits("airspeed", airspeed, 2)
+        airspeed = slowest, fastest
     try:
         pieces = [piece for maneuver in model.pieces() for piece in maneuver]
     except StoopError:  # the copy of the flight has gone: modes and vehicle remain
@@ -100,7 +103,8 @@ def flown_domain(
         over_ground = [v[np.isfinite(v)] for v in (read.get(n, np.empty(0)) for n in VELOCITY)]
         speed = np.sqrt(sum((v**2 for v in over_ground if v.size == over_ground[0].size), np.zeros(1)))
     height = [piece.start["h"] for piece in pieces if "h" in piece.start]
-    at = altitude if altitude is not None else float(np.mean(height)) if height else ALTITUDE
+    usual = float(np.mean(height)) if height else ALTITUDE
+    (at,) = within_limits("altitude", usual if altitude is None else altitude)
     density = float(standard_density(np.array(at)))
     if "density" in vehicle.inputs and pieces and altitude is None:
         column = vehicle.inputs.index("density")

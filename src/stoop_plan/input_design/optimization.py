@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any, Final
 
@@ -36,6 +36,7 @@ TEXTBOOK: Final = "textbook"  #: in place of a family, where the textbook's mane
 OUTSIDE: Final = 1e3  #: cost of leaving the envelope at all: every maneuver within it is better
 MIN_STEP: Final = 0.1  #: s
 MARGIN: Final = 0.02  #: of an envelope's width to its edge: forecasts of the search have a coarser step
+OPTIMIZERS: Final = ("ps-gde", "scipy-de")  #: of which the first that is installed is the default
 DRAWS: Final = 20  #: models with which the robustness of the best maneuver is computed
 SEARCH_RATE: Final = 50.0  #: Hz; a short period needs no more, and a search takes half as long
 
@@ -51,11 +52,18 @@ class Plan:
     duration: float = 20.0
     rate: float = 100.0
     band: float = 2.0
-    optimizer: str = "ps-gde"
+    optimizer: str = field(default_factory=lambda: next(n for n in OPTIMIZERS if n in optimize.names()))
     evaluations: int = 2000
     seed: int = 0
     beat: float | None = None
     textbook: bool = True
+
+    def __post_init__(self) -> None:
+        """Refuse an optimizer that there is none of, or that needs residuals."""
+        if optimize.needs_residuals(self.optimizer):
+            raise SimulationError(
+                f"design: {self.optimizer} needs residuals; choose --optimizer {' or '.join(OPTIMIZERS)}"
+            )
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,12 +18,15 @@ import numpy as np
 from stoop import Flight, Notice
 from stoop.extend.arrays import FloatArray
 from stoop.extend.errors import FlightError
+from stoop.extend.files import by_name
 from stoop.extend.flights import (
     Axis,
     Expected,
+    Flights,
     Found,
     Proposed,
     Use,
+    as_flights,
     commands,
     flying,
     moves,
@@ -199,7 +202,7 @@ def doubts(flights: Mapping[str, Flight], vehicle: Vehicle) -> list[Notice]:
 
 
 def find_windows(
-    flights: Mapping[str, Flight],
+    flights: Mapping[str, Flight] | Flights,
     vehicle: Vehicle | None = None,
     tell: Callable[[str], None] = lambda _: None,
 ) -> Found:
@@ -207,7 +210,7 @@ def find_windows(
 
     Parameters
     ----------
-    flights : name -> flight, of one vehicle
+    flights : Flight, path of a log, or a sequence or mapping of them, of one vehicle
     vehicle : whose free numbers are to be estimated; without one, windows that excite each axis by itself
     tell : called with the progress
 
@@ -216,9 +219,10 @@ def find_windows(
     FlightError
         No window can be used, with the reason.
     """
-    for flight in flights.values():
+    given = by_name(as_flights([*flights.values()] if isinstance(flights, Mapping) else flights), "windows")
+    for flight in given.values():
         _check_inputs(flight, vehicle)
-    flights = {name: with_motors(flight, vehicle) for name, flight in flights.items()}
+    flights = {name: with_motors(flight, vehicle) for name, flight in given.items()}
     excitations = {name: e for name, flight in flights.items() if (e := Excitation.of(flight)) is not None}
     found = [c for f in flights.values() for c in _candidates(f, vehicle, excitations.get(f.name))]
     if not found or not (vehicle is None or excitations or _driven(flights, vehicle)):

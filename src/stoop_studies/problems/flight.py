@@ -26,7 +26,7 @@ from stoop.estimate.refit_problem import Derived
 from stoop.flight.load import load_several
 from stoop.optimize.normal_equations import dense
 from stoop.problem.windows import parse_window
-from stoop.vehicle.builtin import resolve_vehicle
+from stoop.vehicle.builtin import load_vehicle
 from stoop_studies.problems import Posed
 
 NAMES: Final = ("flight",)
@@ -116,7 +116,7 @@ def posed(flights: tuple[str, ...], vehicle: str, maneuvers: tuple[str, ...]) ->
     if len(by_name) < len(loaded):
         raise FlightError("flights: two of them have the same name; rename one of the files")
     windows = [parse_window(text, by_name) for text in maneuvers]
-    whole, _ = estimation_problem(resolve_vehicle(vehicle), by_name, windows, Options())
+    whole, _ = estimation_problem(load_vehicle(vehicle), by_name, windows, Options())
     settled = settle(whole, starts(whole))
     guesses = np.concatenate([settled.z[None, : whole.dimension], starts(whole)])
     apart, stop = settled.problem, optimize.Stop(budget=REFERENCE_BUDGET)

@@ -21,7 +21,7 @@ from stoop import optimize
 from stoop.base.arrays import FloatArray
 from stoop.errors import FlightError, IdentificationError
 from stoop.estimate.noise import channel_residuals, effective_variance
-from stoop.flight import Flight, load
+from stoop.flight import Flight, load_flight
 from stoop.optimize.ledger import Evaluations
 from stoop.optimize.local_refinement import FULL
 from stoop.problem import Misfit, Weights
@@ -104,7 +104,7 @@ def _flight(data: Path) -> Flight:
     if place is None:
         raise FlightError(f"{data}: holds no log of the hexacopter; fetch {SOURCE} and name its folder")
     with as_file(files("stoop_studies.problems").joinpath("hexacopter_mapping.toml")) as mapping:
-        return load(place, mapping, RATE)
+        return load_flight(place, mapping, RATE)
 
 
 def mixed(flight: Flight) -> Flight:

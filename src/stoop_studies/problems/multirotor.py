@@ -32,7 +32,7 @@ from stoop.simulation.initial import commanded
 from stoop.simulation.maneuver import parse_maneuver
 from stoop.simulation.trajectories import Flown, readings_along, states_along
 from stoop.vehicle import Vehicle
-from stoop.vehicle.builtin import resolve_vehicle
+from stoop.vehicle.builtin import load_vehicle
 from stoop_studies.problems import Posed, data_text, take_none
 from stoop_studies.problems.paper import box, freed, of_known_truth
 
@@ -124,7 +124,7 @@ class Quad:
 @functools.cache
 def quad() -> Quad:
     """Return the quadrotor and its flight; made once in a process."""
-    vehicle = resolve_vehicle("quad-x")
+    vehicle = load_vehicle("quad-x")
     flown = fly(vehicle, parse_maneuver(MANEUVER, "quadrotor"))
     rows = parameter_rows(vehicle, flown.trim.changes)
     start = initial_states(vehicle, flown.trim.start, rows, flown.inputs[0])

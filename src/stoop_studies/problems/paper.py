@@ -29,7 +29,7 @@ from stoop.simulation.fly import fly
 from stoop.simulation.maneuver import parse_maneuver
 from stoop.simulation.trajectories import Flown
 from stoop.vehicle import Vehicle
-from stoop.vehicle.builtin import resolve_vehicle
+from stoop.vehicle.builtin import load_vehicle
 from stoop.workflow.demo import MANEUVER, TABLE_1
 from stoop_studies.problems import Posed, data_text, take_none
 
@@ -174,13 +174,13 @@ def box(kind: str, seed: int, truth: FloatArray) -> tuple[FloatArray, FloatArray
 @functools.cache
 def paper() -> Paper:
     """Return the paper's aircraft and its flight; made once in a process."""
-    vehicle = resolve_vehicle("twin-boom").reduced("longitudinal")
+    vehicle = load_vehicle("twin-boom").reduced("longitudinal")
     return Paper(vehicle, fly(vehicle, parse_maneuver(MANEUVER, "paper")))
 
 
 def aircraft() -> Vehicle:
     """Return the paper's aircraft with no coefficient of eq. (1) at zero."""
-    return resolve_vehicle("twin-boom").with_numbers({n: {"value": v} for n, v in LEFT_OUT.items()})
+    return load_vehicle("twin-boom").with_numbers({n: {"value": v} for n, v in LEFT_OUT.items()})
 
 
 @functools.cache

@@ -16,7 +16,7 @@ from stoop.base.arrays import FloatArray
 from stoop.base.csv_text import Cell
 from stoop.simulation.fly import fly
 from stoop.simulation.maneuver import parse_maneuver
-from stoop.vehicle.builtin import resolve_vehicle
+from stoop.vehicle.builtin import load_vehicle
 from stoop.vehicle.schema import ConstantThrust, Propeller
 from stoop.workflow.demo import MANEUVER, TABLE_1
 from stoop_studies.findings import Claim, Findings, Results, Setting, number, reproduces
@@ -37,7 +37,7 @@ PROPELLER: Final = {
 @functools.cache
 def truth() -> Paper:
     """Return the aircraft with the propeller, all V terms zero, and its flight."""
-    vehicle = resolve_vehicle("twin-boom").reduced("longitudinal")
+    vehicle = load_vehicle("twin-boom").reduced("longitudinal")
     file = vehicle.file.model_copy(update={"propulsion": Propeller.model_validate(PROPELLER)})
     vehicle = replace(vehicle, file=file)
     return Paper(vehicle, fly(vehicle, parse_maneuver(MANEUVER, "propulsion")))

@@ -24,7 +24,7 @@ from stoop.base.rotations import continuous, quaternions_of
 from stoop.base.units import DEGREE
 from stoop.base.variables import EULER, VELOCITY
 from stoop.errors import StoopError
-from stoop.flight import Flight, load
+from stoop.flight import Flight, load_flight
 from stoop.vehicle import Vehicle
 from stoop.vehicle.load import parse_vehicle
 from stoop_draft.mapping_draft import draft as draft_mapping
@@ -100,7 +100,7 @@ def drafted(flown: defaults.Flown) -> tuple[Flight, Vehicle]:
     """Return the flight of a log, by a drafted mapping that is written beside it, and the vehicle drafted of both."""
     mapping, made = flown.path.with_name("mapping.toml"), flown.vehicle
     mapping.write_text(draft_mapping(flown.path).text, encoding="utf-8")
-    flight = load(flown.path, mapping, rate=LOG_GRID)
+    flight = load_flight(flown.path, mapping, rate=LOG_GRID)
     request = Request(made.template, made.tape["mass"], made.tape["span"], made.tape.get("chord"))
     return flight, draft(request, (flight,), f"new {made.number}").vehicle
 

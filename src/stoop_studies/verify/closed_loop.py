@@ -23,7 +23,7 @@ from stoop.simulation.maneuver import Maneuver
 from stoop.simulation.steady_flight import trim
 from stoop.simulation.trim import inputs_about
 from stoop.vehicle import Vehicle
-from stoop.vehicle.builtin import resolve_vehicle
+from stoop.vehicle.builtin import load_vehicle
 from stoop_studies.verify import scenes
 
 Law = Mapping[str, Mapping[str, float]]
@@ -115,7 +115,7 @@ def lateral_scene(wind: float, seed: int) -> scenes.Scene:
 
 def quadrotor_scene(wind: float, seed: int) -> scenes.Scene:
     """Return a flight of the quadrotor, its mass known and its inertia free, in the turbulence of a wind at 20 ft, m/s."""
-    calm, rng = resolve_vehicle(QUADROTOR), np.random.default_rng(seed)
+    calm, rng = load_vehicle(QUADROTOR), np.random.default_rng(seed)
     steps = tuple(
         (control, shape, LEG * leg + start, step, amplitude * (-1.0) ** (leg * (control == "north")))
         for leg in range(LEGS)

@@ -18,7 +18,7 @@ import numpy as np
 
 from stoop.base.arrays import FloatArray
 from stoop.base.units import KNOT
-from stoop.flight import Flight, load
+from stoop.flight import Flight, load_flight
 from stoop.flight.faults import recorded_faults
 from stoop.flight.gridding import Channels
 from stoop.problem.windows import Window
@@ -310,10 +310,10 @@ def folds(name: str) -> int:
 def _read(name: str, data: Path) -> tuple[Flight, ...]:
     real = REAL[name]
     if real.mapping is None:
-        return tuple(load(data / place, None, scenes.LOG_GRID) for place in real.flights)
+        return tuple(load_flight(data / place, None, scenes.LOG_GRID) for place in real.flights)
     package, file = real.mapping
     with as_file(files(package).joinpath(file)) as mapping:
-        return tuple(load(data / place, mapping, scenes.LOG_GRID) for place in real.flights)
+        return tuple(load_flight(data / place, mapping, scenes.LOG_GRID) for place in real.flights)
 
 
 def pose_real(name: str, fold: int, data: Path) -> Posed:

@@ -17,10 +17,10 @@ from stoop.base.arrays import FloatArray
 from stoop.base.units import FOOT
 from stoop.base.variables import VARIABLES, WRAPPED
 from stoop.errors import StoopError
-from stoop.flight import Flight, load, without_faults
+from stoop.flight import Flight, load_flight, without_faults
 from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.workflow.fitted_model import FittedModel
-from stoop.workflow.identification import identify
+from stoop.workflow.identification import fit
 from stoop_draft.vehicle_draft.draft import draft
 from stoop_draft.vehicle_draft.request import Request
 from stoop_plan.input_design.windows import find_windows
@@ -189,7 +189,7 @@ def drafted_file(flown: Flown) -> Vehicle:
     """Return what `stoop vehicle new` writes of the log, mass, span, chord and template."""
     made, tape = flown.vehicle, flown.vehicle.tape
     request = Request(made.template, tape["mass"], tape["span"], tape.get("chord"))
-    return draft(request, (load(flown.path, rate=LOG_GRID),), f"new {made.number}").vehicle
+    return draft(request, (load_flight(flown.path, rate=LOG_GRID),), f"new {made.number}").vehicle
 
 
 FILES: Final[Mapping[str, Callable[[Flown], Vehicle]]] = {"new": drafted_file, "quick": quick_file}
@@ -201,7 +201,7 @@ FILES: Final[Mapping[str, Callable[[Flown], Vehicle]]] = {"new": drafted_file, "
 def identified(flight: Flight, vehicle: Vehicle, folder: Path) -> FittedModel:
     """Do what the printed commands do: windows by `stoop maneuvers`, then `stoop identify` and its report."""
     found = find_windows({flight.name: without_faults(flight)}, vehicle)
-    job = identify(vehicle, [flight], found.texts("fit"), found.texts("validate"))
+    job = fit(vehicle, [flight], found.texts("fit"), found.texts("validate"))
     job.save(folder, overwrite=True)
     return job
 
@@ -224,7 +224,7 @@ def examine(case: str, seed: int) -> dict[str, Any]:
         began = time.perf_counter()
         try:
             vehicle = FILES[case](flown)
-            job = identified(load(flown.path, rate=LOG_GRID), vehicle, Path(name) / "result")
+            job = identified(load_flight(flown.path, rate=LOG_GRID), vehicle, Path(name) / "result")
         except StoopError as error:
             return {**about, "stopped": str(error), "seconds": time.perf_counter() - began}
         seconds = time.perf_counter() - began

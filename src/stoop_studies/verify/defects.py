@@ -25,7 +25,7 @@ from stoop.simulation.delays import delayed
 from stoop.simulation.fly import simulate_flight
 from stoop.simulation.maneuver import Maneuver
 from stoop.vehicle import Vehicle, parse_vehicle
-from stoop.vehicle.builtin import resolve_vehicle
+from stoop.vehicle.builtin import load_vehicle
 from stoop_studies.verify import scenes
 from stoop_studies.verify.scenes import Scene
 from stoop_studies.verify.study import data_text
@@ -165,7 +165,7 @@ ROTOR_BIASES: Final = {"p": 0.01, "q": 0.01, "r": 0.01, "ax": 0.05, "ay": 0.05, 
 @functools.cache
 def quadrotor() -> str:
     """Return the file of the built-in quadrotor, with a delay of its motors."""
-    return resolve_vehicle("quad-x").text
+    return load_vehicle("quad-x").text
 
 
 #: as `WING_INPUTS`, the amplitude in rad/s2 and m/s2

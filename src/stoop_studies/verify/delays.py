@@ -25,7 +25,7 @@ from stoop.simulation.fly import simulate_flight
 from stoop.simulation.initial import rigid_states
 from stoop.simulation.maneuver import Maneuver
 from stoop.vehicle import Vehicle
-from stoop.vehicle.builtin import resolve_vehicle
+from stoop.vehicle.builtin import load_vehicle
 from stoop.vehicle.load import parse_vehicle
 from stoop_studies.findings import Claim, Findings, Setting, holds
 from stoop_studies.verify import scenes, study
@@ -73,7 +73,7 @@ def maneuvers() -> Mapping[str, Maneuver]:
 @functools.cache
 def aircraft() -> Vehicle:
     """Return the twin-boom aircraft with a delay on every control and on every sensor but the inertial ones."""
-    plain = resolve_vehicle(scenes.AIRCRAFT)
+    plain = load_vehicle(scenes.AIRCRAFT)
     document: Any = tomlkit.parse(plain.text)
     unknown = {"value": 0.0, "free": True, "bounds": list(BOX)}
     for table, names in (("controls", INPUTS), ("sensors", SENSORS)):

@@ -17,7 +17,7 @@ import numpy as np
 
 from stoop.base.variables import RATES
 from stoop.errors import SimulationError, StoopError
-from stoop.flight import load
+from stoop.flight import load_flight
 from stoop.simulation.maneuver import parse_maneuver
 from stoop.vehicle import Vehicle
 from stoop.vehicle.document import with_entries
@@ -121,7 +121,7 @@ def examine(case: str, seed: int) -> dict[str, Any]:
         about = {"vehicle": number, "template": flown.vehicle.template, "gusts": flown.gusts}
         try:
             job = defaults.identified(
-                load(flown.path, rate=LOG_GRID), defaults.drafted_file(flown), Path(name) / "result"
+                load_flight(flown.path, rate=LOG_GRID), defaults.drafted_file(flown), Path(name) / "result"
             )
             return {**about, "stopped": "", **judged(flown, job, seed)}
         except StoopError as error:

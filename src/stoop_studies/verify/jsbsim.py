@@ -23,7 +23,7 @@ from stoop.base.units import FOOT, SLUG
 from stoop.flight import Flight, from_columns
 from stoop.vehicle import Vehicle, terms
 from stoop.vehicle.load import parse_vehicle
-from stoop.workflow import identify
+from stoop.workflow import fit
 from stoop_studies.findings import Claim, Findings, Setting, counted, holds, number
 from stoop_studies.verify import jsbsim_flight, study
 
@@ -209,7 +209,7 @@ class Case:
     def estimates(self, flight: Flight) -> dict[str, dict[str, float]]:
         """Identify as a user would; return truth, estimate and standard error of every parameter."""
         window = f"0:{self.flown.time[-1]:g}"
-        found = identify(self.vehicle, flight, [window]).result.parameters
+        found = fit(self.vehicle, flight, [window]).result.parameters
         return {
             "truth": dict(self.truth),
             "estimate": {name: found[name].estimate for name in self.truth},

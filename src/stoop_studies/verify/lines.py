@@ -23,13 +23,13 @@ from stoop.base.toml import quoted, quoted_key
 from stoop.base.units import DEGREE, FACTORS, STANDARD_GRAVITY
 from stoop.base.variables import EULER, POSITION, RATES, SPECIFIC_FORCE, VARIABLES, VELOCITY
 from stoop.errors import StoopError
-from stoop.flight import Flight, load
+from stoop.flight import Flight, load_flight
 from stoop.flight.air_data import RECONSTRUCTED
 from stoop.flight.airborne import in_flight
 from stoop.simulation.fly import simulate_flight
 from stoop.simulation.maneuver import Maneuver
 from stoop.vehicle import parse_vehicle
-from stoop.vehicle.builtin import resolve_vehicle
+from stoop.vehicle.builtin import load_vehicle
 from stoop_draft.checks.entries import Line
 from stoop_draft.checks.mapping import ContradictedError, check_mapping
 from stoop_draft.mapping_corrections import corrected_mapping
@@ -150,7 +150,7 @@ def flown(seed: int, winged: bool) -> tuple[FloatArray, dict[str, FloatArray]]:
     """Return time (n,), s, and what the sensors of a flight in wind and gusts measure, from before take-off on."""
     rng = np.random.default_rng(seed)
     name = AIRCRAFT if winged else str(rng.choice(ROTORCRAFT))
-    text = resolve_vehicle(name).text
+    text = load_vehicle(name).text
     if rng.random() < 0.5 and "[turbulence]" not in text:
         gust = f"= {{ intensity = {rng.uniform(0.3, 1.0):.2f}, length = 50.0 }}\n"
         passing = f"\n[turbulence]\nairspeed = {35.0 if winged else 5.0}\n"
@@ -261,7 +261,7 @@ def mapping_of(clock: Sequence[str], rows: Mapping[str, Sequence[Any]]) -> str:
 def accusations(path: Path, mapping: Path | None) -> list[list[list[str]]]:
     """Return what `stoop info` says against a mapping: the lines of each edit of each finding."""
     try:
-        flight = load(path, mapping, LOG_GRID)
+        flight = load_flight(path, mapping, LOG_GRID)
     except ContradictedError as error:
         return [[accused(error.notices[0])]]
     found = []
@@ -387,7 +387,7 @@ def _real(seed: int, folder: Path) -> dict[str, Any]:
     path = paths[seed]
     found = accusations(path, None)
     if not found:
-        flight = load(path, rate=LOG_GRID)
+        flight = load_flight(path, rate=LOG_GRID)
         up = in_flight(flight)
         columns = {
             name: np.where(up, flight.column(name), np.nan)

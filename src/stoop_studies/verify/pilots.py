@@ -24,6 +24,7 @@ from stoop.simulation.fly import fly as fly_maneuver
 from stoop.simulation.initial import initial_states
 from stoop.simulation.maneuver import Maneuver
 from stoop.vehicle import Vehicle, parse_vehicle
+from stoop_analysis.known_model import without_turbulence
 from stoop_export import jsbsim_aircraft, jsbsim_flight
 from stoop_studies.verify.defects import edited
 from stoop_studies.verify.scenes import step_maneuvers
@@ -202,7 +203,7 @@ def by_jsbsim(
     vehicle: Vehicle, planned: Plan, throw: Mapping[str, float], rng: np.random.Generator
 ) -> Columns:
     """Fly the exported aircraft by JSBSim over its own Earth, through gusts that pass as those of the file do."""
-    calm, _ = jsbsim_flight.without_turbulence(vehicle)
+    calm, _ = without_turbulence(vehicle)
     point, count = steady(calm), len(planned.hold)
     pilot = Pilot(calm, point, planned, throw, rng)
     time = np.arange(count) / RATE

@@ -7,6 +7,7 @@ from typing import Any, Final
 
 import numpy as np
 
+import stoop
 from stoop.assessment.error_bars import error_bars
 from stoop.base.arrays import FloatArray
 from stoop.errors import StoopError
@@ -16,9 +17,8 @@ from stoop.simulation import linearize, trim
 from stoop.simulation.initial import parameter_rows
 from stoop.simulation.linearize import modes_of
 from stoop.vehicle import Vehicle
-from stoop.vehicle.builtin import resolve_vehicle
+from stoop.vehicle.builtin import load_vehicle
 from stoop.workflow.fitted_model import FittedModel
-from stoop.workflow.identification import identify
 from stoop_analysis.draws import Draws, from_covariance, truncated_normal
 from stoop_analysis.propagation.propagation import propagate_draws
 from stoop_analysis.propagation.quantities import ON_PRIOR
@@ -132,7 +132,7 @@ def twin(seed: int) -> float:
 def marks(seed: int) -> list[dict[str, Any]]:
     """Return the figures of a fit in which one control never moves, with their share of priors by draws and by single trims."""
     scene = scenes.in_white_noise(seed, still=STILL[seed % len(STILL)])
-    model = identify(
+    model = stoop.fit(
         scene.start, list(scene.flights.values()), scene.windows, seed=seed,
         method="output-error", strategy="textbook",
     )  # fmt: skip
@@ -201,7 +201,7 @@ def carry(case: str, seed: int) -> dict[str, Any]:
     if case == "fits":
         vehicle, truth, draws = fitted(seed)
         return {"held": [carried(vehicle, truth, draws, WING)]}
-    truth = scenes.aircraft() if case == "known" else resolve_vehicle("quad-x")
+    truth = scenes.aircraft() if case == "known" else load_vehicle("quad-x")
     names = tuple(scenes.coefficients(truth)) if case == "known" else ROTOR_NUMBERS
     rng, out = np.random.default_rng([seed, 1]), []
     for _ in range(REPEATS):

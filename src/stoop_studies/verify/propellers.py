@@ -15,7 +15,7 @@ import numpy as np
 from scipy.stats import mannwhitneyu
 
 from stoop.errors import StoopError
-from stoop.flight import load
+from stoop.flight import load_flight
 from stoop.vehicle import parse_vehicle
 from stoop_analysis.performance import effectiveness
 from stoop_studies.findings import Claim, Findings, Setting, counted, holds, number
@@ -70,7 +70,9 @@ def read_flights(folder: Path | None) -> tuple[CrazyFlight, ...]:
         assert p is not None  # noqa: S101 - the pattern of the search
         length, weight = int(p["cut"] or WHOLE), p["weight"] or ""
         flights.append(
-            CrazyFlight(p["airframe"], length, weight, p["log"], effectiveness.hover(load(path), rotors))
+            CrazyFlight(
+                p["airframe"], length, weight, p["log"], effectiveness.hover(load_flight(path), rotors)
+            )
         )
     normal = Counter(f.airframe for f in flights if f.condition == NORMAL)
     for airframe in sorted({f.airframe for f in flights}):

@@ -19,7 +19,7 @@ from stoop.simulation import trim
 from stoop.simulation.fly import simulate_flight
 from stoop.simulation.maneuver import Maneuver
 from stoop.vehicle import Vehicle
-from stoop.vehicle.builtin import resolve_vehicle
+from stoop.vehicle.builtin import load_vehicle
 from stoop.vehicle.schema import Turbulence
 
 AIRCRAFT: Final = "twin-boom"  #: built in
@@ -117,9 +117,7 @@ def whole_maneuvers() -> tuple[Window, ...]:
 @functools.cache
 def aircraft() -> Vehicle:
     """Return the truth: the twin-boom aircraft on all six degrees of freedom, none of its 32 coefficients zero."""
-    return with_trim_thrust(
-        resolve_vehicle(AIRCRAFT).with_numbers({n: {"value": v} for n, v in TRUTHS.items()})
-    )
+    return with_trim_thrust(load_vehicle(AIRCRAFT).with_numbers({n: {"value": v} for n, v in TRUTHS.items()}))
 
 
 def with_trim_thrust(vehicle: Vehicle) -> Vehicle:

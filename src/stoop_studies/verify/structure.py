@@ -14,7 +14,7 @@ from stoop.simulation import trim
 from stoop.simulation.fly import simulate_flight
 from stoop.simulation.maneuver import Maneuver
 from stoop.vehicle import Vehicle
-from stoop.vehicle.builtin import resolve_vehicle
+from stoop.vehicle.builtin import load_vehicle
 from stoop.vehicle.load import parse_vehicle
 from stoop.vehicle.terms import parameter_name
 from stoop_analysis import structure
@@ -59,7 +59,7 @@ CASE: Final = "aircraft"
 @functools.cache
 def full_aircraft() -> Vehicle:
     """Return the twin-boom aircraft with every candidate as a term of value zero; alpha counts from its trim."""
-    base = resolve_vehicle(AIRCRAFT)
+    base = load_vehicle(AIRCRAFT)
     level = trim(base, None, ALTITUDE).start["alpha"]
     head = base.text.split("[aerodynamics.", 1)[0].replace("alpha = 0.0", f"alpha = {level:.4f}")
     lines = [head, "[aerodynamics]", "default = false"]

@@ -10,7 +10,7 @@ import numpy as np
 from stoop.assessment.covariance import standard_errors
 from stoop.estimate.fit import Options
 from stoop.results.result import Result
-from stoop.workflow.identification import identify
+from stoop.workflow.identification import fit
 from stoop_studies.findings import Claim, Findings, Setting, counted, holds
 from stoop_studies.verify import study
 from stoop_studies.verify.defects import FLIGHTS, KINDS, RIGHT, defects, fly
@@ -37,7 +37,7 @@ def _examined(case: str, seed: int) -> dict[str, Any]:
         [w for w in scene.windows if (w.flight == FLIGHTS[-1]) == so] for so in (True, False)
     )
     options = Options(seed=seed, method=KINDS[defects()[case].kind].method)
-    result = identify(scene.start, list(scene.flights.values()), fitted, held_back, options).result
+    result = fit(scene.start, list(scene.flights.values()), fitted, held_back, options).result
     known = {n: one for n, one in result.parameters.items() if n in scene.truth}
     bars = dict(zip(result.covariance.names, standard_errors(result.covariance.matrix), strict=True))
     off = [abs(p.estimate - scene.truth[n]) / bars[n] for n, p in known.items() if bars[n] > 0.0]

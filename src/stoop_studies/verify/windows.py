@@ -16,7 +16,7 @@ from stoop.assessment.error_bars import error_bars
 from stoop.base.numbers import finite_or_none
 from stoop.base.units import KNOT
 from stoop.errors import FlightError
-from stoop.flight import Flight, from_columns, load, without_faults
+from stoop.flight import Flight, from_columns, load_flight, without_faults
 from stoop.flight.windows import Found
 from stoop.problem.windows import Window
 from stoop.simulation.fly import simulate_flight
@@ -24,7 +24,7 @@ from stoop.simulation.maneuver import Maneuver
 from stoop.strategy.run import FIT_ALONE
 from stoop.strategy.run import fit as fit_by
 from stoop.vehicle import Vehicle, parse_vehicle
-from stoop.vehicle.builtin import resolve_vehicle
+from stoop.vehicle.builtin import load_vehicle
 from stoop_plan.input_design.windows import find_windows
 from stoop_studies.findings import Claim, Findings, Setting, holds
 from stoop_studies.problems import hexacopter
@@ -131,7 +131,7 @@ def quadrotor(inputs: Inputs, wind: float, seed: int) -> Flown:
     """Fly the quadrotor likewise, its inertia free."""
     scene = closed_loop.quadrotor_scene(0.0, seed)
     maneuver, spans = planned(inputs, closed_loop.QUADROTOR_RATE)
-    blown = scenes.in_turbulence(resolve_vehicle(closed_loop.QUADROTOR), wind, closed_loop.PASSING)
+    blown = scenes.in_turbulence(load_vehicle(closed_loop.QUADROTOR), wind, closed_loop.PASSING)
     flight = settled(simulate_flight(blown, maneuver, seed=seed, name="flight"))
     return Flown(flight, scene.start, scene.truth, spans)
 
@@ -229,11 +229,11 @@ def fit_real(real: Real, data: Path) -> dict[str, Any]:
     """Return what is proposed of a real flight, expected and achieved errors, and agreement with the windows by hand."""
     path = data / real.folder
     if real.mapping is None:
-        flight = load(path)
+        flight = load_flight(path)
     else:
         package, name = real.mapping
         with as_file(files(package).joinpath(name)) as mapping:
-            flight = load(path, mapping)
+            flight = load_flight(path, mapping)
     flight = without_faults(flight)
     vehicle, flights = (
         parse_vehicle(vehicle_text(real.vehicle), f"{real.vehicle}.toml"),

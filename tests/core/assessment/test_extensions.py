@@ -9,6 +9,7 @@ from helpers.flown import maneuver
 from numpy.testing import assert_allclose
 from scipy.optimize import minimize
 
+import stoop
 from stoop import Flight, Options, Vehicle, load_vehicle, simulate_flight
 from stoop.assessment import extensions
 from stoop.assessment.error_bars import error_bars
@@ -26,7 +27,6 @@ from stoop.strategy import decision
 from stoop.vehicle import parse_vehicle
 from stoop.vehicle.document import with_entries
 from stoop.vehicle.extensions import catalogue
-from stoop.workflow import identify
 
 DURATION = 9.0
 STEPS = {
@@ -248,7 +248,7 @@ def test_another_weighting_counts_as_far_as_priors_allow(pitch: OutputErrorEstim
 
 def test_a_parameter_at_its_bound_makes_others_lean(wrong: Vehicle, flight: Flight) -> None:
     """CL0 held far from the truth: CLalpha takes its place, with an error bar that is only conditional."""
-    job = identify(wrong.with_numbers({"CL0": {"value": 0.3, "bounds": (0.2, 0.35)}}), flight, ["0:12"])
+    job = stoop.fit(wrong.with_numbers({"CL0": {"value": 0.3, "bounds": (0.2, 0.35)}}), flight, ["0:12"])
     bars = error_bars(job.estimate)
     assert bars.at_bound[[p.name for p in job.estimate.problem.layout.parameters].index("CL0")]
     assert "CLalpha" in bars.conditional

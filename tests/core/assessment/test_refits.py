@@ -22,7 +22,7 @@ from stoop.optimize.normal_equations import dense
 from stoop.parallel import Given
 from stoop.problem.evidence import PieceEvidence
 from stoop.vehicle import parse_vehicle
-from stoop.workflow import identify
+from stoop.workflow import fit
 
 SAMPLES = 800
 TRUTH = np.array([0.5, 0.4, 0.3])
@@ -214,7 +214,7 @@ def job(request: pytest.FixtureRequest) -> FittedModel:
     late = {DELAY: {"free": request.param == "multiple-shooting", "bounds": (0.0, 0.1)}}
     vehicle = with_few_free(parse_vehicle(text, "late").reduced("longitudinal"), FREE).with_numbers(late)
     flight = simulate_flight(vehicle, MANEUVER, seed=3, name="sim")
-    return identify(vehicle, flight, ["0:10"], options=Options(method=request.param))
+    return fit(vehicle, flight, ["0:10"], options=Options(method=request.param))
 
 
 def test_residuals_and_derivatives_are_those_of_the_evidence(job: FittedModel) -> None:

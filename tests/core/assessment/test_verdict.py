@@ -16,7 +16,7 @@ from stoop.results import uncertainty as of
 from stoop.results.extensions import ExtensionTest, ExtensionTests, ResponseMisfit
 from stoop.results.result import GoodnessOfFit, InnovationFigures, ParameterEstimate, Result, Whiteness
 from stoop.results.verdict import Need, Use, Verdict, grouped
-from stoop.vehicle.builtin import resolve_vehicle
+from stoop.vehicle.builtin import load_vehicle
 
 USES = (
     Use("control design", ("p",), (Need("damping in roll", ("Clp",), inertia="mass.inertia.xx"),)),
@@ -243,7 +243,7 @@ def test_a_use_needs_its_parameters() -> None:
 
 
 def test_needs_of_an_aircraft_and_of_a_multirotor() -> None:
-    twin, quad = resolve_vehicle("twin-boom"), resolve_vehicle("quad-x")
+    twin, quad = load_vehicle("twin-boom"), load_vehicle("quad-x")
     control, simulation, performance = uses(twin)
     needs = {need.subject: need.parameters for need in (*control.needs, *performance.needs)}
     assert (needs["damping in roll"], needs["static stability in pitch"]) == (("Clp",), ("Cmalpha",))

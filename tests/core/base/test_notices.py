@@ -14,7 +14,7 @@ from stoop.base import notices
 from stoop.base.arrays import within_range
 from stoop.base.notices import Notice, as_notice, attempt, detector_failed, from_dict, message, notice
 from stoop.errors import FlightError
-from stoop.flight import describe, load
+from stoop.flight import describe, load_flight
 
 ROOT = Path(__file__).parents[3]
 
@@ -97,7 +97,7 @@ def _flight_file(folder: Path) -> Path:
 def test_a_flight_is_read_whatever_detector_fails(name, tmp_path, monkeypatch):
     module = "stoop_draft.checks.mapping" if name.startswith("check") else "stoop.flight.load"
     monkeypatch.setattr(importlib.import_module(module), name, _empty)
-    flight = load(_flight_file(tmp_path))
+    flight = load_flight(_flight_file(tmp_path))
     assert [one.code for one in flight.notices].count("detector-failed") == 1
     assert {"p", "q", "r"} <= set(flight.names)
     np.testing.assert_allclose(flight.column("p"), np.sin(flight.time), atol=1e-12)
@@ -110,7 +110,7 @@ def test_detectors_get_no_channel_without_numbers(tmp_path: Path, monkeypatch: p
     given: list[object] = []
     checks = importlib.import_module("stoop_draft.checks.mapping")
     monkeypatch.setattr(checks, "check_mapping", lambda *a: given.extend(a) or _empty())
-    load(_flight_file(tmp_path))
+    load_flight(_flight_file(tmp_path))
     assert [set(table) for table in given[:2]] == [{"p", "q", "r"}] * 2
 
 

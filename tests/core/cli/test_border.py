@@ -20,7 +20,7 @@ from stoop.base.text import printable, show
 from stoop.cli.main import main
 from stoop.cli.page import Page, words
 from stoop.cli.progress import LiveLine, Timed
-from stoop.flight import load
+from stoop.flight import load_flight
 from stoop.vehicle import load_vehicle
 
 NASTY = "\x1b[31m[red]\u202e\x9b2J\x07"  #: colors, markup, reversed text, an escape of one byte, a bell
@@ -144,7 +144,7 @@ def test_a_verb_prints_nasty_texts(command: str, expected: int, folder: Path, cl
 
 
 def test_objects_say_of_themselves_what_is_printable(folder: Path) -> None:
-    vehicle, flight = load_vehicle(folder / "v.toml"), load(folder / "f.nc")
+    vehicle, flight = load_vehicle(folder / "v.toml"), load_flight(folder / "f.nc")
     for one in (vehicle, flight, *flight.notices):
         assert repr(one).isprintable()
         assert str(one).isprintable()

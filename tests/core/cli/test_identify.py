@@ -17,11 +17,11 @@ import stoop
 from stoop.cli.main import main
 from stoop.cli.options import with_free
 from stoop.errors import IdentificationError, StoopError
-from stoop.flight import Flight, save
+from stoop.flight import Flight, save_flight
 from stoop.optimize import State
 from stoop.results.result import read_result
 from stoop.vehicle import Vehicle, load_vehicle, parse_vehicle
-from stoop.vehicle.builtin import builtin_text, resolve_vehicle
+from stoop.vehicle.builtin import builtin_text
 from stoop.workflow.checkpoint import Checkpoint
 from stoop.workflow.fit_result import fitted_model
 from stoop.workflow.fitted_model import FittedModel
@@ -33,7 +33,7 @@ TWIN_BOOM = builtin_text("twin-boom")
 @pytest.fixture(scope="module")
 def place(tmp_path_factory: pytest.TempPathFactory, flight: Flight) -> Path:
     folder = tmp_path_factory.mktemp("identify")
-    save(flight, folder / "sim.nc")
+    save_flight(flight, folder / "sim.nc")
     text = TWIN_BOOM.replace("notes = [", 'model = { reduce = "longitudinal" }\nnotes = [')
     (folder / "v.toml").write_text(text)
     for name, variance in (("one", 0.04), ("two", 0.08)):
@@ -82,7 +82,7 @@ def test_numbers_that_are_freed(aircraft: Vehicle, capsys: pytest.CaptureFixture
         with_free(whole.reduced("longitudinal"), ["controls.aileron.lag"], [])
     with pytest.raises(IdentificationError, match="leave it out"):
         with_free(aircraft, ["Clp"], [])
-    plane = resolve_vehicle("twin-boom")
+    plane = load_vehicle("twin-boom")
     late = with_free(plane, ["controls.aileron.lag", "sensors.V.scale"], [])
     lag, scale = (late.parameters[late.rows[n]] for n in ("controls.aileron.lag", "sensors.V.scale"))
     assert (lag.free, lag.value, lag.prior) == (True, 0.05, 0.03)

@@ -10,7 +10,7 @@ from helpers.command_line import Done
 
 from stoop.cli.info import unmapped_lines
 from stoop.cli.main import parser_for
-from stoop.flight import Maneuver, from_columns, save
+from stoop.flight import Maneuver, from_columns, save_flight
 from stoop.flight.maneuvers import apart
 
 
@@ -37,14 +37,14 @@ def test_describes_a_simulated_flight(flight_file: Path, done: Done) -> None:
 def test_channels_without_a_value_and_what_shows_nothing_are_told(tmp_path: Path, done: Done) -> None:
     t, nothing = np.arange(500) / 100.0, np.full(500, np.nan)
     still = {f"motor_{n}": np.zeros(500) for n in range(1, 5)}
-    save(from_columns("half", t, {"phi": np.sin(t), "vn": nothing} | still), tmp_path / "half.nc")
+    save_flight(from_columns("half", t, {"phi": np.sin(t), "vn": nothing} | still), tmp_path / "half.nc")
     out = done(["info", tmp_path / "half.nc"])
     assert "Without any value: vn\n" in out
     assert not re.search(r"^vn ", out, re.MULTILINE)
     said = " ".join(out.split())
     assert "p, q and r not recorded: moments" in said
     assert "the motors never ran" in said
-    save(from_columns("none", t, {"vn": nothing}), tmp_path / "none.nc")
+    save_flight(from_columns("none", t, {"vn": nothing}), tmp_path / "none.nc")
     assert "Channels" not in done(["info", tmp_path / "none.nc", "--verbose"])
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from stoop.base.atmosphere import standard_density
-from stoop.flight import Flight, load
+from stoop.flight import Flight, load_flight
 from stoop.flight.load import without_faults
 from stoop_plan.log_bytes import Table, dataflash_bytes
 
@@ -35,7 +35,7 @@ def flown(folder: Path, airspeed: np.ndarray, mapping: str = "", **others: Table
     path.write_bytes(dataflash_bytes(list(kept.values())))
     if mapping:
         path.with_name("high.bin.toml").write_text('extends = "ardupilot"\n[variables]\n' + mapping)
-    return load(path)
+    return load_flight(path)
 
 
 BARO, POS = table("BARO", Press=STANDARD[0]), table("POS", Alt=HEIGHT)

@@ -8,7 +8,7 @@ from helpers.made_logs import CLOCK, body_rates, csv_log
 
 from stoop.base.arrays import FloatArray
 from stoop.errors import FlightError, LogError
-from stoop.flight import load
+from stoop.flight import load_flight
 from stoop.flight.alignment import Lag, attitude_delay, find_lag, quantities, with_drift
 from stoop.flight.gridding import Channels
 from stoop.flight.mapping import flight_mapping
@@ -125,11 +125,11 @@ def test_from_two_files_to_one_clock(tmp_path: Path) -> None:
     csv_log(tmp_path / "mocap.csv", {"t": s, "yaw": np.degrees(heading(s + 7.4321))})
     mapping = tmp_path / "mapping.toml"
     mapping.write_text(MAPPING)
-    (advice,) = (found for found in load(tmp_path).notices if found.code == "clocks-disagree")
+    (advice,) = (found for found in load_flight(tmp_path).notices if found.code == "clocks-disagree")
     sign = 1.0 if advice.values["reference"] == "mocap.csv" else -1.0
     assert advice.values["shift"] == pytest.approx(sign * 7.432, abs=5e-4)
     mapping.write_text(MAPPING + ALIGN)
-    flight = load(tmp_path)
+    flight = load_flight(tmp_path)
     (found,) = (found for found in flight.notices if found.code == "clock-aligned")
     assert (found.subject, found.values["using"]) == ("mocap.csv", ("psi_dot",))
     assert found.values["shift"] == pytest.approx(7.4321, abs=1e-3)
@@ -144,7 +144,7 @@ def test_from_two_files_to_one_clock(tmp_path: Path) -> None:
     ):  # fmt: skip
         mapping.write_text(text)
         with pytest.raises(FlightError, match=words):
-            load(tmp_path)
+            load_flight(tmp_path)
 
 
 def test_a_late_attitude_is_told() -> None:
@@ -168,10 +168,10 @@ def test_a_file_of_another_kind_beside_the_log(tmp_path: Path) -> None:
         'psi = {stream = "mocap", column = "yaw", unit = "deg"}\n'
     )
     (tmp_path / "f.ulg.toml").write_text(text)
-    flight = load(tmp_path / "f.ulg")
+    flight = load_flight(tmp_path / "f.ulg")
     (found,) = (found for found in flight.notices if found.code == "clock-aligned")
     assert found.values["shift"] == pytest.approx(3.7, abs=5e-3)
     for wrong in ("film.csv", "../mocap.csv"):
         (tmp_path / "f.ulg.toml").write_text(text.replace("mocap.csv", wrong))
         with pytest.raises(LogError, match=r"files\.mocap = .* put it beside the log"):
-            load(tmp_path / "f.ulg")
+            load_flight(tmp_path / "f.ulg")

@@ -12,7 +12,7 @@ from stoop.base.arrays import FloatArray
 from stoop.base.notices import notice
 from stoop.base.variables import EULER, POSITION, QUATERNION, RATES, SPECIFIC_FORCE, VELOCITY
 from stoop.errors import LogError
-from stoop.flight import load
+from stoop.flight import load_flight
 from stoop.flight.conversion import Surfaces, check_frame, rotate_axes
 from stoop.flight.gridding import Channels
 from stoop.flight.mapping import flight_mapping
@@ -146,6 +146,6 @@ def test_from_a_table_to_a_flight(tmp_path: Path) -> None:
     with path.with_name("f.csv.toml").open("a") as mapping:
         mapping.write("[calibration.pwm_3]\npoints = [[1100, -0.4], [1900, 0.4]]\n")
         mapping.write("[surface.elevator]\nfrom = {pwm_3 = -1}\n")
-    flight = load(path)
+    flight = load_flight(path)
     np.testing.assert_allclose(flight.column("elevator"), -1e-3 * (flight.column("pwm_3") - 1500), atol=1e-9)
     assert flight.sources["elevator"].source == "f.csv (calibrated)"

@@ -15,7 +15,7 @@ import pytest
 from stoop.base.arrays import FloatArray
 from stoop.base.notices import notice
 from stoop.errors import LogError, OutputError
-from stoop.flight import Fault, Flight, from_columns, load, save
+from stoop.flight import Fault, Flight, from_columns, load_flight, save_flight
 from stoop.flight.flight import AirData
 from stoop_plan.log_bytes import Topic, ulog
 
@@ -58,10 +58,10 @@ def test_copies_pickles_and_samples_between_two_times(flight: Flight) -> None:
 
 def test_reading_and_describing_a_flight_needs_no_heavy_library(flight: Flight, tmp_path: Path) -> None:
     """To import it takes half a second, and Dask comes with it where that is installed."""
-    save(flight, tmp_path / "f.nc")
+    save_flight(flight, tmp_path / "f.nc")
     (tmp_path / "f.ulg").write_bytes(ulog([Topic("a", TIME, {"x": TIME})]))
-    script = "import sys, pathlib, stoop.logs; from stoop.flight import load, describe; f, u = sys.argv[1:];"
-    script += "stoop.logs.read(pathlib.Path(u)); describe(load(f)); print(*sys.modules)"
+    script = "import sys, pathlib, stoop.logs; from stoop.flight import load_flight, describe; f, u = sys.argv[1:];"
+    script += "stoop.logs.read(pathlib.Path(u)); describe(load_flight(f)); print(*sys.modules)"
     command = [sys.executable, "-c", script, tmp_path / "f.nc", tmp_path / "f.ulg"]
     told = subprocess.run(command, check=True, capture_output=True, text=True)
     assert not {"xarray", "pandas", "dask", "pyulog", "numba", "sympy"} & set(told.stdout.split())
@@ -87,8 +87,8 @@ def test_there_and_back_bit_for_bit(tmp_path: Path) -> None:
         there = holding(np.zeros(len(values)))
         p = ("time", np.array(values), there.data["p"].attrs)
         there = replace(there, data=there.data.assign(p=p))
-        save(there, path)
-        back = load(path, rate=50.0)
+        save_flight(there, path)
+        back = load_flight(path, rate=50.0)
         assert (back.name, back.path, back.rate) == ("g", path, 100.0)
         assert there.data.identical(back.data)
         assert (there.rate, there.notices, there.faults, there.air) == (100.0, NOTICES, back.faults, back.air)
@@ -96,13 +96,13 @@ def test_there_and_back_bit_for_bit(tmp_path: Path) -> None:
         assert repr(dict(there.sources)) == repr(dict(back.sources))  # NaN is not equal to itself
     assert [p.name for p in tmp_path.iterdir()] == ["g.nc"]
     with pytest.raises(OutputError, match="cannot be written"):
-        save(there, tmp_path / "no" / "g.nc")
+        save_flight(there, tmp_path / "no" / "g.nc")
     with opened(path) as data:
         assert (data["p"].attrs["units"], data.sizes["time"]) == ("rad/s", 30)
     psi = np.array([0.5, -3.0, np.nan, np.pi])  # of several turns it comes back on the circle
     there = from_columns("f", np.arange(4) / 100.0, {"psi": psi})
-    save(replace(there, data=there.data.assign(psi=there.data["psi"] + 4.0 * np.pi)), path)
-    np.testing.assert_allclose(load(path).column("psi"), psi, atol=1e-12)
+    save_flight(replace(there, data=there.data.assign(psi=there.data["psi"] + 4.0 * np.pi)), path)
+    np.testing.assert_allclose(load_flight(path).column("psi"), psi, atol=1e-12)
 
 
 def test_air_data_and_faults_come_back(tmp_path: Path) -> None:
@@ -111,8 +111,8 @@ def test_air_data_and_faults_come_back(tmp_path: Path) -> None:
     air = AirData("pitot", wind_n=1.5, accelerometer_bias=bias, notices=NOTICES, traces=traces)
     found = notice("constant-reading", "p", value=0.5, unit="rad/s", start=1.0, stop=2.0)
     fault = Fault("stuck", "p", 0.5, 1.0, 2.0, found)
-    save(replace(holding(np.arange(5.0)), air=air, faults=(fault,)), tmp_path / "g.nc")
-    back = load(tmp_path / "g.nc")
+    save_flight(replace(holding(np.arange(5.0)), air=air, faults=(fault,)), tmp_path / "g.nc")
+    back = load_flight(tmp_path / "g.nc")
     assert back.faults == (fault,)
     assert (back.air.wind_n, back.air.notices, back.air.accelerometer_bias) == (1.5, NOTICES, bias)
     assert np.isnan(back.air.pitot_scale)
@@ -123,33 +123,33 @@ def test_air_data_and_faults_come_back(tmp_path: Path) -> None:
 def test_sentences_of_older_files_come_back(tmp_path: Path) -> None:
     sentences = ["a note: ±1 °C", "another"]
     fault = {"kind": "stuck", "variable": "p", "value": 0.5, "start": 1.0, "stop": 2.0, "message": "still"}
-    save(replace(holding(np.arange(5.0)), air=AirData("none")), tmp_path / "g.nc")
+    save_flight(replace(holding(np.arange(5.0)), air=AirData("none")), tmp_path / "g.nc")
     with opened(tmp_path / "g.nc") as whole:
         data = whole.load()
     air = json.loads(data.attrs["air"]) | {"notes": sentences}
     del data.attrs["notices"], air["notices"]
     data.attrs |= {"notes": json.dumps(sentences), "faults": json.dumps([fault]), "air": json.dumps(air)}
     data.to_netcdf(tmp_path / "old.nc", engine="scipy", format="NETCDF3_64BIT")
-    back = load(tmp_path / "old.nc")
+    back = load_flight(tmp_path / "old.nc")
     assert [str(found) for found in back.notices] == sentences
     assert [(f.kind, f.value, f.message) for f in back.faults] == [("stuck", 0.5, "still")]
     assert [str(found) for found in back.air.notices] == sentences
 
 
 def test_a_part_of_a_flight_is_none(tmp_path: Path) -> None:
-    save(holding(np.arange(40.0)), path := tmp_path / "g.nc")
+    save_flight(holding(np.arange(40.0)), path := tmp_path / "g.nc")
     whole = path.read_bytes()
     for end in range(0, len(whole) - 1, 53):
         path.write_bytes(whole[:end])
         with pytest.raises(LogError) as caught:
-            load(path)
+            load_flight(path)
         assert "\n" not in str(caught.value)
 
 
 def test_files_that_stoop_did_not_write(tmp_path: Path) -> None:
     path = tmp_path / "g.nc"
     there = holding(np.arange(40.0))
-    save(there, path)
+    save_flight(there, path)
     told = {"shift": 0.5, "std": 0.1, "reference": "b", "using": "p", "correlation": 0.9, "overlap": 9.0}
     text = json.dumps([notice("clock-aligned", "log", **told).to_dict()])
     with opened(path) as whole:
@@ -162,4 +162,4 @@ def test_files_that_stoop_did_not_write(tmp_path: Path) -> None:
         wrong.to_netcdf(tmp_path / "h.nc", engine="scipy", format="NETCDF3_64BIT")
         words = {"another make": "not a flight written by stoop", "clock": "stoop did not write"}
         with pytest.raises(LogError, match=words.get(case, "write the flight again")):
-            load(tmp_path / "h.nc")
+            load_flight(tmp_path / "h.nc")

@@ -9,7 +9,7 @@ from helpers.made_logs import CLOCK, csv_log, lines_of, mapped_log
 from stoop.base.arrays import FloatArray
 from stoop.base.notices import notice
 from stoop.errors import FlightError, LogError, StoopError
-from stoop.flight import Flight, from_columns, load
+from stoop.flight import Flight, from_columns, load_flight
 from stoop.flight.air_data import with_air, without
 from stoop.flight.flight import flight_name
 from stoop.flight.load import load_several
@@ -36,13 +36,13 @@ def write(folder: Path, table: FloatArray) -> Path:
 
 def test_channels_come_as_they_are(tmp_path: Path) -> None:
     recorded = rows()
-    flight = load(write(tmp_path, recorded))
+    flight = load_flight(write(tmp_path, recorded))
     assert (flight.name, flight.rate, flight.time[0], flight.time[-1]) == ("sortie", 100.0, 3.0, 7.99)
     for name, x in zip(NAMES, recorded.T[1:], strict=True):
         np.testing.assert_allclose(flight.column(name), x, atol=1e-9)
     assert flight.data["p"].attrs["units"] == "rad/s"
     assert "no-air-data" in codes(flight)
-    np.testing.assert_allclose(np.diff(load(tmp_path / "sortie.csv", rate=50.0).time), 0.02)
+    np.testing.assert_allclose(np.diff(load_flight(tmp_path / "sortie.csv", rate=50.0).time), 0.02)
     names = {"a/b.csv.gz": "b", "a/b.ulg": "b", "x/flight2": "flight2", "v1.2.csv": "v1.2", ".nc": ".nc"}
     assert {path: flight_name(Path(path)) for path in names} == names
 
@@ -50,11 +50,11 @@ def test_channels_come_as_they_are(tmp_path: Path) -> None:
 def test_logs_that_are_read_together_have_one_rate(tmp_path: Path) -> None:
     (tmp_path / "slow").mkdir()
     fast, slow = write(tmp_path, rows()), write(tmp_path / "slow", rows()[::2])
-    assert [load(path).rate for path in (fast, slow)] == [100.0, 50.0]
+    assert [load_flight(path).rate for path in (fast, slow)] == [100.0, 50.0]
     assert [one.rate for one in load_several([slow, slow])] == [50.0, 50.0]
     together = load_several([fast, slow])
     assert [one.rate for one in together] == [100.0, 100.0]
-    assert np.array_equal(together[1].column("p"), load(slow, rate=100.0).column("p"), equal_nan=True)
+    assert np.array_equal(together[1].column("p"), load_flight(slow, rate=100.0).column("p"), equal_nan=True)
     assert load_several([slow], beside=together)[0].rate == 100.0
     assert [one.rate for one in as_flights([together[0], slow])] == [100.0, 100.0]
 
@@ -64,7 +64,7 @@ def test_rows_out_of_order_are_dropped_and_what_is_missing_or_impossible_leaves_
     table[[100, 200], 0] = 0.0, np.nan
     table[150:170, 4] = table[300:302, 4] = np.nan
     table[[50, 60], 4] = 1e300, np.inf
-    flight = load(write(tmp_path, table))
+    flight = load_flight(write(tmp_path, table))
     assert any("2 of 500 samples dropped" in str(n) for n in flight.notices if n.code == "log-defect")
     assert notice("impossible-values", "sortie.csv", variable="p", count=2) in flight.notices
     np.testing.assert_allclose(flight.column("p")[100], 0.6 * np.cos(2 * 4.0), atol=1e-3)
@@ -72,23 +72,23 @@ def test_rows_out_of_order_are_dropped_and_what_is_missing_or_impossible_leaves_
     assert np.isfinite(flight.column("q")).all()
     assert flight.sources["p"].gaps == 1
     table[:, 1:] = np.nan
-    assert np.isnan(load(write(tmp_path, table)).column("p")).all()
+    assert np.isnan(load_flight(write(tmp_path, table)).column("p")).all()
 
 
 def test_nothing_of_use_is_left_and_wild_stamps_make_no_flight_of_hours(tmp_path: Path) -> None:
     for size in (0, 1):
         with pytest.raises(LogError):
-            load(write(tmp_path, rows(size)))
+            load_flight(write(tmp_path, rows(size)))
     wild = rows()
     wild[250:, 0] = 1e12 + np.arange(250)
     with pytest.raises(StoopError, match="too long for a grid"):  # and memory is not filled
-        load(write(tmp_path, wild))
+        load_flight(write(tmp_path, wild))
     log = tmp_path / "a.ulg"
 
     def flown(time: np.ndarray) -> Flight:
         columns = {f"xyz[{i}]": np.ones(time.size, "f4") for i in range(3)}
         log.write_bytes(ulog([Topic("vehicle_angular_velocity", time, columns)]))
-        return load(log)
+        return load_flight(log)
 
     flight = flown(np.append(2.0 + 0.02 * np.arange(59), 34_359.0))
     assert flight.time[-1] < 4.0
@@ -98,7 +98,7 @@ def test_nothing_of_use_is_left_and_wild_stamps_make_no_flight_of_hours(tmp_path
     (tmp_path / "topics").mkdir()
     (tmp_path / "topics" / "log_cpuload_0.csv").write_text("timestamp,load\n1,2\n3,4\n")
     with pytest.raises(FlightError, match="no variable of the registry"):
-        load(tmp_path / "topics")
+        load_flight(tmp_path / "topics")
 
 
 def test_flights_from_arrays() -> None:
@@ -161,10 +161,11 @@ def test_what_hovers_needs_no_air_data(tmp_path: Path) -> None:
     rotors = {f"motor_{n}": 0.5 + 0.01 * np.sin(time) for n in range(1, 5)}
     assert with_air(from_columns("hover", time, {**still, **rotors})).notices == ()
     assert codes(with_air(from_columns("parked", time, still))) == {"no-air-data-short-flight"}
-    assert "no-air-data" not in codes(load(mapped_log(tmp_path / "a.csv", {"t": time, **rotors})))
+    assert "no-air-data" not in codes(load_flight(mapped_log(tmp_path / "a.csv", {"t": time, **rotors})))
     names = ("p", "q", "r", "phi", "theta", "psi", "vn", "ve", "vd")
     columns = {"t": np.arange(400) / 100.0} | dict.fromkeys(names, np.full(400, 0.1))
-    found = [code for code in codes(load(mapped_log(tmp_path / "b.csv", columns))) if "no-air-data" in code]
+    told = codes(load_flight(mapped_log(tmp_path / "b.csv", columns)))
+    found = [code for code in told if "no-air-data" in code]
     assert found == ["no-air-data-short-flight"], "why is told once"
 
 
@@ -175,7 +176,7 @@ def test_an_attitude_in_two_files_is_whole(tmp_path: Path) -> None:
         csv_log(tmp_path / f"{file}.csv", {name: x[::step] for name, x in columns.items()})
         text += lines_of(*names, more=f', file = "{file}.csv"')
     (tmp_path / "mapping.toml").write_text(text)
-    flight = load(tmp_path)
+    flight = load_flight(tmp_path)
     rates = {name: round(flight.sources[name].rate) for name in ("phi", "psi", "q0", "q3")}
     assert rates == {"phi": 100, "psi": 50, "q0": 50, "q3": 50}
     parts, truth = (np.array([one.column(f"q{i}") for i in range(4)]) for one in (flight, whole))

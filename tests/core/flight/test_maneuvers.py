@@ -10,7 +10,7 @@ from stoop.flight import Flight, describe, find_maneuvers, from_columns
 from stoop.flight.airborne import airborne, carried_by_rotors, flying, lift_command, motors_ran, rotor_pulses
 from stoop.flight.maneuvers import LIMITS, _running_means, _running_sums, commands, directions
 from stoop.simulation.fly import simulate_flight
-from stoop.vehicle.builtin import resolve_vehicle
+from stoop.vehicle.builtin import load_vehicle
 
 TIME = 60.0 + np.arange(12000) / 100.0
 STEPS = {"3211": ((3, 1), (2, -1), (1, 1), (1, -1)), "doublet": ((1, 1), (1, -1))}
@@ -185,7 +185,7 @@ def test_pulses_are_read_above_idle() -> None:
 @pytest.fixture(scope="module", params=["quad-x", "hexa-x"])
 def copter(request: pytest.FixtureRequest) -> Flight:
     """Return a flight in which nothing is left of motors but pulses in whole microseconds."""
-    flight = simulate_flight(resolve_vehicle(request.param), FLOWN, seed=3, name="f")
+    flight = simulate_flight(load_vehicle(request.param), FLOWN, seed=3, name="f")
     columns = {name: flight.column(name) for name in flight.channels}
     for name in [n for n in columns if "motor_" in n]:
         columns[name.replace("motor_", "pwm_")] = np.round(1e3 + 1e3 * columns.pop(name))

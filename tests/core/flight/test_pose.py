@@ -7,7 +7,7 @@ import pytest
 from helpers.made_logs import mapped_log
 
 from stoop.base.arrays import FloatArray
-from stoop.flight import Flight, load
+from stoop.flight import Flight, load_flight
 from stoop.flight.gridding import Channels
 from stoop.flight.pose import without_jumps
 
@@ -27,7 +27,7 @@ POSE = {
 
 
 def recorded(folder: Path, columns: dict[str, FloatArray]) -> Flight:
-    return load(mapped_log(folder / "room.csv", {"t": TIME, **columns}))
+    return load_flight(mapped_log(folder / "room.csv", {"t": TIME, **columns}))
 
 
 def test_a_turn_has_the_motion_of_its_closed_form_and_what_was_measured_stays(tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from stoop.base.arrays import FloatArray, IntArray
-from stoop.flight import load
+from stoop.flight import load_flight
 from stoop.flight.gridding import Channels
 from stoop.flight.repeated_readings import at_own_rates, regular
 
@@ -110,7 +110,7 @@ def test_a_table_with_a_held_receiver_is_laid_on_the_grid_of_its_fast_sensors(tm
     truth = motion(4, 0.0)
     columns = {"p": motion(5, 0.01) / 10.0, "vn": hold(truth, readings(5.0, 0.0))}
     columns["V"] = motion(6, 0.05) + 20.0
-    flight = load(mapped_log(tmp_path / "log.csv", {"t": TIME, **columns}))
+    flight = load_flight(mapped_log(tmp_path / "log.csv", {"t": TIME, **columns}))
     assert flight.rate == RATE == pytest.approx(flight.sources["p"].rate)
     assert flight.sources["vn"].rate == pytest.approx(10.0)
     at, inside = np.searchsorted(TIME, flight.time), slice(10, -10)

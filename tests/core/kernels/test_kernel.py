@@ -16,7 +16,7 @@ from naive import march, oscillator
 from stoop.kernels import Kernel, SymbolicModel, compiler, load_kernel
 from stoop.kernels.kernel import ENTRIES, thread_count
 from stoop.simulation import initial_states, parameter_rows
-from stoop.vehicle.builtin import resolve_vehicle
+from stoop.vehicle.builtin import load_vehicle
 
 DT, N = 0.02, 60
 
@@ -226,7 +226,7 @@ def test_functions_of_numbers_are_numbers_in_every_lane(tmp_path, monkeypatch):
 @pytest.mark.parametrize("reduced", ["longitudinal", "full"])
 def test_a_candidate_costs_the_same_in_every_lane(reduced: str) -> None:
     """On real equations, whose sums LLVM may take in another order."""
-    vehicle = resolve_vehicle("twin-boom").reduced(reduced)
+    vehicle = load_vehicle("twin-boom").reduced(reduced)
     kernel, rng, count = vehicle.kernel(), np.random.default_rng(3), 37
     rows = parameter_rows(vehicle, None, count) * rng.uniform(0.9, 1.1, (len(vehicle.values), count))
     u = 0.02 * rng.standard_normal((300, len(vehicle.inputs)))

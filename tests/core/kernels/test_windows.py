@@ -6,14 +6,14 @@ import pytest
 from stoop.kernels import filtering
 from stoop.kernels.windows import windows
 from stoop.simulation import initial_states, parameter_rows, trim
-from stoop.vehicle.builtin import resolve_vehicle
+from stoop.vehicle.builtin import load_vehicle
 
 DT = 0.02
 
 
 def test_a_lane_reads_its_own_rows_and_rows_beyond_the_record_are_refused() -> None:
     """Lanes with parameters, starts, rows and lengths of their own, in two records of 60 rows."""
-    vehicle = resolve_vehicle("twin-boom").reduced("longitudinal")
+    vehicle = load_vehicle("twin-boom").reduced("longitudinal")
     point, rng = trim(vehicle), np.random.default_rng(4)
     record = point.inputs + 0.02 * rng.standard_normal((120, len(point.inputs)))
     rows = parameter_rows(vehicle, point.changes, 11)

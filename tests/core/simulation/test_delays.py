@@ -12,7 +12,7 @@ from stoop.simulation.fly import simulate, simulate_flight
 from stoop.simulation.linearize import left_out
 from stoop.simulation.maneuver import Maneuver
 from stoop.vehicle import Vehicle, parse_vehicle
-from stoop.vehicle.builtin import resolve_vehicle
+from stoop.vehicle.builtin import load_vehicle
 
 BASE = """
 name = "late"
@@ -121,7 +121,7 @@ def servos() -> Vehicle:
 
 
 def twin_boom(lines: str) -> Vehicle:
-    plain = resolve_vehicle("twin-boom")
+    plain = load_vehicle("twin-boom")
     return parse_vehicle(f"{plain.text}\n{lines}[controls.aileron]\n[controls.rudder]\n", plain.where)
 
 
@@ -194,7 +194,7 @@ def test_numbers_of_servos(servos: Vehicle) -> None:
 
 
 def test_steady_flight_is_that_without_servos() -> None:
-    plain = resolve_vehicle("twin-boom")
+    plain = load_vehicle("twin-boom")
     slow = twin_boom("[controls.elevator]\nrate_limit = 0.5\ndead_zone = 0.02\n")
     a, b = trim(plain), trim(slow)
     assert (a.start, a.deflections) == (b.start, b.deflections)
@@ -214,6 +214,6 @@ def test_a_simulated_flight_follows_what_the_servo_makes_of_the_record() -> None
     assert np.abs(np.diff(command)).max() > 0.04, "recorded as commanded"
     moved = rate_limited(play(command, zone), limit / maneuver.rate)
     changes = {n: {"value": v} for n, v in trim(slow).changes.items()}
-    twin = simulate(resolve_vehicle("twin-boom").with_numbers(changes), {"elevator": moved}, maneuver.time)
+    twin = simulate(load_vehicle("twin-boom").with_numbers(changes), {"elevator": moved}, maneuver.time)
     for channel in ("q", "alpha", "az"):
         assert flight.column(channel) == pytest.approx(twin.column(channel), abs=1e-12)

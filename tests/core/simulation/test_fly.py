@@ -15,7 +15,7 @@ from stoop.simulation.initial import commanded, rigid_states
 from stoop.simulation.maneuver import Maneuver, parse_maneuver
 from stoop.simulation.trajectories import finer, gust_start
 from stoop.vehicle import Vehicle, parse_vehicle
-from stoop.vehicle.builtin import BUILT_IN, builtin_vehicle, resolve_vehicle
+from stoop.vehicle.builtin import BUILT_IN, builtin_vehicle, load_vehicle
 
 
 def maneuver(control: str = "elevator", **changes: object) -> Maneuver:
@@ -172,7 +172,7 @@ def gusty(text: str):
 @pytest.fixture(scope="module")
 def gusts():
     """Gusts (n,) by axis: what an arrow without weight or lift, as heavy as a mountain, reads off its vanes."""
-    text = resolve_vehicle("twin-boom").text
+    text = load_vehicle("twin-boom").text
     for number in ("mass = 189.40", "xx = 100.0", "yy = 120.0", "zz = 200.0"):
         text = text.replace(number, f"{number.split()[0]} = 1e12")
     vehicle = gusty(text.replace("density = 1.20165", "density = 1.2\ngravity = 1e-12"))
@@ -206,7 +206,7 @@ def test_variance_and_spectrum(gusts):
 
 def test_gusts_blow_as_hard_at_the_beginning(gusts):
     """No run-in: over seeds the first sample has the variance of any other."""
-    vehicle = gusty(resolve_vehicle("twin-boom").text)
+    vehicle = gusty(load_vehicle("twin-boom").text)
     starts = [gust_start(vehicle, np.random.default_rng(i)) for i in range(4000)]
     root = np.sqrt(3.0)
     v = np.array([root * s["gust.v.fast"] + (1.0 - root) * s["gust.v.slow"] for s in starts])

@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 from stoop.errors import ManeuverError, SimulationError
-from stoop.flight import Flight, load, save
+from stoop.flight import Flight, load_flight, save_flight
 from stoop.simulation import initial_states, linearize, parameter_rows, trim
 from stoop.simulation.autopilot import design, first_order_hold, linear_errors
 from stoop.simulation.delays import late_inputs, late_outputs
@@ -19,7 +19,7 @@ from stoop.simulation.maneuver import Maneuver, load_maneuver
 from stoop.simulation.rotors import accelerations, channel_range
 from stoop.simulation.trajectories import Flown
 from stoop.vehicle import Vehicle, parse_vehicle
-from stoop.vehicle.builtin import builtin_vehicle, resolve_vehicle
+from stoop.vehicle.builtin import builtin_vehicle, load_vehicle
 
 G = 9.80665
 BUSY = [
@@ -152,9 +152,11 @@ def test_the_flight_file_holds_it_all_and_noise_by_seed(quad: Vehicle, tmp_path:
     flight, other = (simulate_flight(quad, windy, seed=s) for s in (2, 3))
     assert not np.array_equal(flight.column("q"), other.column("q"))
     assert np.array_equal(flight.column("motor_1"), other.column("motor_1")), "the autopilot sees true states"
-    save(flight, tmp_path / "flight.nc")
+    save_flight(flight, tmp_path / "flight.nc")
     names = {*quad.outputs, "voltage", "altitude", "pn", "pe", "pd", "q0", "q1", "q2", "q3"}
-    assert set(load(tmp_path / "flight.nc").data.data_vars) == names | {f"motor_{i}" for i in (1, 2, 3, 4)}
+    assert set(load_flight(tmp_path / "flight.nc").data.data_vars) == names | {
+        f"motor_{i}" for i in (1, 2, 3, 4)
+    }
     truth = json.loads(flight.data.attrs["truth"])
     assert [truth[f"sensors.{c}.bias"] for c in ("vn", "ve", "vd")] == [3.0, -1.0, 0.2]
     assert truth["rotors.T2"] == 6.0
@@ -200,7 +202,7 @@ def test_gusts_push_and_the_autopilot_holds(quad: Vehicle) -> None:
 
 def test_what_cannot_be_flown(twin_boom: Vehicle, quad: Vehicle) -> None:
     slow = parse_vehicle(quad.text.replace("lag = 0.05", "lag = 0.05, voltage_average = 30.0"), "slow.toml")
-    refused, quadplane = (ManeuverError, SimulationError), resolve_vehicle("quadplane")
+    refused, quadplane = (ManeuverError, SimulationError), load_vehicle("quadplane")
     for vehicle, given, says in (
         (quad, {"input": [pulse("elevator", 0.1)]}, "moves 'elevator', but the controls are roll, pitch, yaw, heave, north"),
         (quad, {"airspeed": 12.0}, "no wings to fly 12 m/s on"),

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from core.assessment.test_extensions import DURATION, STEPS, flights
 
+import stoop
 from stoop.errors import IdentificationError, VehicleError
 from stoop.estimate.fit import Options
 from stoop.problem.windows import Window
@@ -17,23 +18,21 @@ from stoop.strategy import Strategy
 from stoop.strategy import extensions as extension
 from stoop.strategy.extensions import _freed
 from stoop.strategy.run import setup_of
-from stoop.vehicle.builtin import resolve_vehicle
+from stoop.vehicle import load_vehicle
 from stoop.vehicle.document import with_entries
 from stoop.vehicle.extensions import extended
-from stoop.vehicle.load import load_vehicle
-from stoop.workflow.identification import identify
 
 LAG = 0.04
 
 
 @pytest.mark.parametrize("held_back", [True, False])
 def test_missing_lag_is_added(tmp_path: Path, held_back: bool) -> None:
-    base = resolve_vehicle("twin-boom")
+    base = load_vehicle("twin-boom")
     truth = with_entries(base, {("controls", "aileron", "lag"): LAG})
     every = [*flights(truth, 5).values(), replace(flights(truth, 7)["roll"], name="again")]
     windows, again = [f"{name}@0:{DURATION}" for name in STEPS], [f"again@0:{DURATION}"]
     maneuvers, validate = (windows, again) if held_back else (windows + again, [])
-    job = identify(base, every, maneuvers, validate, Options(seed=1), extend=True)
+    job = stoop.fit(base, every, maneuvers, validate, Options(seed=1), extend=True)
     kept = next(n for n in job.notices if n.code.startswith("extension"))
     assert kept.code == "extension-kept"
     assert kept.subject in ("controls.aileron.lag", "controls.aileron.delay")
@@ -82,7 +81,7 @@ def test_after_a_refusal_the_next_is_tried(monkeypatch: pytest.MonkeyPatch, impo
 
 def test_a_change_to_an_impossible_body_begins_nearer_the_present_value() -> None:
     """The linear test of one moment of inertia overshoots to less than the others' difference."""
-    vehicle = resolve_vehicle("quad-x")
+    vehicle = load_vehicle("quad-x")
     own = vehicle.value("mass.inertia.xx")
     (inertia,) = (one for one in extended(vehicle)[1] if one.name == "mass.inertia.xx")
     change = next(c for c in (-0.9 * own, -0.9) if 0.0 < inertia.value(c) < 0.2 * own)

@@ -12,6 +12,7 @@ import pytest
 from helpers.flown import maneuver, with_few_free
 from scipy.signal import lfilter
 
+import stoop
 from stoop.base.notices import notice
 from stoop.base.verbs import verbs
 from stoop.cli.identify import strategy_of
@@ -30,7 +31,6 @@ from stoop.strategy.decision import Fitted
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import builtin_vehicle
 from stoop.vehicle.document import with_entries
-from stoop.workflow.identification import identify
 
 WINDOWS, FREE = (Window("a", 0.0, 5.0), Window("b", 0.0, 5.0)), ("Cmalpha", "Cmq", "Cmelevator")
 OFF = ("recorded_motion", "held_numbers", "stuck_channels", "noise_shape", "maneuver_noise", "noise_color")
@@ -147,7 +147,7 @@ def test_treatment_is_decided_by_the_strategy_alone() -> None:
     with pytest.raises(IdentificationError, match="switch decisions off with strategy="):
         fit(Strategy.default(), known(), flights(), WINDOWS, options=Options(treatment=PLAIN))
     with pytest.raises(TypeError, match="no keyword 'treatment'"):
-        identify(known(), [*flights().values()], ["a@0:5"], treatment=PLAIN)
+        stoop.fit(known(), [*flights().values()], ["a@0:5"], treatment=PLAIN)
 
 
 def switched(words: str) -> Strategy:

@@ -5,7 +5,7 @@ import pytest
 
 from stoop.vehicle import Vehicle
 from stoop.vehicle.arrays import Evaluation, array_equations
-from stoop.vehicle.builtin import resolve_vehicle
+from stoop.vehicle.builtin import load_vehicle
 from stoop.vehicle.document import with_entries
 from stoop.vehicle.extensions import extended
 from stoop.vehicle.load import parse_vehicle
@@ -22,7 +22,7 @@ def disturbed(base: Vehicle, seed: int, speed: float) -> tuple[np.ndarray, np.nd
 
 @pytest.mark.parametrize("name", ["twin-boom", "quad-x", "quadplane"])
 def test_extended_vehicle_has_the_same_equations_at_the_null_values(name: str) -> None:
-    base = resolve_vehicle(name)
+    base = load_vehicle(name)
     vehicle, catalogue = extended(base)
     assert len({one.name for one in catalogue}) == len(catalogue)
     x, u = disturbed(base, 1, 20.0)
@@ -35,7 +35,7 @@ def test_extended_vehicle_has_the_same_equations_at_the_null_values(name: str) -
 
 @pytest.mark.parametrize("name", ["twin-boom", "quad-x"])
 def test_every_extension_can_be_written_and_estimated(name: str) -> None:
-    base = resolve_vehicle(name)
+    base = load_vehicle(name)
     for one in extended(base)[1]:
         written = with_entries(base, one.free_entries(one.step))
         added = {p.name for p in written.parameters if p.free} - {p.name for p in base.parameters if p.free}
@@ -43,7 +43,7 @@ def test_every_extension_can_be_written_and_estimated(name: str) -> None:
 
 
 def test_line_is_what_the_file_needs() -> None:
-    base = resolve_vehicle("twin-boom")
+    base = load_vehicle("twin-boom")
     found = {one.name: one.line(0.04) for one in extended(base)[1]}
     assert found["controls.aileron.lag"] == "[controls.aileron] lag = 0.04"
     assert found["Cmalpha2"] == '[aerodynamics.Cm] Cmalpha2 = {term = "alpha^2", value = 0.04}'
@@ -52,7 +52,7 @@ def test_line_is_what_the_file_needs() -> None:
 
 
 def test_rotors_with_one_axis_are_a_group_beside_others() -> None:
-    text = resolve_vehicle("quad-x").text
+    text = load_vehicle("quad-x").text
     for name in ("m1", "m2"):
         text = text.replace(f"[rotor.{name}]", f"[rotor.{name}]\naxis = [0.1, 0.0, -1.0]")
     vehicle, catalogue = extended(parse_vehicle(text, "tilted"))
@@ -64,7 +64,7 @@ def test_rotors_with_one_axis_are_a_group_beside_others() -> None:
 
 
 def test_a_change_is_that_of_another_evaluation() -> None:
-    base = resolve_vehicle("twin-boom")
+    base = load_vehicle("twin-boom")
     vehicle, catalogue = extended(base)
     (x, u), equations, rows = disturbed(base, 2, 35.0), array_equations(vehicle), vehicle.values.tolist()
     # another in every piece
@@ -85,7 +85,7 @@ def test_a_change_is_that_of_another_evaluation() -> None:
 
 
 def test_values_changed_since_reading_and_reductions_stay() -> None:
-    base = resolve_vehicle("twin-boom").with_numbers({"Clp": {"value": -0.4, "free": False}})
+    base = load_vehicle("twin-boom").with_numbers({"Clp": {"value": -0.4, "free": False}})
     longer = with_entries(base, {("controls", "aileron", "lag"): 0.05})
     assert (longer.value("Clp"), longer.value("controls.aileron.lag")) == (-0.4, 0.05)
     assert "Clp" not in {p.name for p in longer.parameters if p.free}

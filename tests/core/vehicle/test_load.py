@@ -138,7 +138,7 @@ def test_files(twin_boom: str, tmp_path: Path) -> None:
     for name, content, says in (
         ("v.toml", bytes(range(256)), r"v\.toml: .*not UTF-8 text"),
         ("v.toml", b"#" * 1_000_001, r"larger than 1000000 bytes\); check the path"),
-        ("none.toml", None, r"none\.toml: cannot read the vehicle file .*; check the path"),
+        ("none.toml", None, r"none\.toml: there is no such vehicle file; did you mean .*v\.toml\?"),
         ("a\x00b", None, ":"), ("x" * 5000, None, ":"), ("a\nb", None, ":"),
         ("", None, r"is a folder, no vehicle file; name v\.toml in it"),
     ):  # fmt: skip

@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 
 from stoop.simulation import initial_states, parameter_rows
 from stoop.vehicle import parse_vehicle
-from stoop.vehicle.builtin import resolve_vehicle
+from stoop.vehicle.builtin import load_vehicle
 
 TABLE = """
 [turbulence]
@@ -53,7 +53,7 @@ def test_a_gust_is_felt_as_the_opposite_motion(twin_boom: str) -> None:
 
 def test_a_gust_does_not_turn_with_what_hovers() -> None:
     """At rest in air that moves by (1, -0.7, 0.4) m/s north, east, down is the opposite motion through calm air."""
-    text = resolve_vehicle("quad-x").text + TABLE.replace("]", "]\nairspeed = 5.0", 1)
+    text = load_vehicle("quad-x").text + TABLE.replace("]", "]\nairspeed = 5.0", 1)
     gusty = parse_vehicle(text, "gusty")
     blown, turned = np.array([1.0, -0.7, 0.4]), {"phi": 0.3, "theta": -0.2, "psi": 1.9}
     through_air = Rotation.from_euler("ZYX", [1.9, -0.2, 0.3]).inv().apply(-blown)

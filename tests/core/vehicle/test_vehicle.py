@@ -9,7 +9,7 @@ import pytest
 
 from stoop.errors import VehicleError
 from stoop.vehicle import Vehicle, parse_vehicle
-from stoop.vehicle.builtin import BUILT_IN, builtin_text, builtin_vehicle, resolve_vehicle
+from stoop.vehicle.builtin import BUILT_IN, builtin_text, builtin_vehicle, load_vehicle
 from stoop.vehicle.defaults import EQUATION_1
 
 CONTROLS = "\n[controls.elevator]\n[controls.aileron]\n[controls.rudder]\n"
@@ -130,13 +130,13 @@ def test_a_warm_start_needs_no_sympy(vehicle: Vehicle) -> None:
 
 
 def test_names_of_files_and_of_built_in_vehicles(twin_boom, tmp_path, monkeypatch):
-    assert all(resolve_vehicle(name).where == name for name in BUILT_IN)
+    assert all(load_vehicle(name).where == name for name in BUILT_IN)
     (tmp_path / "result").mkdir()
     path = tmp_path / "twin-boom"
     path.write_text(twin_boom.replace('name = "Twin-boom', 'name = "My own'))
     monkeypatch.chdir(tmp_path)
     for name, own in ((path, True), ("twin-boom", False), ("./twin-boom", True)):
-        assert resolve_vehicle(name).name.startswith("My own") == own
+        assert load_vehicle(name).name.startswith("My own") == own
     for name, says in (
         ("twinboom", "^twinboom: .*did you mean the built-in vehicle twin-boom"),
         ("twin_boom.toml", "did you mean the built-in vehicle twin-boom"),
@@ -144,4 +144,4 @@ def test_names_of_files_and_of_built_in_vehicles(twin_boom, tmp_path, monkeypatc
         (tmp_path / "resul", r"did you mean .*/result\?"),
     ):
         with pytest.raises(VehicleError, match=says):
-            resolve_vehicle(name)
+            load_vehicle(name)

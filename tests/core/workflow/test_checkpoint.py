@@ -15,13 +15,13 @@ from stoop.estimate.fit import Options
 from stoop.flight import Flight
 from stoop.vehicle import Vehicle
 from stoop.workflow import checkpoint as module
-from stoop.workflow import identify
+from stoop.workflow import fit
 from stoop.workflow.checkpoint import Checkpoint, identity
 
 
 @pytest.fixture(scope="module")
 def outcome(wrong: Vehicle, flight: Flight) -> optimize.Outcome:
-    return identify(wrong, flight, ["0:8"], options=Options("de-rand-1-bin", generations=2)).estimate.outcome
+    return fit(wrong, flight, ["0:8"], options=Options("de-rand-1-bin", generations=2)).estimate.outcome
 
 
 @pytest.fixture

@@ -1,9 +1,11 @@
 """A fitted model in memory and in its folder: every verb gives the same numbers, and nothing is written unasked."""
 
+import pickle
 import shutil
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -11,8 +13,8 @@ import numpy as np
 import pytest
 
 import stoop
-from stoop.errors import FlightError, SimulationError, StoopError
-from stoop.flight import Flight
+from stoop.errors import FlightError, SimulationError, StoopError, StoopWarning
+from stoop.flight import Flight, from_columns
 from stoop.parallel import Given
 from stoop.results.verdict import Verdict
 from stoop.workflow.outputs import ARCHIVES
@@ -64,8 +66,11 @@ def test_a_loaded_model_does_what_the_model_did_and_nothing_is_written_unasked(
     np.testing.assert_equal(found, expected)
 
 
-def test_a_loaded_model_saves_the_same_files(folder: Path, again: stoop.FittedModel, tmp_path: Path) -> None:
-    copy = again.save(tmp_path / "copy")
+@pytest.mark.parametrize("copied", ["loaded", "pickled"])
+def test_a_copy_of_a_model_saves_the_same_files(
+    copied: str, folder: Path, again: stoop.FittedModel, job: stoop.FittedModel, tmp_path: Path
+) -> None:
+    copy = (again if copied == "loaded" else pickle.loads(pickle.dumps(job))).save(tmp_path / "copy")  # noqa: S301
     names = sorted(path.name for path in folder.iterdir())
     assert names == sorted(path.name for path in copy.iterdir())
     for name in set(names) - {"flight.nc"}:
@@ -114,6 +119,30 @@ def test_a_wrong_state_is_one_line(job: stoop.FittedModel) -> None:
     for start in ("measurd", {"alpha": "x"}, 3):
         with pytest.raises(StoopError, match=r"initial.state"):
             job.validate(flight, ["70:74"], initial_state=start)  # type: ignore[arg-type]
+
+
+RANGE, NUMBER = "give LOW:HIGH, the lower number first, from 0", "give a number from"
+ODD: dict[str, tuple[Any, ...]] = {
+    RANGE: ((20.0,), 33.0, "33", (40.0, 30.0), (np.nan, 30.0), (-5.0, 30.0), ("a", "b")),
+    NUMBER: ("x", np.nan, (20.0, 30.0), -20000.0),
+}
+
+
+def test_conditions_that_cannot_be_are_one_line_and_those_not_flown_are_named(job: stoop.FittedModel) -> None:
+    flight, time = job.flights[0], 0.02 * np.arange(999.0)
+    for verb, name, said in (
+        (job.propagate, "airspeed", RANGE), (partial(job.tune, {}), "airspeed", RANGE), (job.linearize, "altitude", NUMBER),
+        (partial(job.frequency, flight), "band", RANGE), (partial(stoop.trim, job.vehicle), "airspeed", NUMBER),
+    ):  # fmt: skip
+        for value in ODD[said]:
+            with pytest.raises(SimulationError, match=f"^{name} .*: {said}"):
+                verb(**{name: value})
+    with pytest.warns(StoopWarning, match=r"200 m/s: the fitted maneuvers were flown at 3\d"):
+        job.linearize(airspeed=200.0)
+    with pytest.raises(FlightError, match=r"sensors: holds no input of .* \(elevator\)"):
+        job.frequency(from_columns("sensors", time, {"q": np.sin(time)}))
+    with pytest.raises(FlightError, match="no flight is given"):
+        stoop.find_windows({})
 
 
 def test_texts_of_a_model_are_short_and_begin_with_its_verdict(job: stoop.FittedModel) -> None:

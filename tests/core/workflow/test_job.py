@@ -17,7 +17,7 @@ from stoop.flight import Flight
 from stoop.results.uncertainty import ParameterIdentifiability
 from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.vehicle.builtin import builtin_text
-from stoop.workflow import FittedModel, identify
+from stoop.workflow import FittedModel, fit
 from stoop.workflow.curves import unwrapped
 from stoop.workflow.identification import search
 from stoop.workflow.outputs import with_values
@@ -61,13 +61,13 @@ def test_identified_file_keeps_priors_about_their_own_means(aircraft: Vehicle, f
     prior = 0.05
     few = with_few_free(aircraft, ("Cmalpha", "Cmq"))
     tight = few.with_numbers({"CLalpha": {"free": True, "value": 4.6, "prior": prior}})
-    first = identify(tight, flight, ["0:10"])
+    first = fit(tight, flight, ["0:10"])
     again = parse_vehicle(with_values(first.vehicle, first.estimate.estimates), "again.toml")
     p = again.parameters[again.rows["CLalpha"]]
     assert (p.prior, p.prior_mean) == (prior, 4.6)
     assert p.value == pytest.approx(first.estimate.estimates["CLalpha"], rel=1e-9)
     assert abs(p.value - 4.6) > prior, "the data move it"
-    before, now = (one.parameters["CLalpha"] for one in (first, identify(again, flight, ["0:10"])))
+    before, now = (one.parameters["CLalpha"] for one in (first, fit(again, flight, ["0:10"])))
     assert now.estimate == pytest.approx(before.estimate, abs=0.1 * before.std_error)
     assert now.prior_mean == 4.6
 
@@ -86,9 +86,9 @@ def test_windows_are_judged_first(wrong: Vehicle, flight: Flight, monkeypatch: p
         ([], [], "no maneuver"),
     ):
         with pytest.raises(StoopError, match=line):
-            identify(wrong, flight, fitted, predicted)
+            fit(wrong, flight, fitted, predicted)
     with pytest.raises(FlightError, match="two flights"):
-        identify(wrong, [flight, flight], ["0:20"])
+        fit(wrong, [flight, flight], ["0:20"])
     with pytest.raises(FlightError, match=r"^fit: no maneuver is given; name at least one window START:STOP"):
         stoop.fit(wrong, flight)
 

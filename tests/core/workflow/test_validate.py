@@ -14,7 +14,7 @@ from stoop.base.notices import notice
 from stoop.base.variables import SPECIFIC_FORCE
 from stoop.errors import FlightError, SimulationError
 from stoop.estimate.fit import DEFAULTS
-from stoop.flight import Flight, load, save
+from stoop.flight import Flight, load_flight, save_flight
 from stoop.flight.faults import Fault
 from stoop.results.decisions import DecisionRecord
 from stoop.vehicle import Vehicle
@@ -61,14 +61,15 @@ def test_a_fit_without_accelerometers_predicts(wrong: Vehicle, flight: Flight, t
 def test_a_flight_is_known_by_its_content(job: FittedModel, folder: Path, tmp_path: Path) -> None:
     """Not by its name; without windows those are predicted that were not fitted, and windows that touch do not overlap."""
     shutil.copy(folder / "flight.nc", tmp_path / "other.nc")
-    flight, other = job.flights[0], load(tmp_path / "other.nc")
+    flight, other = job.flights[0], load_flight(tmp_path / "other.nc")
     with pytest.raises(FlightError, match="other@10:25: overlaps 0:20, to which the model was fitted"):
         validate(folder, [other], ["10:25"])
     assert validate(folder, [other], ["20:28"]).record.maneuvers
     with pytest.raises(FlightError, match=r"no maneuver was found to predict .*the model was fitted there"):
-        validate(folder, [load(folder / "flight.nc")])
-    save(replace(flight, data=flight.data.assign(q=flight.data["q"] + 1e-3)), tmp_path / f"{flight.name}.nc")
-    moved = load(tmp_path / f"{flight.name}.nc")
+        validate(folder, [load_flight(folder / "flight.nc")])
+    shifted, place = flight.data.assign(q=flight.data["q"] + 1e-3), tmp_path / f"{flight.name}.nc"
+    save_flight(replace(flight, data=shifted), place)
+    moved = load_flight(place)
     assert validate(folder, [moved], ["0:20"]).record.maneuvers[0].role == "validation"
     assert validate(folder, [moved]).record.maneuvers
 

@@ -8,7 +8,7 @@ from stoop import check
 from stoop.base.variables import VARIABLES
 from stoop.simulation.fly import simulate_flight
 from stoop.vehicle import parse_vehicle
-from stoop.vehicle.builtin import resolve_vehicle
+from stoop.vehicle.builtin import load_vehicle
 from stoop_draft.checks.entries import Line
 from stoop_draft.checks.mapping import check_mapping
 
@@ -23,7 +23,7 @@ def accused(seed: int) -> list[str]:
     rng = np.random.default_rng(seed)
     name = NAMES[seed % len(NAMES)]
     winged = name == "twin-boom"
-    text, duration = resolve_vehicle(name).text, float(rng.choice([14, 30, 60]))
+    text, duration = load_vehicle(name).text, float(rng.choice([14, 30, 60]))
     if rng.random() < 0.5 and "[turbulence]" not in text:
         gusts = f"= {{ intensity = {rng.uniform(0.3, 1.5):.2f}, length = 30.0 }}\n"
         text += f"\n[turbulence]\nairspeed = {35.0 if winged else 5.0}\nu {gusts}v {gusts}w {gusts}"
@@ -40,7 +40,7 @@ def accused(seed: int) -> list[str]:
     data = {channel: flight.column(channel) for channel in flight.channels}
     signals = {channel: (flight.time, x) for channel, x in data.items()}
     judged = check_mapping(signals, data, flight.rate, OWN)
-    return [str(one) for one in (*judged.refused, *judged.notices, *check(flight, resolve_vehicle(name)))]
+    return [str(one) for one in (*judged.refused, *judged.notices, *check(flight, load_vehicle(name)))]
 
 
 def test_a_clean_flight_is_not_accused() -> None:

@@ -16,7 +16,7 @@ from stoop.problem.windows import whole
 from stoop.simulation.fly import simulate_flight
 from stoop.simulation.rotors import channel_range
 from stoop.vehicle import Vehicle, parse_vehicle
-from stoop.vehicle.builtin import resolve_vehicle
+from stoop.vehicle.builtin import load_vehicle
 from stoop_draft.checks.motors import check_motors
 
 STEPS = "3-2-1-1"
@@ -30,7 +30,7 @@ def flown(vehicle: Vehicle, *inputs: Input) -> Flight:
 
 @pytest.fixture(scope="module")
 def hexa() -> Flight:
-    return flown(resolve_vehicle("hexa-x"), *INPUTS)
+    return flown(load_vehicle("hexa-x"), *INPUTS)
 
 
 def found(text: str, flight: Flight) -> list[Notice]:
@@ -38,13 +38,13 @@ def found(text: str, flight: Flight) -> list[Notice]:
 
 
 def edited(rotor: str, pattern: str, new: str) -> str:
-    head, name, rest = resolve_vehicle("hexa-x").text.partition(f"[rotor.{rotor}]")
+    head, name, rest = load_vehicle("hexa-x").text.partition(f"[rotor.{rotor}]")
     return head + name + re.sub(pattern, new, rest, count=1)
 
 
 def test_a_right_file_is_not_accused(hexa: Flight) -> None:
     """Guesses of size are no contradiction; a hover, in which the motors answer to noise, against its slope, says nothing."""
-    right = resolve_vehicle("hexa-x")
+    right = load_vehicle("hexa-x")
     assert found(right.text, hexa) == []
     wrong = {"rotors.T2": 2.0, "rotors.lag": 0.4, "mass.inertia.xx": 2.0, "rotors.torque_ratio": 0.5}
     guess = right.with_numbers({n: {"value": right.value(n) * f} for n, f in wrong.items()})
@@ -57,7 +57,7 @@ def test_a_right_file_is_not_accused(hexa: Flight) -> None:
 @pytest.mark.parametrize(("delay", "lag"), [(0.15, 0.01), (0.0, 0.12), (None, None)])
 def test_exchanged_channels_are_named(delay: float | None, lag: float | None, hexa: Flight) -> None:
     """Whatever the delay of the file: commands below 5 Hz that come 0.1 s late explain nothing, or all the wrong way round."""
-    right = resolve_vehicle("hexa-x")
+    right = load_vehicle("hexa-x")
     if delay is not None:
         late = {"rotors.delay": {"value": delay}, "rotors.lag": {"value": lag}}
         text = right.text.replace("[rotors]", "[rotors]\ndelay = 0.0")
@@ -73,7 +73,7 @@ def test_exchanged_channels_are_named(delay: float | None, lag: float | None, he
 
 
 def test_one_spin_and_one_arm_are_named(hexa: Flight) -> None:
-    heave, quad = ("heave", "3-2-1-1", 10.0, 0.4, 3.0), resolve_vehicle("quad-x")
+    heave, quad = ("heave", "3-2-1-1", 10.0, 0.4, 3.0), load_vehicle("quad-x")
     turned = re.sub(r'spin = "c?cw"', 'spin = "cw"', quad.text, count=1)
     (one,) = found(turned, flown(quad, *INPUTS, heave))
     assert (one.values["kind"], one.values["lines"], one.values["axis"]) == ("spin", ("rotor.m1",), "yaw")
@@ -83,7 +83,7 @@ def test_one_spin_and_one_arm_are_named(hexa: Flight) -> None:
 
 
 def test_an_inverted_command_and_a_rate_with_its_sign_lost_are_named(hexa: Flight) -> None:
-    text, columns = resolve_vehicle("hexa-x").text, {str(n): hexa.column(str(n)) for n in hexa.data.data_vars}
+    text, columns = load_vehicle("hexa-x").text, {str(n): hexa.column(str(n)) for n in hexa.data.data_vars}
     inverted = from_columns("sim", hexa.time, {**columns, "motor_3": 1.0 - hexa.column("motor_3")}, ())
     (one,) = found(text, replace(inverted, sources=hexa.sources))
     assert (one.values["kind"], one.values["lines"]) == ("command", ("motor_3",))
@@ -92,7 +92,7 @@ def test_an_inverted_command_and_a_rate_with_its_sign_lost_are_named(hexa: Fligh
 
 
 def test_without_rates_or_time_nothing_is_found(hexa: Flight) -> None:
-    text, columns = resolve_vehicle("hexa-x").text, {str(n): hexa.column(str(n)) for n in hexa.data.data_vars}
+    text, columns = load_vehicle("hexa-x").text, {str(n): hexa.column(str(n)) for n in hexa.data.data_vars}
     for time, recorded in (
         (hexa.time, {n: x for n, x in columns.items() if n != "p"}),
         (hexa.time, {**columns, "q": np.full(len(hexa.time), np.nan)}),
@@ -104,7 +104,7 @@ def test_without_rates_or_time_nothing_is_found(hexa: Flight) -> None:
 @pytest.mark.parametrize("name", ["quad-x", "hexa-x"])
 def test_commands_in_any_other_order_are_put_in_theirs_at_once(name: str) -> None:
     """The record is permuted, and the suggested file has the channel that holds the command of each rotor."""
-    right, channel_of = resolve_vehicle(name), r'(?s)(\[rotor\.{}\].*?channel = ")(\w+)'
+    right, channel_of = load_vehicle(name), r'(?s)(\[rotor\.{}\].*?channel = ")(\w+)'
     flight, channels = flown(right, *INPUTS), sorted(rotor.channel for rotor in right.file.rotor.values())
     columns = {str(n): flight.column(str(n)) for n in flight.data.data_vars}
     rng, every = np.random.default_rng(0), [*permutations(channels)][1:]
@@ -124,7 +124,7 @@ def test_commands_in_any_other_order_are_put_in_theirs_at_once(name: str) -> Non
 
 
 def test_commands_at_an_end_of_their_range_are_named() -> None:
-    vehicle = resolve_vehicle("hexa-x")
+    vehicle = load_vehicle("hexa-x")
     area, rng = channel_range(vehicle), np.random.default_rng(0)
     inputs = rng.uniform(0.3, 0.7, (1000, len(vehicle.inputs)))
     for column, end in ((area.columns[0], area.full[0]), (area.columns[1], area.idle[1])):
@@ -143,6 +143,6 @@ GUSTS = "\n[turbulence]\nairspeed = 5.0\n" + "".join(
     ("name", "gusts"), [("octo-x", ""), ("quadplane", ""), ("quad-x", GUSTS), ("hexa-x", GUSTS)]
 )
 def test_other_right_files_and_gusts_are_not_accused(name: str, gusts: str) -> None:
-    text = resolve_vehicle(name).text
+    text = load_vehicle(name).text
     for inputs in (INPUTS, ()):
         assert found(text, flown(parse_vehicle(text + gusts, name), *inputs)) == []

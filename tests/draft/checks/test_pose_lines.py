@@ -12,12 +12,12 @@ from scipy.spatial.transform import Rotation
 
 from stoop.base.arrays import FloatArray
 from stoop.errors import FlightError
-from stoop.flight import load
+from stoop.flight import load_flight
 from stoop.flight.apply_mapping import apply_mapping
 from stoop.flight.mapping import flight_mapping
 from stoop.logs import Recording, Stream
 from stoop.simulation.fly import simulate_flight
-from stoop.vehicle.builtin import resolve_vehicle
+from stoop.vehicle.builtin import load_vehicle
 from stoop_draft.mapping_draft import draft, draft_of
 from stoop_studies.verify import capture
 
@@ -58,7 +58,7 @@ def test_wrong_lines_are_named_and_drafts_correct_them(sound: tuple[Columns, str
 
 def warnings(path: Path, mapping: str) -> set[tuple[str, str]]:
     path.with_name("map.toml").write_text(mapping, encoding="utf-8")
-    notices = load(path, path.with_name("map.toml")).notices
+    notices = load_flight(path, path.with_name("map.toml")).notices
     return {(n.code, n.subject) for n in notices if n.severity == "warning"}
 
 
@@ -67,7 +67,7 @@ def test_a_pose_in_a_bag_of_ros_comes_out_north_east_down() -> None:
     frames = {"body frame": "flu", "world frame": "enu"}
     enu, flu = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]]), np.diag([1.0, -1.0, -1.0])
     steps = maneuver(15.0, ("north", "doublet", 1, 2.0, 3), ("east", "doublet", 7, 2.0, 3), rate=100.0)
-    flown = simulate_flight(resolve_vehicle("quad-x"), steps, seed=1, name="f")
+    flown = simulate_flight(load_vehicle("quad-x"), steps, seed=1, name="f")
     attitude = Rotation.from_euler("ZYX", np.column_stack([flown.column(n) for n in ("psi", "theta", "phi")]))
     motors = {f"data[{i}]": flown.column(f"motor_{i + 1}") for i in range(4)}
     for world, body, framed in ((enu, flu, True), (np.eye(3), np.eye(3), False)):
@@ -93,7 +93,7 @@ def test_a_pose_comes_out_north_east_down(tmp_path: Path) -> None:
     for text in (motive({"Quad": 0}), metres, "\ufeff" + motive({"Q": 0}), vicon()):
         path, mapping = written(tmp_path, text), tmp_path / "mapping.toml"
         mapping.write_text(draft(path).text, encoding="utf-8")
-        flight = load(path, mapping, rate=RATE)
+        flight = load_flight(path, mapping, rate=RATE)
         for name, speed in (("pn", 1.0), ("pe", 3.0), ("pd", -2.0)):
             known = np.isfinite(flight.column(name))
             slope = np.polyfit(flight.time[known], flight.column(name)[known], 1)[0]
@@ -108,6 +108,6 @@ def test_commands_stand_in_a_file_beside_it(tmp_path: Path) -> None:
     (tmp_path / "commands.csv").write_text("t,motor_1\n" + "\n".join(rows) + "\n", encoding="utf-8")
     mapping = tmp_path / "mapping.toml"
     mapping.write_text(draft(tmp_path).text, encoding="utf-8")
-    flight = load(tmp_path, mapping, rate=RATE)
+    flight = load_flight(tmp_path, mapping, rate=RATE)
     assert {"pn", "pe", "pd", "psi", "motor_1"} <= flight.names
     assert np.isfinite(flight.column("motor_1")).mean() > 0.95

@@ -12,7 +12,7 @@ from stoop.base.arrays import FloatArray
 from stoop.base.notices import Notice
 from stoop.base.rotations import wrap
 from stoop.errors import FlightError
-from stoop.flight import Flight, load
+from stoop.flight import Flight, load_flight
 from stoop_draft.checks.engine import empty_columns
 from stoop_draft.checks.entries import Line, Lines
 from stoop_draft.checks.mapping import check_mapping
@@ -23,7 +23,7 @@ FORCE = ("ax", "ay", "az")
 
 
 def flight(folder: Path, **changed: np.ndarray) -> Flight:
-    return load(mapped_log(folder / "f.csv", {"t": T, **flown(), **changed}))
+    return load_flight(mapped_log(folder / "f.csv", {"t": T, **flown(), **changed}))
 
 
 def test_a_sign_a_unit_and_exchanged_axes(tmp_path: Path) -> None:
@@ -78,7 +78,7 @@ def noisy(folder: Path, units: str, **factors: float) -> list[str]:
     for name, unit in zip(FORCE, units.split(), strict=True):
         text = text.replace(f'"{name}", unit = "m/s2"', f'"{name}", unit = "{unit}"')
     file.write_text(text)
-    found = load(folder / "f.csv").faults
+    found = load_flight(folder / "f.csv").faults
     return [f.message.replace(str(file), "M") for f in found if f.kind == "wrong unit"]
 
 

@@ -13,7 +13,7 @@ from stoop.base.arrays import FloatArray
 from stoop.base.notices import Notice
 from stoop.base.units import DEGREE, FOOT, KNOT
 from stoop.base.variables import SPECIFIC_FORCE
-from stoop.flight import load
+from stoop.flight import load_flight
 from stoop_draft.checks.mapping import check_mapping
 from stoop_draft.mapping_corrections import corrected_mapping
 from stoop_draft.mapping_draft import draft
@@ -47,11 +47,11 @@ def logged(folder: Path, mangled: Mangled, without: tuple[str, ...] = ()) -> tup
 
 def test_a_right_mapping_has_no_fault_whatever_the_estimator_held_before_take_off(tmp_path: Path) -> None:
     path, mapping = logged(tmp_path, times("right", 1.0))
-    assert load(path, mapping).faults == ()
+    assert load_flight(path, mapping).faults == ()
     made = corrected_mapping(path, mapping)
     assert (made.text, made.applied, made.left) == (mapping.read_text(), (), ())
     mapping.write_text(mapping.read_text().replace("V = {", "airspeed_pitot = {"))
-    flight = load(path, mapping)  # a pitot beside vanes is the airspeed
+    flight = load_flight(path, mapping)  # a pitot beside vanes is the airspeed
     np.testing.assert_array_equal(flight.column("V"), flight.column("airspeed_pitot"))
     assert "airspeed-of-pitot" in {one.code for one in flight.notices}
     rates = times("rates 2 % high", 1.02, "p", "q", "r")  # which the attitude follows within calibration

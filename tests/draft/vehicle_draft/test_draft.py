@@ -11,7 +11,7 @@ from helpers.flown import maneuver
 
 from stoop.base.arrays import FloatArray
 from stoop.errors import VehicleError
-from stoop.flight import Flight, load
+from stoop.flight import Flight, load_flight
 from stoop.flight.flight import from_columns
 from stoop.simulation import trim
 from stoop.simulation.fly import simulate_flight
@@ -48,7 +48,7 @@ def drafted(flight: Flight, template: str | None = None) -> Drafted:
 
 def as_log(flight: Flight, path: Path) -> Flight:
     save_flight_as(flight, path)
-    return load(path, rate=50.0)
+    return load_flight(path, rate=50.0)
 
 
 def check_deflections(drafted: Drafted, flight: Flight, flown: Flight, tolerance: float) -> None:

@@ -11,7 +11,7 @@ from stoop.base.atmosphere import SEA_LEVEL_DENSITY
 from stoop.base.units import STANDARD_GRAVITY
 from stoop.cli.main import main
 from stoop.errors import VehicleError
-from stoop.vehicle.builtin import resolve_vehicle
+from stoop.vehicle.builtin import load_vehicle
 from stoop.vehicle.defaults import EQUATION_1
 from stoop_draft.vehicle_draft import aerosandbox, handbook
 from stoop_draft.vehicle_draft.apriori import shifted, typical_std
@@ -260,12 +260,12 @@ def geometry(folder: Path) -> Path:
 def test_from_dimensions_or_a_geometry(tmp_path: Path, done: Done) -> None:
     target = tmp_path / "glider.toml"
     assert f"stoop trim {target}" in done(["vehicle", "new", *DIMENSIONS, "-o", target])
-    vehicle = resolve_vehicle(target)
+    vehicle = load_vehicle(target)
     assert vehicle.file.propulsion is None
     assert vehicle.value("reference.chord") == pytest.approx(0.16)
     assert main(["vehicle", "new", *DIMENSIONS, "-o", str(target)]) == 2
     done(["vehicle", "new", "--geometry", geometry(tmp_path), "-o", tmp_path / "v.toml"])
-    assert resolve_vehicle(tmp_path / "v.toml").value("mass.mass") == 3.0
+    assert load_vehicle(tmp_path / "v.toml").value("mass.mass") == 3.0
 
 
 def test_derivatives_of_a_geometry_by_the_vortex_lattice(here: Path, done: Done) -> None:
@@ -273,7 +273,7 @@ def test_derivatives_of_a_geometry_by_the_vortex_lattice(here: Path, done: Done)
     path = geometry(here)
     done(f"vehicle new -o v.toml --aerodynamics aerosandbox --geometry {path}")
     assert Path("v.toml").read_text("utf-8").count(aerosandbox.SOURCE) == 1
-    vehicle, table = resolve_vehicle("v.toml"), Geometry.load(path)
+    vehicle, table = load_vehicle("v.toml"), Geometry.load(path)
     found = aerosandbox.derivatives(table, vehicle.value("reference.airspeed"))
     expected = handbook.with_curved_path(table, SEA_LEVEL_DENSITY, found)
     for name in ("CLalpha", "Cmq", "Clp", "Cnbeta"):

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from stoop.base.units import STANDARD_GRAVITY
 from stoop.errors import VehicleError
-from stoop.flight import Flight, load
+from stoop.flight import Flight, load_flight
 from stoop.flight.flight import from_columns
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import builtin_vehicle
@@ -64,7 +64,8 @@ def test_px4_log(name: str, tmp_path: Path) -> None:
     flight = replace(hovering(len(truth.rotors)), parameters=px4_parameters(truth))
     save_flight_as(flight, tmp_path / "log.ulg")
     mass = truth.value("mass.mass")
-    found = draft(Request(mass=mass), [load(tmp_path / "log.ulg")])  # neither template nor span is needed
+    # neither template nor span is needed
+    found = draft(Request(mass=mass), [load_flight(tmp_path / "log.ulg")])
     check_places(found.vehicle, truth, {}, abs=1e-3)
     t1, t2 = (found.vehicle.value(f"rotors.{n}") for n in ("T1", "T2"))
     lift = len(truth.rotors) * (t1 * LEVEL + t2 * LEVEL**2)
@@ -83,7 +84,7 @@ def test_ardupilot_log(tmp_path: Path) -> None:
     parameters |= {"MOT_PWM_MIN": 1100, "MOT_PWM_MAX": 1900}
     log = replace(from_columns("log", flight.time, columns), parameters=parameters)
     save_flight_as(log, tmp_path / "log.bin")
-    found = draft(Request(mass=1.5, span=0.5), [load(tmp_path / "log.bin")])
+    found = draft(Request(mass=1.5, span=0.5), [load_flight(tmp_path / "log.bin")])
     names = {f"motor_{n}": f"pwm_{pin}" for n, pin in order.items()}
     check_places(found.vehicle, builtin_vehicle("quad-x"), names, abs=2e-3)
     assert found.vehicle.value("rotors.idle") == 1100.0

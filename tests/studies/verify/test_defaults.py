@@ -4,7 +4,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from stoop.flight import load
+from stoop.flight import load_flight
 from stoop.simulation import initial_states, parameter_rows
 from stoop.vehicle import parse_vehicle
 from stoop_studies.verify import instruments, truths
@@ -17,7 +17,7 @@ from stoop_studies.verify.truths import Deflection
 def test_logs_are_read_back(tmp_path: Path) -> None:
     for number in (0, 2, 4):  # PX4, ArduPilot, a table
         flown = fly(number, tmp_path)
-        flight = load(flown.path)
+        flight = load_flight(flown.path)
         aloft = flight.time > flown.time[0] + instruments.GROUND + 3.0
         surface = "elevator" if flown.vehicle.record == "csv" else "control_pitch"
         gain = 1.0 if surface == "elevator" else -flown.vehicle.throw["elevator"]

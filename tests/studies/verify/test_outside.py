@@ -7,7 +7,7 @@ import pytest
 
 from stoop.base.arrays import FloatArray
 from stoop.base.units import FACTORS
-from stoop.flight import load
+from stoop.flight import load_flight
 from stoop_draft.vehicle_draft.draft import draft
 from stoop_draft.vehicle_draft.request import Request
 from stoop_studies.verify import lines, outside, outside_aircraft, outside_rotors, recorders
@@ -56,7 +56,7 @@ def test_a_right_mapping_reads_what_was_measured(dialect: str, tmp_path: Path) -
     assert not lines.misread(log.path, log.mapping, log.shown, log.lines)
     (tmp_path / "m.toml").write_text(log.mapping)
     assert set(tomllib.loads(log.mapping)["variables"]) == set(log.lines)
-    assert load(log.path, tmp_path / "m.toml").time[0] == pytest.approx(log.start, abs=0.02)
+    assert load_flight(log.path, tmp_path / "m.toml").time[0] == pytest.approx(log.start, abs=0.02)
 
 
 def test_frames_and_units_are_those_of_the_catalogue() -> None:

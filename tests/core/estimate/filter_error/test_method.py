@@ -20,7 +20,7 @@ from stoop.prediction.initial_state import Predictor
 from stoop.prediction.predict import Prediction, predict
 from stoop.problem.windows import Window
 from stoop.results.result import Covariance, NoiseCovariance, ProcessNoise, Result, from_json, to_json
-from stoop.workflow.identification import identify
+from stoop.workflow.identification import fit
 
 from .conftest import MANEUVER
 
@@ -184,7 +184,7 @@ def test_the_likelihood_of_a_window_in_gusts_is_that_of_its_innovations(gusty, f
 @pytest.fixture(scope="module")
 def job(gusty_start: Vehicle, flights: list[Flight]) -> FittedModel:
     windows = ["flight0@0:15", "flight1@0:15"]
-    return identify(gusty_start, flights, windows, "flight2@0:15", Options(method="filter-error"))
+    return fit(gusty_start, flights, windows, "flight2@0:15", Options(method="filter-error"))
 
 
 def held_back(result: Result) -> dict[str, float]:

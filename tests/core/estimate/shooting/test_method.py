@@ -7,6 +7,7 @@ import pytest
 from helpers.fits import deviations, fit_by
 from helpers.flown import maneuver, with_few_free
 
+import stoop
 from stoop import Options, load_vehicle, simulate_flight, trim
 from stoop.checks.excitation import in_ratio, ratios
 from stoop.checks.rotors import foreign_motors, rotor_notices
@@ -20,7 +21,7 @@ from stoop.problem.windows import Window
 from stoop.simulation import initial_states, parameter_rows
 from stoop.simulation.maneuver import parse_maneuver
 from stoop.vehicle import parse_vehicle
-from stoop.workflow import demo, identify
+from stoop.workflow import demo
 
 DT, FREE = 0.02, ("CL0", "CLalpha", "CLelevator", "CD0", "CDalpha", "Cm0", "Cmalpha", "Cmq", "Cmelevator")
 MANEUVER = maneuver(15.0, ("elevator", "3-2-1-1", 1.0, 0.5, 0.04), ("elevator", "3-2-1-1", 7.0, 0.5, -0.05))
@@ -182,7 +183,7 @@ def begun(quad):
 
 @pytest.fixture(scope="module")
 def job(begun, flown):
-    return identify(begun, flown, ["0:11"], validate=["11.5:16"])
+    return stoop.fit(begun, flown, ["0:11"], validate=["11.5:16"])
 
 
 def test_windows_are_the_default_and_find_the_truth(quad, job):
@@ -293,9 +294,9 @@ def test_a_wrong_mass_or_inertia_is_named_and_its_value_comes_out(name, wrong):
     vehicle = load_vehicle("quad-x")
     calm = simulate_flight(vehicle, maneuver(16.0, *INPUTS, rate=100.0, wind=WIND), seed=1, name="sim")
     off = vehicle.with_numbers({name: {"value": wrong * vehicle.value(name)}})
-    given = identify(off, calm, ["0:11"], validate=["11.5:16"]).result
+    given = stoop.fit(off, calm, ["0:11"], validate=["11.5:16"]).result
     assert given.extensions.found[0].name == name
     assert name == "mass.inertia.xx" or given.verdict.grade == "do not use"
-    longer = identify(off, calm, ["0:11"], validate=["11.5:16"], extend=True).result
+    longer = stoop.fit(off, calm, ["0:11"], validate=["11.5:16"], extend=True).result
     assert longer.parameters[name].estimate == pytest.approx(vehicle.value(name), rel=0.01)
     assert longer.verdict.grade == "usable"
