@@ -14,10 +14,10 @@ from typing import Any, Final
 import tomlkit
 
 from stoop.extend.errors import LogError, OutputError, StoopError
-from stoop.extend.files import make_folder, parse_source, read_source, write_bytes_atomic, write_text_atomic
+from stoop.extend.files import make_folder, parse_source, read_source, write_file
 from stoop.extend.flights import READY, flight_name
-from stoop.extend.recordings import is_bag_folder, mapping_beside
 from stoop.extend.recordings import kind as log_kind
+from stoop.extend.recordings import mapping_beside
 from stoop.extend.vehicles import parse_vehicle
 from stoop_app import steps
 from stoop_app.places import bytes_of, document_of, inside, recalled, remember, resolved, text_of
@@ -142,7 +142,7 @@ class Project:
             with contextlib.suppress(FileNotFoundError):
                 self._place(kept).replace(self._place(file))
         lead = "# what stoop app shows in this folder\n"
-        write_text_atomic(self._place(FILE), lead + tomlkit.dumps({"log": name, "former": former}))
+        write_file(self._place(FILE), lead + tomlkit.dumps({"log": name, "former": former}))
 
     @property
     def needs_mapping(self) -> bool:
@@ -212,14 +212,14 @@ class Project:
 
     def take_mapping(self, text: str) -> None:
         """Keep a mapping, and read the log by it."""
-        write_text_atomic(self._place(MAPPING), text)
+        write_file(self._place(MAPPING), text)
         self.read_log()
 
     def correct_mapping(self) -> Step:
         """Apply to the mapping what its checks advise."""
         text, log = self.mapping, str(self.source[0])
         if not self._place(MAPPING).exists():
-            write_text_atomic(self._place(MAPPING), text)
+            write_file(self._place(MAPPING), text)
         words = ["map", log, "--apply", MAPPING, "--json", "-o"]
         return self.start("corrections", lambda at: [*words, f"{at}/{MAPPING}"], {BEFORE: text})
 
@@ -276,12 +276,12 @@ class Project:
         """
         if before is not None:
             _check_unchanged(VEHICLE, self.vehicle, before)
-        write_text_atomic(self._place(VEHICLE), text)
+        write_file(self._place(VEHICLE), text)
 
     def take_vehicle(self, text: str) -> None:
         """Use another vehicle; the one that was there is kept under another name."""
         self._keep_copy(VEHICLE)
-        write_text_atomic(self._place(VEHICLE), text)
+        write_file(self._place(VEHICLE), text)
 
     # The parameters of an autopilot.
 
@@ -290,7 +290,7 @@ class Project:
         if Path(name).suffix.lower() not in ENDINGS:
             raise StoopError(f"{name}: a file of parameters ends in {', '.join(sorted(ENDINGS))}")
         self._keep_copy(name)
-        write_bytes_atomic(self._place(name), content)
+        write_file(self._place(name), content)
 
     # The windows.
 
@@ -303,7 +303,7 @@ class Project:
     def save_windows(self, entries: Sequence[Entry]) -> None:
         """Keep windows, in the order of time."""
         ordered = sorted(entries, key=lambda e: (e.flight, e.start))
-        write_text_atomic(self._place(WINDOWS), written(ordered, FIT))
+        write_file(self._place(WINDOWS), written(ordered, FIT))
 
     def propose_windows(self) -> Step:
         """Select windows by their information for the vehicle."""
@@ -313,7 +313,7 @@ class Project:
     def take_proposal(self, step: Step) -> None:
         """Use proposed windows; those that were there are kept under another name."""
         self._keep_copy(WINDOWS)
-        write_text_atomic(self._place(WINDOWS), step.text(WINDOWS))
+        write_file(self._place(WINDOWS), step.text(WINDOWS))
 
     def tend(self) -> None:
         """Use the first proposal of windows where nobody has chosen any, follow the mapping, leave a log that cannot be read."""
@@ -404,7 +404,7 @@ class Project:
         names = (f"{stem}-{n}{ending}" for n in itertools.count(1))
         kept = next(other for other in names if not os.path.lexists(self.root / other))
         if self._place(name).exists():
-            write_bytes_atomic(self.root / kept, bytes_of(self.root, name))
+            write_file(self.root / kept, bytes_of(self.root, name))
         return kept
 
 
@@ -415,7 +415,7 @@ def log_of(step: Step) -> str:
 
 def fleet_logs(folder: Path) -> list[Path]:
     """Return the logs of a folder; none of one that is a log itself, such as a ROS bag."""
-    if not folder.is_dir() or is_bag_folder(folder):
+    if not folder.is_dir() or log_kind(folder) == "rosbag":
         return []
     return sorted(p for p in folder.iterdir() if p.name.lower().endswith(FLEET_LOGS))
 

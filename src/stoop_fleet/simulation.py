@@ -225,9 +225,9 @@ def write_fleet(
             beside = mapping_beside(Path(log)).name
             written = {log: content} | ({beside: mapping} if mapping else {})
             files.write_files(folder, written, () if mapping else [beside])
-    files.write_text_atomic(folder / PARTS, files.csv_text(COLUMNS, map(_row, fittings), "\n"))
+    files.write_file(folder / PARTS, files.csv_text(COLUMNS, map(_row, fittings), "\n"))
     truth = ((f.name, f.vehicle, _date(f.begin), *map(str, f.numbers.values())) for f in flights)
-    files.write_text_atomic(
+    files.write_file(
         folder / TRUTH, files.csv_text(("flight", "vehicle", "time", *fleet.numbers), truth, "\n")
     )
     return len(flights)

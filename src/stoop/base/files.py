@@ -191,14 +191,9 @@ def write_files(folder: Path, files: Mapping[str, bytes | str], obsolete: Iterab
         ) from error
 
 
-def write_bytes_atomic(path: Path, content: bytes) -> None:
-    """Write `content` to `path`; a reader sees the old file or the whole new one, never a part. See `write_files`."""
+def write_file(path: Path, content: bytes | str) -> None:
+    """Write a file, text as UTF-8; a reader sees the old file or the whole new one, never a part. See `write_files`."""
     write_files(Path(path).parent, {Path(path).name: content})
-
-
-def write_text_atomic(path: Path, text: str) -> None:
-    """Write `text` as UTF-8 to `path`, all or nothing; see `write_files`."""
-    write_files(Path(path).parent, {Path(path).name: text})
 
 
 def _write_through(path: Path, content: bytes) -> None:

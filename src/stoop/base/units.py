@@ -6,7 +6,7 @@ import functools
 import math
 import tomllib
 from importlib.resources import files
-from typing import Final
+from typing import Final, NamedTuple
 
 DEGREE: Final = math.pi / 180.0  #: rad
 FOOT: Final = 0.3048  #: m (international foot, exact)
@@ -34,33 +34,32 @@ FACTORS: Final[dict[str, float]] = {
     "percent": 0.01, "%": 0.01, "pwm": 1.0,
 }  #: unit written in a file -> factor to SI  # fmt: skip
 
-#: unit -> SI value of its zero, where that is not zero
-ZEROS: Final[dict[str, float]] = {"degC": ZERO_CELSIUS}
-
 #: unit of a servo pulse -> microseconds, as pulses are kept
 PULSE_FACTORS: Final[dict[str, float]] = {"pwm": 1.0, "us": 1.0, "ms": 1e3, "s": 1e6}
 
-_OF_KIND: Final[dict[str, str]] = {
-    "an angle": "rad mrad deg cdeg",
-    "a rate of turn": "rad/s mrad/s deg/s cdeg/s mdeg/s rpm rev/s",
-    "an angular acceleration": "rad/s2 deg/s2",
-    "a length": "m mm cm km in ft",
-    "a speed": "m/s mm/s cm/s km/h kt ft/s ft/min",
-    "an acceleration": "m/s2 mm/s2 cm/s2 ft/s2 g mg",
-    "a time": "s ms us ns pwm",
-    "a mass": "kg slug",
-    "a force": "N lbf",
-    "a moment": "N_m",
-    "a density": "kg/m3",
-    "a pressure": "Pa hPa kPa mbar",
-    "a temperature": "K degC",
-    "a voltage": "V mV",
-    "a current": "A mA cA",
+_KINDS: Final[dict[str, str]] = {
+    "an angle": "rad mrad deg cdeg", "a rate of turn": "rad/s mrad/s deg/s cdeg/s mdeg/s rpm rev/s",
+    "an angular acceleration": "rad/s2 deg/s2", "a length": "m mm cm km in ft",
+    "a speed": "m/s mm/s cm/s km/h kt ft/s ft/min", "an acceleration": "m/s2 mm/s2 cm/s2 ft/s2 g mg",
+    "a time": "s ms us ns pwm", "a mass": "kg slug", "a force": "N lbf", "a moment": "N_m", "a density": "kg/m3",
+    "a pressure": "Pa hPa kPa mbar", "a temperature": "K degC", "a voltage": "V mV", "a current": "A mA cA",
     "a plain number": "1 percent %",
-}
-#: unit -> what it measures
-KINDS: Final[dict[str, str]] = {
-    unit.replace("_", " "): kind for kind, units in _OF_KIND.items() for unit in units.split()
+}  # fmt: skip
+
+
+class Unit(NamedTuple):
+    """A unit: its factor to SI, what it measures, and the SI value of its zero."""
+
+    factor: float
+    kind: str
+    zero: float
+
+
+#: symbol -> unit
+UNITS: Final[dict[str, Unit]] = {
+    symbol: Unit(FACTORS[symbol], kind, ZERO_CELSIUS if symbol == "degC" else 0.0)
+    for kind, symbols in _KINDS.items()
+    for symbol in (text.replace("_", " ") for text in symbols.split())
 }
 
 

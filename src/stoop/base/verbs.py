@@ -16,14 +16,8 @@ from typing import Any, Final
 from stoop.base import packages
 from stoop.errors import StoopError
 
-GROUPS: Final = (
-    "flights",
-    "models",
-    "uses",
-    "fleets",
-    "studies",
-    "help",
-)  #: of verbs, in the order of their list
+#: of verbs, in the order of their list
+GROUPS: Final = ("flights", "models", "uses", "fleets", "studies", "help")
 KINDS: Final = (
     "text", "switch", "file", "data", "vehicle", "source", "output", "output-or-print", "page", "folder", "names", "count",
     "at-least-one", "positive", "finite",
@@ -31,6 +25,12 @@ KINDS: Final = (
 MOST_EXPLAINED = 16  #: choices with titles that the help of an option lists
 _LINK = re.compile(r"\[([^\]]*)\]\((?:([\w-]+\.md)[^)]*|[^)]*)\)")
 _PLACE = re.compile(r"[\w.]+:\w+")  #: a text that stands for an object of a module
+
+
+def plain(markdown: str) -> str:
+    """Return a text without the marks of Markdown: a link to another page becomes the name of its file."""
+    told = _LINK.sub(lambda m: m[1] + (f" (docs/{m[2]})" if m[2] else ""), markdown)
+    return told.replace("`", "")
 
 
 @dataclass(frozen=True)
@@ -97,6 +97,8 @@ class Option:
     dest: str = ""
     parameter: str = ""
     run: str = ""
+
+    plain = staticmethod(plain)
 
     @property
     def positional(self) -> bool:
@@ -174,12 +176,6 @@ class Verb:
     def option(self, key: str) -> Option:
         """Return the option whose value has this name in the program."""
         return next(one for one in self.options if one.key == key)
-
-
-def plain(markdown: str) -> str:
-    """Return a text without the marks of Markdown: a link to another page becomes the name of its file."""
-    told = _LINK.sub(lambda m: m[1] + (f" (docs/{m[2]})" if m[2] else ""), markdown)
-    return told.replace("`", "")
 
 
 @functools.cache

@@ -95,10 +95,7 @@ class Settings:
         low, high = (self.number("motorOutput", k) for k in range(2))
         if self.firmware[0] != INAV and is_digital(low, high):
             return DSHOT
-        for least, full in (
-            (self.number("minthrottle"), self.number("maxthrottle")),
-            (low, high),
-        ):
+        for least, full in ((self.number("minthrottle"), self.number("maxthrottle")), (low, high)):
             if 0.0 <= least < full:
                 return least, full
         return 0.0, 0.0

@@ -181,17 +181,7 @@ def _channels(summary: FlightSummary) -> Section:
         for row in summary.rows
     )  # fmt: skip
     head = (
-        "channel",
-        "unit",
-        "lowest",
-        "median",
-        "highest",
-        "source",
-        "Hz",
-        "gaps",
-        "longest, s",
-        "missing",
-        "meaning",
-    )
+        "channel", "unit", "lowest", "median", "highest", "source", "Hz", "gaps", "longest, s", "missing", "meaning",
+    )  # fmt: skip
     kinds = ("", "", "n", "n", "n", "", "n", "n", "n", "n", "wrap")
     return Section("Channels", (Table("", head, rows, kinds, label="Channels"),))

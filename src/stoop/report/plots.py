@@ -19,8 +19,10 @@ from markupsafe import Markup, escape
 from stoop.base.arrays import FloatArray
 from stoop.base.numbers import MAX_NUMBER, RAISED
 from stoop.base.text import printable
-from stoop.report.palette import as_variables, light
-from stoop.report.series import DASHES, Kind, Look, Range, Series, Shade, Strip, looks_of, spanning, thinned
+from stoop.report.palette import as_variables
+from stoop.report.palette import light as light
+from stoop.report.series import DASHES, Kind, Look, Range, Series, Shade, Strip, looks_of, thinned
+from stoop.report.series import spanning as spanning
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -127,12 +129,8 @@ def strip_pictures(
     pictures: dict[int, Markup] = {}
     sizes = [tuple(strip.height for strip in strips) for strips, _ in groups]
     for size in dict.fromkeys(sizes):
-        titled = any(
-            strip.label
-            for (strips, _), own in zip(groups, sizes, strict=True)
-            for strip in strips
-            if own == size
-        )
+        alike = [strips for (strips, _), own in zip(groups, sizes, strict=True) if own == size]
+        titled = any(strip.label for strips in alike for strip in strips)
         with canvas(width, size, bool(x_label), titled) as (figure, all_axes):
             for axes in all_axes:
                 axes.set_xlim(x_range)
@@ -176,19 +174,37 @@ def heat_maps(
             level = np.log10(density)
             known = level[np.isfinite(level)]
             low, high = np.quantile(known, MAP_QUANTILES) if known.size else (0.0, 1.0)
-            image = axes.imshow(
-                level,
-                "cividis",
-                vmin=low,
-                vmax=high,
-                aspect="auto",
-                origin="lower",
-                extent=ends,
-                interpolation="nearest",
-            )
+            image = axes.imshow(level, "cividis", vmin=low, vmax=high, aspect="auto", origin="lower", extent=ends,
+                                interpolation="nearest")  # fmt: skip
             pictures.append(svg(figure, description))
             image.remove()
     return pictures
+
+
+def fan_panel(
+    x: FloatArray,
+    estimate: FloatArray,
+    bands: FloatArray,
+    x_label: str,
+    name: str,
+    shaded: Sequence[Range] = (),
+) -> Markup:
+    """Return a curve (n,) over its 50 % and 95 % bands, and the median dashed.
+
+    `bands` (5, n) are the percentiles 2.5, 25, 50, 75 and 97.5; `shaded` are stretches of the x axis that stand out.
+    """
+    with canvas(NARROW, [170.0], titles=False) as (figure, (axes,)):
+        for start, stop in shaded:
+            axes.axvspan(start, stop, color=light("fault"), linewidth=0.0, zorder=0.1)
+        axes.fill_between(x, bands[0], bands[4], color=light("band-fit"), linewidth=0.0)
+        axes.fill_between(x, bands[1], bands[3], color=light("band-half"), linewidth=0.0)
+        axes.plot(x, bands[2], color=light("lag"), linestyle=DASHES[1], linewidth=1.4)
+        axes.plot(x, estimate, color=light("fit"), linewidth=1.8)
+        axes.set_xlim(float(x[0]), float(x[-1]))
+        axes.set_ylim(*spanning([bands, estimate], 0.06))
+        axes.locator_params("y", nbins=5)
+        axes.set_xlabel(x_label, size=12.0)
+        return svg(figure, f"{name} with its 50 % and 95 % bands.")
 
 
 @contextmanager
@@ -209,13 +225,8 @@ def canvas(
         figure = NewFigure(figsize=(width / 72.0, whole / 72.0), dpi=72.0)
         made, at = list[Any](), top
         for height in heights:
-            place = (
-                LEFT / width,
-                1.0 - (at + height) / whole,
-                (width - LEFT - RIGHT) / width,
-                height / whole,
-            )
-            axes = figure.add_axes(place)
+            left, wide = LEFT / width, (width - LEFT - RIGHT) / width
+            axes = figure.add_axes((left, 1.0 - (at + height) / whole, wide, height / whole))
             # where Matplotlib finds a place itself, it lays out all ticks once more
             axes.xaxis.set_label_coords(0.5, -NAMED / height)
             axes.yaxis.set_label_coords(0.0, 0.5)

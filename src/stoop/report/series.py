@@ -92,11 +92,10 @@ def thinned(one: Series, columns: int) -> tuple[FloatArray, FloatArray, FloatArr
     if len(x) <= 2 * columns or one.kind == "points":
         return x, y, half
     block = -(-len(x) // columns)
-    kept = [
-        np.flatnonzero(np.diff(np.isfinite(x) & np.isfinite(y), append=False))
-    ]  # ends of pieces, and what breaks them
+    known = np.isfinite(x) & np.isfinite(y)
+    kept = [np.flatnonzero(np.diff(known, append=False))]  # ends of pieces, and what breaks them
     kept.append(kept[0] + 1)
-    for first, last in runs(np.isfinite(x) & np.isfinite(y)).tolist():
+    for first, last in runs(known).tolist():
         whole = first + (last - first) // block * block
         starts, rows = np.arange(first, whole, block), y[first:whole].reshape(-1, block)
         kept += [

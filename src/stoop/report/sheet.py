@@ -19,10 +19,14 @@ from xml.etree import ElementTree as ET
 
 from markupsafe import Markup, escape
 
-from stoop.base.files import write_text_atomic
+from stoop.base.files import write_file
 from stoop.base.text import printable
 from stoop.report.palette import COLORS, variables
-from stoop.report.time_history import TimeHistory
+from stoop.report.series import Series as Series
+from stoop.report.series import Shade as Shade
+from stoop.report.series import Strip as Strip
+from stoop.report.time_history import HistoryPanel as HistoryPanel
+from stoop.report.time_history import TimeHistory as TimeHistory
 from stoop.report.track import Track
 
 if TYPE_CHECKING:
@@ -210,19 +214,8 @@ class Details:
 
 
 Part = (
-    Prose
-    | Bullets
-    | Code
-    | Table
-    | Figure
-    | Panels
-    | Legend
-    | Heading
-    | Drawing
-    | Details
-    | TimeHistory
-    | Track
-)
+    Prose | Bullets | Code | Table | Figure | Panels | Legend | Heading | Drawing | Details | TimeHistory | Track
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -255,9 +248,8 @@ class Sheet:
     sections: tuple[Section, ...]
     kind: str = "study"  #: what sort of page it is
     verdict: Verdict | None = None
-    script: str = (
-        ""  #: file of the templates that the page runs beside those of its plots; it can be read without
-    )
+    #: file of the templates that the page runs beside those of its plots; it can be read without
+    script: str = ""
 
 
 @dataclass(frozen=True, repr=False)
@@ -282,7 +274,7 @@ class Page:
 
 def write_sheet(sheet: Sheet, path: Path) -> None:
     """Write the page whole or not at all; raises `OutputError`."""
-    write_text_atomic(path, render_sheet(sheet))
+    write_file(path, render_sheet(sheet))
 
 
 def render_sheet(sheet: Sheet, scripts: bool = True) -> str:

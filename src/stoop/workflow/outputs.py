@@ -162,7 +162,7 @@ def input_hashes(
 ) -> dict[str, str]:
     """Return the SHA-256 of the vehicle file, of every flight's files and of all others, by name."""
     own = {Path(vehicle.where).name: hashlib.sha256(vehicle.text.encode()).hexdigest()}
-    return own | file_hashes([*flight_files(flights.values()), *others], own)
+    return own | file_hashes([*flights.values(), *others], own)
 
 
 def flight_files(flights: Iterable[Flight]) -> list[Path]:
@@ -172,12 +172,13 @@ def flight_files(flights: Iterable[Flight]) -> list[Path]:
     return [path for path in [*logs, *mappings] if path.exists()]
 
 
-def file_hashes(paths: Iterable[Path], taken: Iterable[str] = ()) -> dict[str, str]:
-    """Return the SHA-256 of files by their names, by their paths where a name is taken.
+def file_hashes(inputs: Iterable[Flight | Path], taken: Iterable[str] = ()) -> dict[str, str]:
+    """Return the SHA-256 of files, and of those of flights, by their names, by their paths where a name is taken.
 
     Of a folder the sorted names and contents of its tables and mapping are hashed, not of results beside them.
     """
     out: dict[str, str] = {}
+    paths = [path for one in inputs for path in (flight_files([one]) if isinstance(one, Flight) else [one])]
     for path in dict.fromkeys(paths):
         digest, files = hashlib.sha256(), [path]
         if path.is_dir():

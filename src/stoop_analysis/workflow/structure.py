@@ -131,7 +131,7 @@ def _put(table: Any, name: str, term: str, value: float | None) -> None:
 
 def write_structure(found: Determined, folder: Path, command: str) -> None:
     """Write vehicle, table of steps and page into a folder; all or none."""
-    from stoop.extend.reports import render_sheet
+    from stoop.extend.reports import sheet
     from stoop_analysis.report.structure import structure_sheet
 
     make_folder(folder)
@@ -143,7 +143,7 @@ def write_structure(found: Determined, folder: Path, command: str) -> None:
         for c, chosen in found.structure.chosen.items()
         for i, s in enumerate(chosen.selection.steps, 1)
     ]  # fmt: skip
-    page = render_sheet(
+    page = sheet.render_sheet(
         structure_sheet(found.structure, found.vehicle, found.names, found.estimates, command)
     )
     texts = {
