@@ -24,18 +24,18 @@ FLAG = re.compile(
 )  #: tests whether a vehicle has rotors
 #: package, or room of the core -> lines at most; "stoop" is the whole core
 BUDGETS = {
-    "stoop": 53949,
-    "stoop_analysis": 6445,
-    "stoop_app": 4021,
-    "stoop_draft": 7293,
-    "stoop_export": 7327,
-    "stoop_fleet": 3654,
-    "stoop_plan": 5208,
+    "stoop": 53948,
+    "stoop_analysis": 6443,
+    "stoop_app": 4016,
+    "stoop_draft": 7299,
+    "stoop_export": 7326,
+    "stoop_fleet": 3653,
+    "stoop_plan": 5206,
     "stoop_studies": 15042,
-    "stoop_tune": 4466,
+    "stoop_tune": 4465,
     "api": 73,
     "assessment": 4822,
-    "base": 2641,
+    "base": 2642,
     "checks": 600,
     "cli": 2187,
     "estimate": 7296,
@@ -48,12 +48,12 @@ BUDGETS = {
     "prediction": 634,
     "problem": 2029,
     "reconstruction": 835,
-    "report": 3206,
+    "report": 3208,
     "results": 1365,
     "simulation": 3049,
     "strategy": 1494,
     "vehicle": 3686,
-    "workflow": 2419,
+    "workflow": 2415,
 }
 #: modules that an allowed import cycle goes through, imports in functions counted: registries that name their entries
 REGISTRIES = {"stoop.optimize.registry", "stoop.vehicle.vehicle", "stoop.workflow.fitted_model"}

@@ -6,7 +6,6 @@ from typing import Any, Final
 
 import panel as pn
 
-from stoop.extend.files import make_folder
 from stoop.extend.reports import sheet
 from stoop.extend.vehicles import load_vehicle
 from stoop_app import parts
@@ -71,7 +70,6 @@ class CompareView(View):
 
             def made() -> None:
                 place = inside(self.project.root, wanted)
-                make_folder(place.parent)
                 sheet.write_sheet(comparison_sheet(*map(compared, self._both)), place)
                 self._turn()
 

@@ -14,7 +14,7 @@ from typing import Any, Final
 import tomlkit
 
 from stoop.extend.errors import LogError, OutputError, StoopError
-from stoop.extend.files import make_folder, parse_source, read_source, write_file
+from stoop.extend.files import toml, write_file
 from stoop.extend.flights import READY, flight_name
 from stoop.extend.recordings import kind as log_kind
 from stoop.extend.recordings import mapping_beside
@@ -49,7 +49,10 @@ class Project:
     def __init__(self, root: Path) -> None:
         """Take a folder, made if it is not there; raises `OutputError` if it cannot be written."""
         self.root = root.absolute()
-        make_folder(self.root)
+        if self.root.exists() and not self.root.is_dir():
+            raise OutputError(f"{root}: is a file; name a folder")
+        with contextlib.suppress(OSError):
+            self.root.mkdir(parents=True, exist_ok=True)
         if not os.access(self.root, os.W_OK):
             raise OutputError(f"{root}: cannot be written; name another folder with --folder")
 
@@ -94,7 +97,7 @@ class Project:
 
     def _logs(self) -> tuple[str, dict[str, dict[str, str]]]:
         """Return the log, and of each former one where its windows and mapping are kept."""
-        found = parse_source(text_of(self.root, FILE), FILE, OutputError)
+        found = toml.parse_source(text_of(self.root, FILE), FILE, OutputError)
         log, former = found.get("log", ""), found.get("former", {})
         names = [log, *former] if isinstance(former, dict) else [None]
         if not all(isinstance(n, str) and not n.startswith("-") and "\0" not in n for n in names):
@@ -202,7 +205,7 @@ class Project:
         """Text of the mapping by which the log is read: the folder's, or the one beside the log; empty where it needs none."""
         beside = mapping_beside(self.log_file)
         own = text_of(self.root, MAPPING)
-        return own if own or not beside.is_file() else read_source(beside, "mapping", LogError)
+        return own if own or not beside.is_file() else toml.read_source(beside, "mapping", LogError)
 
     def save_mapping(self, text: str, before: str) -> None:
         """Keep a mapping, and read the log by it; raises as `save_vehicle`."""

@@ -26,7 +26,7 @@ from bokeh.plotting import figure
 
 from stoop import Flight, load_flight
 from stoop.extend.arrays import FloatArray
-from stoop.extend.reports import GROUPS, channel_panels, in_blocks, plots, sheet
+from stoop.extend.reports import channel_panels, in_blocks, plots, sheet
 from stoop.extend.text import factor_and_unit, number
 from stoop.extend.variables import VARIABLES
 from stoop_app.parts import button, escaped, html
@@ -49,12 +49,6 @@ DRAWN: Final = (280, 84)  #: width and height of a drawing of a running fit
 def read_flight(path: Path, changed: int) -> Flight:
     """Return a flight that stoop wrote; `changed` is the file's time, so that a new one is read again."""
     return load_flight(path)
-
-
-def strips_of(flight: Flight) -> list[sheet.HistoryPanel]:
-    """Return the strips of a flight, those of its page but for channels that are alike to no other."""
-    titles = {title for title, _ in GROUPS}
-    return [panel for panel in channel_panels(flight, flight.channels) if panel.title in titles]
 
 
 def thinned(
@@ -87,7 +81,7 @@ class Strips:
 
     def __init__(self, flight: Flight, brushed: Callable[[float, float], None] | None = None) -> None:
         self._time = flight.time
-        found = strips_of(flight)
+        found = channel_panels(flight)
         self._curves = [panel.strips[0].series for panel in found]
         start, stop = float(self._time[0]), float(self._time[-1])
         self._range = Range1d(start, stop, bounds=(start, stop))

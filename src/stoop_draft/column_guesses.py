@@ -19,7 +19,7 @@ import numpy as np
 from stoop.extend.arrays import FloatArray
 from stoop.extend.flights import Channels, at_own_rates, from_columns, in_flight
 from stoop.extend.text import enumerated
-from stoop.extend.units import UNITS, written_units
+from stoop.extend.units import UNITS
 from stoop.extend.variables import VARIABLES
 from stoop_draft.checks.engine import LIMITS, Edit, Finding, Range, not_excluded, search
 from stoop_draft.checks.entries import Line
@@ -27,6 +27,7 @@ from stoop_draft.checks.lines import EAST, EULER, RATES, SPECIFIC_FORCE, SURFACE
 from stoop_draft.checks.mapping import SHOWN, Model, on_grid
 from stoop_draft.checks.units import LARGEST, MEDIANS, MIN_ANGLE, PULSES, largest_size, median_size
 
+WRITTEN: Final = {text: symbol for symbol, unit in UNITS.items() for text in unit.written}
 LONGEST_NAME: Final = 200  #: letters; no longer name tells anything, and matching takes the square of it
 #: command by which pulses of what moves a surface are recorded
 _OF_PULSES: Final = {
@@ -122,7 +123,7 @@ class _Names(NamedTuple):
 def _names() -> _Names:
     """Read the names."""
     content = tomllib.loads((files("stoop_draft") / "column_names.toml").read_text("utf-8"))
-    units = written_units().keys() - {"1", "-"}  # motor_1 is a number
+    units = WRITTEN.keys() - {"1", "-"}  # motor_1 is a number
     longest = sorted(map(re.escape, units), key=len, reverse=True)
     rules = []
     for row in content["rules"]:
@@ -148,7 +149,7 @@ def recognized(column: str, stated: str = "", stream: str = "") -> DraftLine | N
     if len(column) > LONGEST_NAME:
         return None
     bare, ending = without_unit(column)
-    said = written_units().get(stated.strip().lower(), "")
+    said = WRITTEN.get(stated.strip().lower(), "")
     # an ending of one letter may be no unit; one of several may name the quantity, as rpm does
     for name, unit in ((bare, said or ending), (column, said or (ending if len(ending) > 1 else ""))):
         found = _by_words(name)
@@ -210,15 +211,14 @@ def _by_rules(text: str) -> _Guess | None:
 
 def without_unit(column: str) -> tuple[str, str]:
     """Split a unit off a name, whether in brackets or as an ending; the unit is empty when there is none."""
-    units = written_units()
     if len(column) > LONGEST_NAME:
         return column, ""
     found = _BRACKETS.search(column)
-    if found and not found.group(1).isdigit() and found.group(1).lower() in {"", *units}:
-        return column[: found.start()], units.get(found.group(1).lower(), "")
+    if found and not found.group(1).isdigit() and found.group(1).lower() in {"", *WRITTEN}:
+        return column[: found.start()], WRITTEN.get(found.group(1).lower(), "")
     found = _names().title.search(column) or _names().suffix.search(column)
     if found and found.start() > 0:
-        return column[: found.start()] + (found.group(2) or ""), units[found.group(1).lower()]
+        return column[: found.start()] + (found.group(2) or ""), WRITTEN[found.group(1).lower()]
     return column, ""
 
 

@@ -17,7 +17,7 @@ import numpy as np
 import tomlkit
 
 from stoop.extend import flights, variables
-from stoop.extend.files import quoted
+from stoop.extend.files import toml
 from stoop.extend.recordings import Recording, Stream, guess_clock, read_unmapped
 from stoop.extend.text import printable
 from stoop.extend.units import UNITS
@@ -129,7 +129,7 @@ def _of_ready(recording: Recording) -> Draft:
     outputs = Outputs(mapped, places, signals, recording.parameters)
     motors = outputs.motor_lines()
     out = [
-        f"# Drafted by stoop map for {quoted(recording.path.name)}.",
+        f"# Drafted by stoop map for {toml.quoted(recording.path.name)}.",
         f'extends = "{name}"',
         "",
         "# The ready mapping takes:",
@@ -191,7 +191,7 @@ def _of_any(recording: Recording, framed: bool = True) -> Draft:
         for row in _offered(name, timed.streams[name], columns, several)
     ]
     out = [
-        f"# Drafted by stoop map for {quoted(recording.path.name)}: correct what is marked, remove what is wrong.",
+        f"# Drafted by stoop map for {toml.quoted(recording.path.name)}: correct what is marked, remove what is wrong.",
         *clock,
         "",
         "[variables]",
@@ -217,9 +217,15 @@ class Group:
     def text(self, several: bool) -> list[str]:
         """Return the table of a mapping."""
         mapped = tuple(line.variable for line in self.lines)
-        names, columns = (", ".join(map(quoted, x)) for x in (mapped, (line.column for line in self.lines)))
-        stream = f"stream = {quoted(self.lines[0].stream)}, " if several else ""
-        frame = f"[{', '.join(map(quoted, self.frame))}]" if len(self.frame) > 1 else quoted(self.frame[0])
+        names, columns = (
+            ", ".join(map(toml.quoted, x)) for x in (mapped, (line.column for line in self.lines))
+        )
+        stream = f"stream = {toml.quoted(self.lines[0].stream)}, " if several else ""
+        frame = (
+            f"[{', '.join(map(toml.quoted, self.frame))}]"
+            if len(self.frame) > 1
+            else toml.quoted(self.frame[0])
+        )
         return [
             "", f"[group.{GROUPS[mapped][0]}]  # in the axes that are usual of the format; else remove or correct frame",
             f"variables = [{names}]", f"frame = {frame}", f"sources = [{{ {stream}columns = [{columns}] }}]",
@@ -256,7 +262,7 @@ def _offered(name: str, stream: Stream, columns: Sequence[str], several: bool) -
     if not columns:
         return []
     more = f"; {len(columns) - LIMITS.names} more are not listed" if len(columns) > LIMITS.names else ""
-    rows = [f"# not recognized in {quoted(name)}: write a variable for NAME, and its unit{more}"]
+    rows = [f"# not recognized in {toml.quoted(name)}: write a variable for NAME, and its unit{more}"]
     along = [column for column in columns if without_unit(column)[0].lower() in ("u", "v", "w")]
     if len(along) == len("uvw"):  # what they measure is known, and what stands for it in a mapping
         rows.append(
@@ -337,7 +343,7 @@ def _clocks(recording: Recording) -> tuple[list[str], Recording]:
             mark = f"  # unsure: its steps are {step:.4g}, which are {step * UNITS[unit].factor:.4g} s then"
         if (column, unit) not in written:
             where = "time" if i == 0 else f"clock.{tomlkit.key(name).as_string()}"
-            lines += ["", f"[{where}]", f"column = {quoted(column)}", f'unit = "{unit}"{mark}']
+            lines += ["", f"[{where}]", f"column = {toml.quoted(column)}", f'unit = "{unit}"{mark}']
         written |= {(column, unit)} if i == 0 else set()
         streams[name] = replace(stream, time=stream.time * (UNITS[unit].factor / factor))
     return lines, replace(recording, streams=streams)
@@ -407,7 +413,7 @@ def _motors(recording: Recording, lines: Sequence[DraftLine]) -> list[DraftLine]
 
 def _place(column: str, stream: str = "") -> str:
     """Return where a column lies, as a line of a mapping says it."""
-    return f"{f'stream = {quoted(stream)}, ' if stream else ''}column = {quoted(column)}"
+    return f"{f'stream = {toml.quoted(stream)}, ' if stream else ''}column = {toml.quoted(column)}"
 
 
 def _toml(line: DraftLine, with_stream: bool = True) -> str:

@@ -10,7 +10,7 @@ import numpy as np
 from stoop import FittedModel, Vehicle
 from stoop.extend.arrays import FloatArray
 from stoop.extend.errors import StoopError
-from stoop.extend.files import check_targets, make_folder, write_files
+from stoop.extend.files import check_targets, write_files
 from stoop.extend.fits import Piece, Result, prepare, refusal, takes_model_or_vehicle
 from stoop.extend.flights import Window
 from stoop_analysis.derivatives import ParameterCovariance
@@ -137,5 +137,4 @@ def write(exported: Exported, folder: Path, overwrite: bool = False) -> None:
     Raises `OutputError`: a file is there already, or the folder cannot be written.
     """
     check_targets(folder, tuple(exported.files), overwrite)
-    make_folder(folder)
     write_files(folder, exported.files)

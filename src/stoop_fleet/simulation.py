@@ -162,7 +162,10 @@ def read_fleet(text: str, vehicle: Vehicle) -> FleetFile:
     if text.isascii() and text.isdigit():
         raw, where = {"vehicles": int(text)}, f"--fleet {text}"
     else:
-        raw, where = files.parse_source(files.read_source(text, "fleet", StoopError), text, StoopError), text
+        raw, where = (
+            files.toml.parse_source(files.toml.read_source(text, "fleet", StoopError), text, StoopError),
+            text,
+        )
     try:
         found = FleetFile.model_validate(raw)
         if not found.part:
@@ -216,7 +219,6 @@ def write_fleet(
     )
     if strange := sorted({path.name for path in folder.glob(f"*{ENDING}")} - {*names}):
         raise StoopError(f"{folder}: holds {strange[0]}, which is no log of this fleet; name an empty folder")
-    files.make_folder(folder)
     for k in range(0, len(flights), TOGETHER):
         watch(k, len(flights))
         block = flights[k : k + TOGETHER]

@@ -11,7 +11,6 @@ from typing import Any
 
 from stoop.extend.campaigns import Plan, execute, forget
 from stoop.extend.errors import StoopError
-from stoop.extend.files import make_folder
 from stoop.extend.reports import sheet
 from stoop_fleet.logs import LogFigures, gathered, is_table, plan, store_of
 from stoop_fleet.page import fleet_page
@@ -84,7 +83,6 @@ def read_sources(
             raise StoopError("fleet: --flights, --vehicle and --mapping are for logs, and no log was named")
         return tables, None
     reading = plan(logs, vehicle, mapping, flights, folder)
-    make_folder(folder)
     results = run(reading.campaign, kept := store_of(folder))
     if not (any(one["figures"] for one in results.values()) or (folder / LOGS).exists()):
         forget(kept)  # nothing in it is worth keeping

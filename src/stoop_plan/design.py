@@ -15,7 +15,7 @@ import tomlkit
 
 from stoop import FittedModel, Flight, Vehicle, trim
 from stoop.extend.arrays import FloatArray
-from stoop.extend.files import check_targets, csv_text, make_folder, to_json, versions, write_files
+from stoop.extend.files import check_targets, csv_text, to_json, versions, write_files
 from stoop.extend.fits import refusal, takes_model_or_vehicle
 from stoop.extend.flights import Found
 from stoop.extend.motion import Maneuver, Trim, unit_of
@@ -256,7 +256,6 @@ def write_proposal(
     }
     check_targets(folder, (*files, DESIGN_FILES[-1]), overwrite)
     obsolete = [name for name in _earlier_files(folder) if name not in files]
-    make_folder(folder)
     write_files(folder, files, obsolete)
 
 
@@ -368,7 +367,6 @@ def write_windows(
     from stoop.extend.reports import sheet
     from stoop_plan.report import windows_sheet
 
-    make_folder(folder)
     entries = [
         Entry(
             flight=w.flight, start=w.start, stop=w.stop, accept=w.accept, use=w.use, axis=w.axis, why=w.why,

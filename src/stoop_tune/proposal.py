@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from stoop import Notice
 from stoop.extend.errors import StoopError
-from stoop.extend.files import check_targets, make_folder, write_files
+from stoop.extend.files import check_targets, write_files
 from stoop.extend.notices import notice
 from stoop_tune.control_laws.table import Firmware
 from stoop_tune.gain_search import FARTHEST, FEW, SLACK, Design, propose
@@ -114,7 +114,6 @@ class Proposal:
         """
         folder, files = Path(folder), self.files()
         check_proposal(folder, self.design.firmware, self.against, overwrite, anyway)
-        make_folder(folder)
         write_files(folder, files)
         return [folder / name for name in files]
 

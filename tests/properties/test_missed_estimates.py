@@ -131,7 +131,7 @@ def test_what_is_not_identifiable_is_drawn_as_wide_as_it_is(monkeypatch: pytest.
 def test_time_left_counts_what_was_computed_now(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     runs = tuple(Run(f"r{i}", "m:f", {"i": i}) for i in range(7))
     seen: list[Tally] = []
-    monkeypatch.setattr("stoop.parallel.loop.environment", dict)
+    monkeypatch.setattr("stoop.parallel.loop.environment", lambda _: {})
 
     def submit(task: Any) -> Future[Any]:
         done: Future[Any] = Future()

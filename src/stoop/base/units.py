@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import math
 import tomllib
 from importlib.resources import files
@@ -48,23 +47,23 @@ _KINDS: Final[dict[str, str]] = {
 
 
 class Unit(NamedTuple):
-    """A unit: its factor to SI, what it measures, and the SI value of its zero."""
+    """A unit of measurement."""
 
-    factor: float
-    kind: str
-    zero: float
+    factor: float  #: to SI
+    kind: str  #: what it measures
+    zero: float  #: SI value of its zero
+    written: tuple[str, ...]  #: as files and people write it, in small letters
 
+
+_WRITTEN: Final = tomllib.loads((files("stoop.data") / "units.toml").read_text("utf-8"))
 
 #: symbol -> unit
 UNITS: Final[dict[str, Unit]] = {
-    symbol: Unit(FACTORS[symbol], kind, ZERO_CELSIUS if symbol == "degC" else 0.0)
+    symbol: Unit(
+        FACTORS[symbol], kind, ZERO_CELSIUS if symbol == "degC" else 0.0, tuple(_WRITTEN.get(symbol, ()))
+    )
     for kind, symbols in _KINDS.items()
     for symbol in (text.replace("_", " ") for text in symbols.split())
 }
-
-
-@functools.cache
-def written_units() -> dict[str, str]:
-    """Return units as files and people write them, in small letters -> as stoop does."""
-    content = tomllib.loads((files("stoop.data") / "units.toml").read_text("utf-8"))
-    return {text: unit for unit, texts in content.items() for text in texts}
+#: what is written -> symbol
+WRITTEN: Final = {text: symbol for symbol, unit in UNITS.items() for text in unit.written}

@@ -1,6 +1,5 @@
 from stoop.report.bode_plots import response_panels as response_panels
 from stoop.report.charts import interval_rows as interval_rows
-from stoop.report.flight import GROUPS as GROUPS
 from stoop.report.flight import channel_panels as channel_panels
 from stoop.report.maneuvers import response_strip as response_strip
 from stoop.report.time_history import in_blocks as in_blocks

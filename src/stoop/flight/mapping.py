@@ -21,7 +21,7 @@ from pydantic import Field, ValidationError, model_validator
 from stoop.base.schema_errors import first_complaint
 from stoop.base.text import nearest
 from stoop.base.toml import parse_source, read_source
-from stoop.base.units import FACTORS, UNITS, written_units
+from stoop.base.units import FACTORS, UNITS, WRITTEN
 from stoop.base.variables import VARIABLES
 from stoop.errors import FlightError, LogError, listed
 from stoop.flight.alignment import Alignment
@@ -323,7 +323,7 @@ def _unit_factor(at: str, variable: str, unit: str) -> float:
         return 1.0
     one = VARIABLES[variable]
     if unit not in (one.units if variable.startswith("pwm_") else UNITS):
-        meant = written_units().get(unit.strip().lower())
+        meant = WRITTEN.get(unit.strip().lower())
         advice = f'write "{meant}"' if meant in one.units else nearest(unit, one.units)
         raise LogError(f"{at}.unit = '{unit}' is unknown; {advice}")
     if unit != "1" and unit not in one.units:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import tomlkit
 
-from stoop.base.files import check_targets, make_folder, scratch, write_files
+from stoop.base.files import check_targets, scratch, write_files
 from stoop.base.numbers import MAX_NUMBER
 from stoop.errors import FlightError, OutputError
 from stoop.flight import Flight, flight_bytes
@@ -85,7 +85,6 @@ def place_outputs(model: FittedModel, folder: Path, overwrite: bool = False) -> 
         files[ESTIMATE] = archive
     files[CURVES] = packed_curves(Curves(model.traces, model.convergence, model.command))
     files |= {"report.html": render(model), RESULT: to_json(model.result)}
-    make_folder(folder)
     if not overwrite and any((folder / name).exists() for name in files):
         # Hours may lie in either: the result is put beside that of the other run.
         aside = folder / f"run-{uuid.uuid4().hex[:8]}"

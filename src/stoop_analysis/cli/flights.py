@@ -117,7 +117,7 @@ def rotors(arguments: argparse.Namespace) -> int:
 def structure(arguments: argparse.Namespace) -> int:
     """Choose, write, and print what was chosen."""
     from stoop import load_vehicle
-    from stoop.extend.files import by_name, read_source
+    from stoop.extend.files import by_name, toml
     from stoop.extend.fits import FrequencyDomain
     from stoop.extend.flights import load_several
     from stoop_analysis.structure import Press, orthogonal, parse_candidates, standard_candidates, stepwise
@@ -141,7 +141,7 @@ def structure(arguments: argparse.Namespace) -> int:
     for text in arguments.candidates:
         lines, where = [text], "--candidates"
         if ":" not in text or Path(text).exists():
-            lines, where = read_source(text, "candidates", IdentificationError).splitlines(), text
+            lines, where = toml.read_source(text, "candidates", IdentificationError).splitlines(), text
         for coefficient, terms in parse_candidates(lines, vehicle, where).items():
             candidates[coefficient] = (*candidates.get(coefficient, ()), *terms)
     flights = by_name(load_several(arguments.flight, arguments.mapping), "structure")

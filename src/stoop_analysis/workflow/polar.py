@@ -10,7 +10,7 @@ import numpy as np
 
 from stoop import Flight, Notice
 from stoop.extend.errors import FlightError
-from stoop.extend.files import file_hashes, make_folder, to_json, versions, write_files
+from stoop.extend.files import file_hashes, to_json, versions, write_files
 from stoop.extend.fits import NORMAL_95, data_notices
 from stoop.extend.flights import RECONSTRUCTED
 from stoop.extend.notices import notice
@@ -94,7 +94,6 @@ def write_polar(
     from stoop.extend.reports import sheet
     from stoop_analysis.report.polar import polar_sheet
 
-    make_folder(folder)
     CL = np.linspace(*polar.valid, 25)
     value, std = polar.drag(CL)
     columns = {"time": polar.blocks.time, "CL": polar.CL, "CD": polar.CD, "alpha": polar.blocks.alpha}

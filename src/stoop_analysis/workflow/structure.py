@@ -12,7 +12,7 @@ import tomlkit
 
 from stoop import Flight, Vehicle
 from stoop.extend.errors import IdentificationError
-from stoop.extend.files import csv_text, make_folder, write_files
+from stoop.extend.files import csv_text, write_files
 from stoop.extend.fits import AircraftEquations, Domain, Layout, estimate, kind_of
 from stoop.extend.flights import parse_window
 from stoop.extend.vehicles import EQUATION_1, parameter_name, parse_vehicle
@@ -134,7 +134,6 @@ def write_structure(found: Determined, folder: Path, command: str) -> None:
     from stoop.extend.reports import sheet
     from stoop_analysis.report.structure import structure_sheet
 
-    make_folder(folder)
     rows = [
         (
             c, i, s.action, chosen.candidates[s.column], s.f, s.threshold, len(s.model.columns), s.model.r2,

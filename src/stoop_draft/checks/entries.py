@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final, NamedTuple, TypeAlias
 
-from stoop.extend.files import quoted
+from stoop.extend.files import toml
 from stoop.extend.flights import Source
 from stoop.extend.text import enumerated
 from stoop.extend.units import UNITS
@@ -157,7 +157,7 @@ def written(value: Any) -> str:
         return str(value).lower()
     if isinstance(value, list):
         return f"[{', '.join(map(written, value))}]"
-    return f"{value:.12g}" if isinstance(value, int | float) else quoted(value)
+    return f"{value:.12g}" if isinstance(value, int | float) else toml.quoted(value)
 
 
 def told(changes: Sequence[Change], lines: Lines) -> str:

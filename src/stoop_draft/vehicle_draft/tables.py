@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 import tomlkit
 
-from stoop.extend.files import quoted
+from stoop.extend.files import toml
 from stoop.extend.text import printable
 from stoop.extend.vehicles import USUAL as ASSUMED
 from stoop_draft.checks.lines import POSITION, SPECIFIC_FORCE
@@ -91,7 +91,7 @@ class Sheet:
 
     def word(self, key: str, value: str, comment: str = "") -> None:
         """Add a text."""
-        self.entry(key, quoted(value), comment)
+        self.entry(key, toml.quoted(value), comment)
 
     def text(self) -> str:
         """Return the file."""
@@ -285,7 +285,7 @@ def rotor_tables(sheet: Sheet, lift: Lift, mass: float, steady: Steady) -> None:
         x, y, z = map(plain, rotor.position)
         if alike:
             free = quantity(heights[0], PRIORS.frame * lift.size())
-            z = free if number == 1 else quoted("=rotor.m1.position.z")
+            z = free if number == 1 else toml.quoted("=rotor.m1.position.z")
         sheet.entry("position", point([x, y, z]), "one height for all" * (alike and number == 1))
         if rotor.axis is not None:
             sheet.entry("axis", point([plain(x) for x in rotor.axis]))
