@@ -24,7 +24,7 @@ FLAG = re.compile(
 )  #: tests whether a vehicle has rotors
 #: package, or room of the core -> lines at most; "stoop" is the whole core
 BUDGETS = {
-    "stoop": 53948,
+    "stoop": 53945,
     "stoop_analysis": 6443,
     "stoop_app": 4016,
     "stoop_draft": 7299,
@@ -53,7 +53,7 @@ BUDGETS = {
     "simulation": 3049,
     "strategy": 1494,
     "vehicle": 3686,
-    "workflow": 2415,
+    "workflow": 2412,
 }
 #: modules that an allowed import cycle goes through, imports in functions counted: registries that name their entries
 REGISTRIES = {"stoop.optimize.registry", "stoop.vehicle.vehicle", "stoop.workflow.fitted_model"}

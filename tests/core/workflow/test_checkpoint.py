@@ -73,6 +73,7 @@ def test_a_state_that_cannot_be_saved_is_told_once(
     (line,) = told
     assert "the search goes on" in line
     assert "\n" not in line
+    (tmp_path / "out").unlink()
     checkpoint.keep_last(outcome)
     assert checkpoint.load().generation == state.generation
 
