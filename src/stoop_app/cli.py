@@ -5,13 +5,12 @@ from __future__ import annotations
 import argparse
 import importlib
 import sys
+from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
 from stoop.extend.errors import StoopError
-from stoop.extend.files import flush_or_discard
 from stoop.extend.flights import flight_name
-from stoop.extend.text import show
 from stoop.extend.verbs import install, page
 
 FOLDER: Final = "stoop-app"
@@ -40,10 +39,11 @@ def run(arguments: argparse.Namespace) -> int:
         project.open(log.absolute())
     out = page()
     out.line(f"folder: {project.root}")
-    show(f"open: {server.address}")
+    out.text(f"open: {server.address}")
     if not arguments.no_browser and not open_address(server.address):
         out.line("no browser was found: copy the address above into one on this machine")
     out.line("Ctrl-C ends the app; runs go on, and the same command shows them again")
-    flush_or_discard(sys.stdout)  # of a pipe, which would keep the address until the app ends
+    with suppress(OSError):
+        sys.stdout.flush()  # a pipe would keep the address until the app ends
     server.run()
     return 0

@@ -12,10 +12,9 @@ from typing import Any, Final
 import tomlkit
 
 from stoop.extend.errors import LogError, StoopError
-from stoop.extend.files import parse_source
+from stoop.extend.files import toml
 from stoop.extend.flights import FlightMapping, Source, flight_mapping
 from stoop.extend.text import number
-from stoop.extend.units import FACTORS, KINDS, PULSE_FACTORS
 from stoop.extend.variables import VARIABLES
 
 WHERE: Final = "mapping.toml"
@@ -46,11 +45,7 @@ class Row:
 @cache
 def units_of() -> dict[str, list[str]]:
     """Return the units that each variable may be recorded in."""
-    kinds = {kind: [u for u in FACTORS if KINDS[u] == kind] for kind in KINDS.values()}
-    pulses = [*PULSE_FACTORS]
-    return {
-        name: pulses if name.startswith("pwm_") else kinds[KINDS[one.unit]] for name, one in VARIABLES.items()
-    }
+    return {name: [*one.units] for name, one in VARIABLES.items()}
 
 
 def meaning(variable: str) -> str:
@@ -68,7 +63,7 @@ def parsed(text: str) -> FlightMapping:
     LogError, FlightError
         It is none.
     """
-    return flight_mapping(WHERE, parse_source(text, WHERE, LogError))
+    return flight_mapping(WHERE, toml.parse_source(text, WHERE, LogError))
 
 
 def rows_of(text: str, columns: Sequence[Mapping[str, Any]]) -> list[Row]:

@@ -6,8 +6,7 @@ from typing import Any, Final
 
 import panel as pn
 
-from stoop.extend.files import make_folder
-from stoop.extend.reports import write_sheet
+from stoop.extend.reports import sheet
 from stoop.extend.vehicles import load_vehicle
 from stoop_app import parts
 from stoop_app.comparison import Compared, comparison_sheet
@@ -71,8 +70,7 @@ class CompareView(View):
 
             def made() -> None:
                 place = inside(self.project.root, wanted)
-                make_folder(place.parent)
-                write_sheet(comparison_sheet(*map(compared, self._both)), place)
+                sheet.write_sheet(comparison_sheet(*map(compared, self._both)), place)
                 self._turn()
 
             self.act(made)()

@@ -7,10 +7,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from stoop.extend import reports
+import numpy as np
+
 from stoop.extend.arrays import FloatArray
 from stoop.extend.fits import ChannelTrace, Interval, ManeuverResult, ManeuverTrace, ParameterEstimate, Result
-from stoop.extend.text import NOTHING, compact, count, factor_and_unit, number, rounded_to_error
+from stoop.extend.reports import interval_rows, response_strip, sheet
+from stoop.extend.text import compact, count, factor_and_unit, number, rounded_to_error
 from stoop.extend.variables import VARIABLES
 
 ROLES: Final = ("hue0", "hue1")  #: colors of the two, in curves and intervals
@@ -23,6 +25,7 @@ GOODNESS_LEAD: Final = (
     "Theil's inequality coefficient: 0 is perfect, 1 useless. A dash: the run has no such window or channel."
 )
 CURVES_LEAD: Final = "Windows and channels that both runs hold."
+DIVERGED: Final = 1e15  #: a simulation that has left for infinity is not drawn beyond
 NO_CURVES: Final = "One of the runs was made before curves were kept: run it again to see them here."
 
 
@@ -48,10 +51,10 @@ class Compared:
         """Maneuvers with their curves, by title."""
         maneuvers = self.result.maneuvers
         kept = self.traces if len(self.traces) == len(maneuvers) else [None] * len(maneuvers)
-        return {reports.maneuver_title(m): (m, trace) for m, trace in zip(maneuvers, kept, strict=True)}
+        return {m.title: (m, trace) for m, trace in zip(maneuvers, kept, strict=True)}
 
 
-def comparison_sheet(a: Compared, b: Compared) -> reports.Sheet:
+def comparison_sheet(a: Compared, b: Compared) -> sheet.Sheet:
     """Return the page."""
     runs = {"A": a, "B": b}
     lead = "\n\n".join(
@@ -61,37 +64,37 @@ def comparison_sheet(a: Compared, b: Compared) -> reports.Sheet:
     )
     sections = (
         _estimates(runs),
-        reports.Section(
+        sheet.Section(
             "Fit and prediction",
-            (reports.Prose(_nearer(a, b)), reports.Prose(GOODNESS_LEAD, muted=True), _goodness(runs)),
+            (sheet.Prose(_nearer(a, b)), sheet.Prose(GOODNESS_LEAD, muted=True), _goodness(runs)),
             "Fit",
         ),
-        reports.Section("Measured and simulated", _curves(a, b), "Curves"),
+        sheet.Section("Measured and simulated", _curves(a, b), "Curves"),
     )
-    return reports.Sheet(f"{a.name} and {b.name}", lead, sections, "comparison")
+    return sheet.Sheet(f"{a.name} and {b.name}", lead, sections, "comparison")
 
 
-def _estimates(runs: Mapping[str, Compared]) -> reports.Section:
+def _estimates(runs: Mapping[str, Compared]) -> sheet.Section:
     rows = []
     for name in dict.fromkeys(name for run in runs.values() for name in run.result.parameters):
         both = [run.result.parameters.get(name) for run in runs.values()]
         known = [one for one in both if one is not None]
-        apart, unit = NOTHING, known[0].unit
+        apart, unit = "–", known[0].unit
         if len(known) == 2 and all(one.identifiable for one in known):
             error = math.hypot(*(one.std_error for one in known))
-            apart = number(abs(known[0].estimate - known[1].estimate) / error, 2) if error > 0.0 else NOTHING
+            apart = number(abs(known[0].estimate - known[1].estimate) / error, 2) if error > 0.0 else "–"
         cells = [run.cell(name) for run in runs.values()]
-        drawn = reports.interval_rows(
+        drawn = interval_rows(
             [_interval(f"run-{letter.lower()}", one) for letter, one in zip(runs, both, strict=True)],
             f"{name}: A {cells[0]}, B {cells[1]}",
         )
         rows.append((name, *cells, apart, "" if unit == "1" else unit, drawn))
     head = ("Parameter", *runs, "Apart, σ", "Unit", "95 % intervals, drawn")
-    table = reports.Table("", head, tuple(rows), ("", "n", "n", "n", "", "methods"), label="Estimates")
-    keys = reports.Legend(
+    table = sheet.Table("", head, tuple(rows), ("", "n", "n", "n", "", "methods"), label="Estimates")
+    keys = sheet.Legend(
         [(f"swatch run-{letter.lower()}key", f"{letter}: {run.name}") for letter, run in runs.items()]
     )
-    return reports.Section("Estimates", (reports.Prose(ESTIMATES_LEAD, muted=True), keys, table))
+    return sheet.Section("Estimates", (sheet.Prose(ESTIMATES_LEAD, muted=True), keys, table))
 
 
 def _interval(kind: str, one: ParameterEstimate | None) -> tuple[str, float, Interval | None]:
@@ -117,7 +120,7 @@ def _nearer(a: Compared, b: Compared) -> str:
     )
 
 
-def _goodness(runs: Mapping[str, Compared]) -> reports.Table:
+def _goodness(runs: Mapping[str, Compared]) -> sheet.Table:
     windows = {letter: run.windows for letter, run in runs.items()}
     channels = tuple(
         dict.fromkeys(c for own in windows.values() for m, _ in own.values() for c in m.channels)
@@ -128,43 +131,41 @@ def _goodness(runs: Mapping[str, Compared]) -> reports.Table:
             if title in own:
                 m = own[title][0]
                 theil = (m.channels[c].theil if c in m.channels else math.nan for c in channels)
-                cells = (f"{value:.3f}" if math.isfinite(value) else NOTHING for value in theil)
+                cells = (f"{value:.3f}" if math.isfinite(value) else "–" for value in theil)
                 rows.append((title, "fitted" if m.role == "fit" else "predicted", letter, *cells))
     kinds = ("", "", "", *("n" for _ in channels))
-    return reports.Table(
+    return sheet.Table(
         "", ("Maneuver", "", "Run", *channels), tuple(rows), kinds, label="Theil's coefficients"
     )
 
 
-def _curves(a: Compared, b: Compared) -> list[reports.Part]:
+def _curves(a: Compared, b: Compared) -> list[sheet.Part]:
     if not (a.traces and b.traces):
-        return [reports.Prose(NO_CURVES, muted=True)]
-    out: list[reports.Part] = [reports.Prose(CURVES_LEAD, muted=True)]
+        return [sheet.Prose(NO_CURVES, muted=True)]
+    out: list[sheet.Part] = [sheet.Prose(CURVES_LEAD, muted=True)]
     others = b.windows
     for title, (maneuver, trace) in a.windows.items():
         other = others[title][1] if title in others else None
         if trace is not None and other is not None:
             names = [name for name in trace.channels if name in other.channels]
             panels = [_panel(name, [(t.time, t.channels[name]) for t in (trace, other)]) for name in names]
-            out += [reports.Heading(title, maneuver.role), reports.TimeHistory(panels, "--maneuver ")]
+            out += [sheet.Heading(title, maneuver.role), sheet.TimeHistory(panels, "--maneuver ")]
     return out
 
 
-def _panel(name: str, both: Sequence[tuple[FloatArray, ChannelTrace]]) -> reports.HistoryPanel:
+def _finite(values: FloatArray) -> FloatArray:
+    return np.where(np.abs(values) < DIVERGED, values, np.nan)
+
+
+def _panel(name: str, both: Sequence[tuple[FloatArray, ChannelTrace]]) -> sheet.HistoryPanel:
     """Return a channel as measured, and as both simulate it."""
     known = VARIABLES.get(name)
     factor, unit = factor_and_unit(known.unit if known else "")
     time, one = both[0]
-    curves = [
-        reports.Series(
-            "measured", time, reports.finite_part(factor * one.measured), role="measured", width=2.8
-        )
-    ]
+    curves = [sheet.Series("measured", time, _finite(factor * one.measured), role="measured", width=2.8)]
     for letter, role, (at, found) in zip("AB", ROLES, both, strict=True):
-        curves.append(reports.Series(letter, at, reports.finite_part(factor * found.simulated), role=role))
-    strip = reports.Strip(
-        "", tuple(curves), height=reports.RESPONSE_HEIGHT, y_range=reports.response_range(curves)
-    )
+        curves.append(sheet.Series(letter, at, _finite(factor * found.simulated), role=role))
+    strip = response_strip(curves)
     meaning = known.meaning if known else ""
     text = f"{name}, {meaning}: measured, and simulated by both."
-    return reports.HistoryPanel(name, (strip,), unit, meaning, name=name, description=text)
+    return sheet.HistoryPanel(name, (strip,), unit, meaning, name=name, description=text)

@@ -13,7 +13,7 @@ import panel as pn
 from stoop import read_result
 from stoop.extend.fits import DECISIONS, GIVEN, Result, methods
 from stoop.extend.text import number
-from stoop.extend.verbs import plain, verbs
+from stoop.extend.verbs import Option, verbs
 from stoop_app import numbers, parts
 from stoop_app.folder import PROGRESS, VEHICLE, Project, modified
 from stoop_app.places import document_of, reading
@@ -71,7 +71,7 @@ class FitView(View):
             options=[USUAL, *methods.names()],
             width=190,
             margin=(0, 8, 4, 0),
-            description=parts.spoken(plain(verbs()["identify"].option("method").meaning)),
+            description=parts.spoken(Option.plain(verbs()["identify"].option("method").meaning)),
         )
         self._decisions = {
             one.name: pn.widgets.Checkbox(

@@ -14,10 +14,10 @@ from typing import Any, Final
 import tomlkit
 
 from stoop.extend.errors import LogError, OutputError, StoopError
-from stoop.extend.files import make_folder, parse_source, read_source, write_bytes_atomic, write_text_atomic
+from stoop.extend.files import toml, write_file
 from stoop.extend.flights import READY, flight_name
-from stoop.extend.recordings import is_bag_folder, mapping_beside
 from stoop.extend.recordings import kind as log_kind
+from stoop.extend.recordings import mapping_beside
 from stoop.extend.vehicles import parse_vehicle
 from stoop_app import steps
 from stoop_app.places import bytes_of, document_of, inside, recalled, remember, resolved, text_of
@@ -49,7 +49,10 @@ class Project:
     def __init__(self, root: Path) -> None:
         """Take a folder, made if it is not there; raises `OutputError` if it cannot be written."""
         self.root = root.absolute()
-        make_folder(self.root)
+        if self.root.exists() and not self.root.is_dir():
+            raise OutputError(f"{root}: is a file; name a folder")
+        with contextlib.suppress(OSError):
+            self.root.mkdir(parents=True, exist_ok=True)
         if not os.access(self.root, os.W_OK):
             raise OutputError(f"{root}: cannot be written; name another folder with --folder")
 
@@ -94,7 +97,7 @@ class Project:
 
     def _logs(self) -> tuple[str, dict[str, dict[str, str]]]:
         """Return the log, and of each former one where its windows and mapping are kept."""
-        found = parse_source(text_of(self.root, FILE), FILE, OutputError)
+        found = toml.parse_source(text_of(self.root, FILE), FILE, OutputError)
         log, former = found.get("log", ""), found.get("former", {})
         names = [log, *former] if isinstance(former, dict) else [None]
         if not all(isinstance(n, str) and not n.startswith("-") and "\0" not in n for n in names):
@@ -142,7 +145,7 @@ class Project:
             with contextlib.suppress(FileNotFoundError):
                 self._place(kept).replace(self._place(file))
         lead = "# what stoop app shows in this folder\n"
-        write_text_atomic(self._place(FILE), lead + tomlkit.dumps({"log": name, "former": former}))
+        write_file(self._place(FILE), lead + tomlkit.dumps({"log": name, "former": former}))
 
     @property
     def needs_mapping(self) -> bool:
@@ -202,7 +205,7 @@ class Project:
         """Text of the mapping by which the log is read: the folder's, or the one beside the log; empty where it needs none."""
         beside = mapping_beside(self.log_file)
         own = text_of(self.root, MAPPING)
-        return own if own or not beside.is_file() else read_source(beside, "mapping", LogError)
+        return own if own or not beside.is_file() else toml.read_source(beside, "mapping", LogError)
 
     def save_mapping(self, text: str, before: str) -> None:
         """Keep a mapping, and read the log by it; raises as `save_vehicle`."""
@@ -212,14 +215,14 @@ class Project:
 
     def take_mapping(self, text: str) -> None:
         """Keep a mapping, and read the log by it."""
-        write_text_atomic(self._place(MAPPING), text)
+        write_file(self._place(MAPPING), text)
         self.read_log()
 
     def correct_mapping(self) -> Step:
         """Apply to the mapping what its checks advise."""
         text, log = self.mapping, str(self.source[0])
         if not self._place(MAPPING).exists():
-            write_text_atomic(self._place(MAPPING), text)
+            write_file(self._place(MAPPING), text)
         words = ["map", log, "--apply", MAPPING, "--json", "-o"]
         return self.start("corrections", lambda at: [*words, f"{at}/{MAPPING}"], {BEFORE: text})
 
@@ -276,12 +279,12 @@ class Project:
         """
         if before is not None:
             _check_unchanged(VEHICLE, self.vehicle, before)
-        write_text_atomic(self._place(VEHICLE), text)
+        write_file(self._place(VEHICLE), text)
 
     def take_vehicle(self, text: str) -> None:
         """Use another vehicle; the one that was there is kept under another name."""
         self._keep_copy(VEHICLE)
-        write_text_atomic(self._place(VEHICLE), text)
+        write_file(self._place(VEHICLE), text)
 
     # The parameters of an autopilot.
 
@@ -290,7 +293,7 @@ class Project:
         if Path(name).suffix.lower() not in ENDINGS:
             raise StoopError(f"{name}: a file of parameters ends in {', '.join(sorted(ENDINGS))}")
         self._keep_copy(name)
-        write_bytes_atomic(self._place(name), content)
+        write_file(self._place(name), content)
 
     # The windows.
 
@@ -303,7 +306,7 @@ class Project:
     def save_windows(self, entries: Sequence[Entry]) -> None:
         """Keep windows, in the order of time."""
         ordered = sorted(entries, key=lambda e: (e.flight, e.start))
-        write_text_atomic(self._place(WINDOWS), written(ordered, FIT))
+        write_file(self._place(WINDOWS), written(ordered, FIT))
 
     def propose_windows(self) -> Step:
         """Select windows by their information for the vehicle."""
@@ -313,7 +316,7 @@ class Project:
     def take_proposal(self, step: Step) -> None:
         """Use proposed windows; those that were there are kept under another name."""
         self._keep_copy(WINDOWS)
-        write_text_atomic(self._place(WINDOWS), step.text(WINDOWS))
+        write_file(self._place(WINDOWS), step.text(WINDOWS))
 
     def tend(self) -> None:
         """Use the first proposal of windows where nobody has chosen any, follow the mapping, leave a log that cannot be read."""
@@ -404,7 +407,7 @@ class Project:
         names = (f"{stem}-{n}{ending}" for n in itertools.count(1))
         kept = next(other for other in names if not os.path.lexists(self.root / other))
         if self._place(name).exists():
-            write_bytes_atomic(self.root / kept, bytes_of(self.root, name))
+            write_file(self.root / kept, bytes_of(self.root, name))
         return kept
 
 
@@ -415,7 +418,7 @@ def log_of(step: Step) -> str:
 
 def fleet_logs(folder: Path) -> list[Path]:
     """Return the logs of a folder; none of one that is a log itself, such as a ROS bag."""
-    if not folder.is_dir() or is_bag_folder(folder):
+    if not folder.is_dir() or log_kind(folder) == "rosbag":
         return []
     return sorted(p for p in folder.iterdir() if p.name.lower().endswith(FLEET_LOGS))
 

@@ -17,7 +17,6 @@ from stoop import Vehicle
 from stoop.extend import vehicles
 from stoop.extend.errors import VehicleError
 from stoop.extend.files import with_values
-from stoop.extend.text import MAX_NUMBER
 
 WHERE: Final = "vehicle.toml"
 FIELDS: Final = ("value", "free", "prior", "low", "high")  #: of a row that can be edited
@@ -107,10 +106,10 @@ def edited(text: str, edits: Mapping[str, Mapping[str, Any]]) -> str:
         if fields.get("prior") is not None:
             written["prior"] = _number(name, fields["prior"])
         if "low" in fields or "high" in fields:
-            ends = zip(("low", "high"), (-MAX_NUMBER, MAX_NUMBER), strict=True)
+            ends = zip(("low", "high"), (-1e30, 1e30), strict=True)
             given = [(fields.get(key, getattr(row, key)), limit) for key, limit in ends]
             bounds = [limit if value is None else _number(name, value) for value, limit in given]
-            written["bounds"] = [max(bounds[0], -MAX_NUMBER), min(bounds[1], MAX_NUMBER)]
+            written["bounds"] = [max(bounds[0], -1e30), min(bounds[1], 1e30)]
         if written:
             vehicles.write_fields(document, keys, written)
         if "prior" in fields and fields["prior"] is None:

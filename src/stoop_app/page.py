@@ -11,7 +11,6 @@ from typing import Any, Final
 import panel as pn
 
 from stoop.extend.errors import StoopError
-from stoop.extend.files import MAX_BYTES
 from stoop_app import parts
 from stoop_app.columns_view import ColumnsView
 from stoop_app.compare_view import CompareView
@@ -20,7 +19,7 @@ from stoop_app.fleet_view import FleetView
 from stoop_app.folder import Project
 from stoop_app.gains_view import GainsView
 from stoop_app.log_view import LogView
-from stoop_app.places import tail_of
+from stoop_app.places import MAX_BYTES, tail_of
 from stoop_app.steps import COMMANDS
 from stoop_app.use_view import UseView
 from stoop_app.vehicle_view import VehicleView

@@ -13,8 +13,8 @@ import panel as pn
 from tornado.escape import url_escape
 
 from stoop.extend.errors import StoopError
-from stoop.extend.text import printable, printable_lines
-from stoop.extend.verbs import Option, plain
+from stoop.extend.text import printable
+from stoop.extend.verbs import Option
 from stoop_app.steps import Step
 
 BAR: Final = "<div class='bar'><i></i></div>"  #: work goes on
@@ -49,7 +49,7 @@ def html(text: str = "", **options: Any) -> pn.pane.HTML:
 
 def escaped(text: object) -> str:
     """Return text of anybody as markup that shows it."""
-    return escape(printable_lines(str(text)))
+    return escape("\n".join(map(printable, str(text).split("\n"))))
 
 
 def spoken(text: str) -> str:
@@ -140,13 +140,13 @@ def field(option: Option, label: str = "", **settings: Any) -> Any:
     unit = f", {option.unit}" if option.unit else ""
     shared: dict[str, Any] = {
         "label": f"{label or option.key.replace('_', ' ')}{unit}",
-        "description": spoken(plain(option.meaning)),
+        "description": spoken(Option.plain(option.meaning)),
     }
     shared |= {"margin": (0, 12, 4, 0), **settings}
     if option.choices:
         titles = {title or name: name for name, title in option.choices.items()}
         return pn.widgets.Select(options=titles, **shared)
-    shared["placeholder"] = spoken(plain(option.usual))
+    shared["placeholder"] = spoken(Option.plain(option.usual))
     if option.kind == "positive":
         return pn.widgets.FloatInput(value=option.default, start=0.0, **shared)
     return pn.widgets.TextInput(value=option.default or "", **shared)

@@ -8,16 +8,18 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
+import json
 import os
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Final
 
 from stoop.extend.errors import OutputError, StoopError
-from stoop.extend.files import MAX_BYTES, cache_folder, parse_json, read_bounded, utf8_text, write_text_atomic
+from stoop.extend.files import cache_folder, read_bounded, write_file
 
 MAX_DOCUMENT: Final = 64 << 20  #: bytes of a JSON file
 #: raised while a document is interpreted whose values have other types than stoop writes
+MAX_BYTES: Final = 1_000_000  #: of a file of the folder
 MALFORMED: Final = (
     TypeError, ValueError, LookupError, AttributeError, ArithmeticError, RecursionError, AssertionError,
 )  # fmt: skip
@@ -58,9 +60,12 @@ def bytes_of(root: Path, name: str | Path, limit: int = MAX_BYTES) -> bytes:
 def text_of(root: Path, name: str | Path, limit: int = MAX_BYTES) -> str:
     """Return the text of a file of the folder, empty where there is none; raises `OutputError`."""
     try:
-        return utf8_text(bytes_of(root, name, limit))
-    except UnicodeError as error:
-        raise OutputError(f"{root / name}: is {error}, or remove it") from None
+        text = bytes_of(root, name, limit).decode("utf-8-sig")
+    except UnicodeDecodeError:
+        text = "\0"
+    if "\0" in text:
+        raise OutputError(f"{root / name}: is not UTF-8 text; save it as UTF-8, or remove it")
+    return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
 def tail_of(root: Path, name: str | Path, count: int) -> str:
@@ -86,7 +91,7 @@ def document_of(root: Path, name: str | Path) -> dict[str, Any]:
     """Return the JSON object that a file of the folder holds, empty where there is none; raises `OutputError`."""
     text = text_of(root, name, MAX_DOCUMENT)
     with reading(root / name):
-        return dict(parse_json(text)) if text else {}
+        return dict(json.loads(text)) if text else {}
 
 
 def remember(kind: str, place: Path, text: str = "") -> None:
@@ -95,7 +100,7 @@ def remember(kind: str, place: Path, text: str = "") -> None:
     _session[path] = text
     with contextlib.suppress(OSError, OutputError):
         path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-        write_text_atomic(path, text)
+        write_file(path, text)
 
 
 def recalled(kind: str, place: Path) -> str | None:

@@ -25,14 +25,14 @@ from bokeh.models import (
 from bokeh.plotting import figure
 
 from stoop import Flight, load_flight
-from stoop.extend import reports
 from stoop.extend.arrays import FloatArray
+from stoop.extend.reports import channel_panels, in_blocks, plots, sheet
 from stoop.extend.text import factor_and_unit, number
 from stoop.extend.variables import VARIABLES
 from stoop_app.parts import button, escaped, html
 
 MARKS: Final = {"fit": "fitted", "validate": "predicted", "": "declined"}  #: use of a window -> color
-TEXT: Final = reports.light("tick")
+TEXT: Final = plots.light("tick")
 #: figures are drawn for light paper; on dark paper their lightness is turned round, and hues stay
 DARK: Final = "@media (prefers-color-scheme: dark) { :host { filter: invert(1) hue-rotate(180deg); } }"
 NAMES: Final = (
@@ -51,23 +51,16 @@ def read_flight(path: Path, changed: int) -> Flight:
     return load_flight(path)
 
 
-def strips_of(flight: Flight) -> list[reports.HistoryPanel]:
-    """Return the strips of a flight, those of its page but for channels that are alike to no other."""
-    names = [name for name in flight.channels if name not in reports.UNSHOWN]
-    titles = {title for title, _ in reports.GROUPS}
-    return [panel for panel in reports.channel_panels(flight, names) if panel.title in titles]
-
-
 def thinned(
-    time: FloatArray, curves: Sequence[reports.Series], start: float, stop: float
+    time: FloatArray, curves: Sequence[sheet.Series], start: float, stop: float
 ) -> dict[str, FloatArray]:
     """Return the samples between two times, of each bucket the smallest and the largest, so that no peak is lost."""
     first, behind = np.searchsorted(time, [start, stop], side="left")
     first, behind = max(int(first) - 1, 0), min(int(behind) + 1, len(time))
     size = math.ceil((behind - first) / BUCKETS)
     starts = np.arange(0, behind - first, size if size > 2 else 1)  # two samples need no bucket
-    shown = {one.name: reports.coarse(one.y[first:behind], starts) for one in curves}
-    return {"time": reports.in_blocks(time[first:behind], starts), **shown}
+    at, shown = in_blocks(time[first:behind], [one.y[first:behind] for one in curves], starts)
+    return {"time": at, **dict(zip((one.name for one in curves), shown, strict=True))}
 
 
 def calm(plot: Any) -> None:
@@ -78,7 +71,7 @@ def calm(plot: Any) -> None:
         axis.axis_line_color = axis.major_tick_line_color = axis.minor_tick_line_color = None
         axis.major_label_text_color = axis.axis_label_text_color = TEXT
         axis.axis_label_text_font_style = "normal"
-    plot.grid.grid_line_color = reports.light("grid")
+    plot.grid.grid_line_color = plots.light("grid")
     plot.yaxis.ticker.desired_num_ticks = 4
     plot.min_border_left, plot.min_border_right = 58, 8
 
@@ -88,7 +81,7 @@ class Strips:
 
     def __init__(self, flight: Flight, brushed: Callable[[float, float], None] | None = None) -> None:
         self._time = flight.time
-        found = strips_of(flight)
+        found = channel_panels(flight)
         self._curves = [panel.strips[0].series for panel in found]
         start, stop = float(self._time[0]), float(self._time[-1])
         self._range = Range1d(start, stop, bounds=(start, stop))
@@ -125,11 +118,11 @@ class Strips:
         for i, row in enumerate(self._marks):  # one that is no longer needed is hidden
             start, stop, use = spans[i] if i < len(spans) else (0.0, 0.0, "")
             for box in row:
-                edge = reports.light(f"{MARKS[use]}-edge")  # seen on light and on dark paper
+                edge = plots.light(f"{MARKS[use]}-edge")  # seen on light and on dark paper
                 box.update(left=start, right=stop, fill_color=edge, line_color=edge, visible=i < len(spans))
 
     def _figure(
-        self, panel: reports.HistoryPanel, last: bool, brushed: Callable[[float, float], None] | None
+        self, panel: sheet.HistoryPanel, last: bool, brushed: Callable[[float, float], None] | None
     ) -> Any:
         curves = panel.strips[0].series
         drag = PanTool(dimensions="width") if brushed is None else BoxSelectTool(dimensions="width")
@@ -143,7 +136,7 @@ class Strips:
         source = ColumnDataSource(thinned(self._time, curves, self._range.start, self._range.end))
         self._sources.append(source)
         lines = [
-            plot.line("time", one.name, source=source, color=reports.light(one.role), line_width=one.width)
+            plot.line("time", one.name, source=source, color=plots.light(one.role), line_width=one.width)
             for one in curves
         ]
         tips = [
@@ -182,10 +175,10 @@ class Strips:
             source.data = thinned(self._time, curves, start, stop)
 
 
-def named(panel: reports.HistoryPanel, lines: Mapping[str, Any]) -> Any:
+def named(panel: sheet.HistoryPanel, lines: Mapping[str, Any]) -> Any:
     """Return the line above a strip: what it shows, and the names of its curves, which a click hides."""
     colors = (
-        f".bk-btn-group .bk-btn.bk-btn:nth-child({i}) {{ color: {reports.light(one.role)}; }}"
+        f".bk-btn-group .bk-btn.bk-btn:nth-child({i}) {{ color: {plots.light(one.role)}; }}"
         for i, one in enumerate(panel.strips[0].series, 1)
     )
     names = pn.widgets.CheckButtonGroup(

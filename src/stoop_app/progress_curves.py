@@ -11,7 +11,6 @@ import numpy as np
 
 from stoop.extend.files import read_bounded
 from stoop.extend.fits import ChannelTrace, ManeuverTrace
-from stoop.extend.verbs import CURVES
 
 MAX_BYTES: Final = 2**26  #: of a progress file
 
@@ -24,7 +23,9 @@ def read_curves(path: Path) -> tuple[ManeuverTrace, ...]:
             ManeuverTrace(
                 np.array(one["time"], dtype=np.float64),
                 {
-                    name: ChannelTrace(*(np.array(c[kind], dtype=np.float64) for kind in CURVES))
+                    name: ChannelTrace(
+                        *(np.array(c[kind], dtype=np.float64) for kind in ("measured", "simulated"))
+                    )
                     for name, c in one["channels"].items()
                 },
             )

@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import IO, Any, Final, Literal
 
 from stoop.extend.errors import OutputError, StoopError
-from stoop.extend.files import write_text_atomic
+from stoop.extend.files import write_file
 from stoop.extend.text import printable
 from stoop_app.places import inside, recalled, remember, tail_of, text_of
 
@@ -218,8 +218,8 @@ def start(
     line = shlex.join(["stoop", *arguments])
     try:
         for name, text in (inputs or {}).items():
-            write_text_atomic(folder / name, text)
-        write_text_atomic(folder / COMMAND, f"{line}\n")
+            write_file(folder / name, text)
+        write_file(folder / COMMAND, f"{line}\n")
         with inside(root, COMMANDS).open("a", encoding="utf-8") as log:
             log.write(f"{printable(line)}\n")
         with (
@@ -229,7 +229,7 @@ def start(
         ):
             _children[folder] = child = _process(arguments, root, output, errors, kept)
         remember("process", folder, str(child.pid))
-        write_text_atomic(folder / PROCESS, f"{child.pid}\n")
+        write_file(folder / PROCESS, f"{child.pid}\n")
     except OSError as error:
         raise OutputError(f"{step.name}: cannot be started ({error.strerror or error})") from None
     return step

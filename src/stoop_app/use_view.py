@@ -6,7 +6,7 @@ from typing import Any, Final
 
 import panel as pn
 
-from stoop.extend.notices import from_dict, of_severity
+from stoop import Notice
 from stoop.extend.verbs import verbs
 from stoop_app import parts
 from stoop_app.fit_view import finished
@@ -97,5 +97,5 @@ class UseView(View):
 def _warnings(step: Step) -> str:
     """Return what a design warns of: models that are as likely may leave the envelope."""
     with reading(step.file("design.json")):
-        found = [from_dict(one) for one in document_of(step.folder, "design.json").get("notices", ())]
-        return "".join(parts.note(one) for one in of_severity(found, "warning"))
+        found = [Notice.from_dict(one) for one in document_of(step.folder, "design.json").get("notices", ())]
+        return "".join(parts.note(one) for one in found if one.severity == "warning")

@@ -12,7 +12,7 @@ import panel as pn
 
 from stoop.extend.errors import StoopError
 from stoop.extend.fits import Layout
-from stoop.extend.reports import mathml
+from stoop.extend.reports import sheet
 from stoop.extend.text import count
 from stoop.extend.vehicles import BUILT_IN, builtin_text, builtin_title, load_vehicle, parse_vehicle
 from stoop.extend.verbs import verbs
@@ -276,7 +276,7 @@ class VehicleView(View):
         if written is not None and written.running:
             below = [parts.html(parts.busy(written, "writing the equations"))]
         elif written is not None:
-            lines = "".join(map(str, (mathml(line, "block") for line in written.output.splitlines())))
+            lines = "".join(map(str, (sheet.mathml(line, "block") for line in written.output.splitlines())))
             box = f"<div class='scroll equations' tabindex='0'><div>{lines}</div></div>"
             below = [parts.html(f"<h3>Equations</h3>{parts.error(written.error) or box}")]
         self._checks[:], self._below[:] = shown, below

@@ -5,10 +5,10 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from stoop.extend.errors import listed
-from stoop.extend.files import write_text_atomic
-from stoop.extend.text import show
-from stoop.extend.verbs import LiveLine, page, to_json
+from stoop.extend.files import to_json, write_file
+from stoop.extend.verbs import LiveLine, page
+
+MOST_LISTED = 40  #: columns that were not recognized
 
 
 def map_log(arguments: argparse.Namespace) -> int:
@@ -18,9 +18,9 @@ def map_log(arguments: argparse.Namespace) -> int:
         text, lines = _drafted(arguments.flight) if applied is None else _corrected(arguments.flight, applied)
         document = _columns(arguments.flight, text, lines) if arguments.json else ""
     if output is not None:
-        write_text_atomic(output, text)
+        write_file(output, text)
     if document or output is None:
-        show(document or text.removesuffix("\n"))
+        page().text(document or text.removesuffix("\n"))
         return 0
     out, (first, *others) = page(), lines
     out.line(f"{output}: {first}")
@@ -31,7 +31,8 @@ def map_log(arguments: argparse.Namespace) -> int:
 
 def _columns(log: Path, text: str, lines: list[str]) -> str:
     """Return a mapping, what is said of it, and the columns of its log, as JSON."""
-    from stoop_draft.log_columns import columns_of, read_unmapped
+    from stoop.extend.recordings import read_unmapped
+    from stoop_draft.log_columns import columns_of
 
     return to_json({"mapping": text, "said": lines, "columns": [*columns_of(read_unmapped(log))]})
 
@@ -41,7 +42,8 @@ def _drafted(log: Path) -> tuple[str, list[str]]:
     from stoop_draft.mapping_draft import draft
 
     made = draft(log)
-    unknown = [f"not recognized: {listed(made.unknown)}"] if made.unknown else []
+    rest = f" and {len(made.unknown) - MOST_LISTED} more" * (len(made.unknown) > MOST_LISTED)
+    unknown = [f"not recognized: {', '.join(made.unknown[:MOST_LISTED])}{rest}"] if made.unknown else []
     return made.text, [f"{made.mapped} variables, {made.unsure} of them unsure", *unknown]
 
 

@@ -19,14 +19,15 @@ import numpy as np
 from stoop.extend.arrays import FloatArray
 from stoop.extend.flights import Channels, at_own_rates, from_columns, in_flight
 from stoop.extend.text import enumerated
-from stoop.extend.units import FACTORS, KINDS, PULSE_FACTORS, ZEROS, written_units
-from stoop.extend.variables import EULER, RATES, SPECIFIC_FORCE, VARIABLES
+from stoop.extend.units import UNITS
+from stoop.extend.variables import VARIABLES
 from stoop_draft.checks.engine import LIMITS, Edit, Finding, Range, not_excluded, search
 from stoop_draft.checks.entries import Line
-from stoop_draft.checks.lines import EAST, SURFACES, VANES, Assignment, Signal
+from stoop_draft.checks.lines import EAST, EULER, RATES, SPECIFIC_FORCE, SURFACES, VANES, Assignment, Signal
 from stoop_draft.checks.mapping import SHOWN, Model, on_grid
 from stoop_draft.checks.units import LARGEST, MEDIANS, MIN_ANGLE, PULSES, largest_size, median_size
 
+WRITTEN: Final = {text: symbol for symbol, unit in UNITS.items() for text in unit.written}
 LONGEST_NAME: Final = 200  #: letters; no longer name tells anything, and matching takes the square of it
 #: command by which pulses of what moves a surface are recorded
 _OF_PULSES: Final = {
@@ -92,8 +93,9 @@ class DraftLine:
 
     def values(self, x: FloatArray) -> FloatArray:
         """Return a column as the line maps it: SI."""
-        factor = PULSE_FACTORS[self.unit] if self.variable.startswith("pwm_") else FACTORS[self.unit or "1"]
-        return x * factor * self.scale + ZEROS.get(self.unit, 0.0) + self.offset
+        unit = UNITS[self.unit or "1"]
+        factor = VARIABLES[self.variable].units.get(self.unit, unit.factor)  # of pulses: us
+        return x * factor * self.scale + unit.zero + self.offset
 
 
 class _Rule(NamedTuple):
@@ -121,7 +123,7 @@ class _Names(NamedTuple):
 def _names() -> _Names:
     """Read the names."""
     content = tomllib.loads((files("stoop_draft") / "column_names.toml").read_text("utf-8"))
-    units = written_units().keys() - {"1", "-"}  # motor_1 is a number
+    units = WRITTEN.keys() - {"1", "-"}  # motor_1 is a number
     longest = sorted(map(re.escape, units), key=len, reverse=True)
     rules = []
     for row in content["rules"]:
@@ -147,21 +149,21 @@ def recognized(column: str, stated: str = "", stream: str = "") -> DraftLine | N
     if len(column) > LONGEST_NAME:
         return None
     bare, ending = without_unit(column)
-    said = written_units().get(stated.strip().lower(), "")
+    said = WRITTEN.get(stated.strip().lower(), "")
     # an ending of one letter may be no unit; one of several may name the quantity, as rpm does
     for name, unit in ((bare, said or ending), (column, said or (ending if len(ending) > 1 else ""))):
         found = _by_words(name)
         if found is None:
             continue
         variable = found.variable.replace(*_DRIVEN.get(unit, ("", "")))
-        kind, known = KINDS[unit or "1"], KINDS[VARIABLES[variable].unit]
+        kind, known = UNITS[unit or "1"].kind, UNITS[VARIABLES[variable].unit].kind
         if (kind, known) == ("an angle", "a rate of turn"):
             short, kind = f"{unit}/s", known  # written short, as gyro_rad is
         else:
             short = unit
         if short == "us" and VARIABLES[variable].kind == "command":
             short, kind = "", known  # pulses, which `_command` tells by their size
-        if kind in (known, KINDS["1"]):
+        if kind in (known, UNITS["1"].kind):
             line = DraftLine(variable, stream, column, short, found.scale, bool(short), found.doubts)
             return replace(line, commanded=found.commanded)
     return None
@@ -209,15 +211,14 @@ def _by_rules(text: str) -> _Guess | None:
 
 def without_unit(column: str) -> tuple[str, str]:
     """Split a unit off a name, whether in brackets or as an ending; the unit is empty when there is none."""
-    units = written_units()
     if len(column) > LONGEST_NAME:
         return column, ""
     found = _BRACKETS.search(column)
-    if found and not found.group(1).isdigit() and found.group(1).lower() in {"", *units}:
-        return column[: found.start()], units.get(found.group(1).lower(), "")
+    if found and not found.group(1).isdigit() and found.group(1).lower() in {"", *WRITTEN}:
+        return column[: found.start()], WRITTEN.get(found.group(1).lower(), "")
     found = _names().title.search(column) or _names().suffix.search(column)
     if found and found.start() > 0:
-        return column[: found.start()] + (found.group(2) or ""), units[found.group(1).lower()]
+        return column[: found.start()] + (found.group(2) or ""), WRITTEN[found.group(1).lower()]
     return column, ""
 
 
@@ -335,7 +336,7 @@ def _model(known: Mapping[str, DraftLine], columns: Mapping[str, Signal]) -> Mod
         n
         for n in known
         if n in columns
-        and (VARIABLES[n].kind != "command" or (n in SURFACES and KINDS[known[n].unit] == "an angle"))
+        and (VARIABLES[n].kind != "command" or (n in SURFACES and UNITS[known[n].unit].kind == "an angle"))
     ]
     signals = {n: (columns[n][0], known[n].values(columns[n][1])) for n in judged}
     timed = {n: s for n, s in signals.items() if s[0].size > 1 and np.all(np.diff(s[0]) > 0.0)}
@@ -425,7 +426,7 @@ def _agreeing(
             doubt = "m/s2 or g: without az gravity does not show it"
             known[name] = line if line.stated else line.doubted(doubt)
             continue
-        text = f"gravity reads {weight / FACTORS[known['az'].unit]:.3g}"
+        text = f"gravity reads {weight / UNITS[known['az'].unit].factor:.3g}"
         if MEDIANS["az"][0] <= weight <= MEDIANS["az"][1]:
             known[name] = replace(line, remarks=(text, *(r for r in line.remarks if " by " not in r)))
         else:
@@ -441,9 +442,9 @@ def _command(line: DraftLine, x: FloatArray) -> DraftLine:
         return line if line.stated else replace(line, unit="N").doubted(doubt)
     stem, _, number = name.partition("_")
     if stem == "pwm":
-        if line.unit in PULSE_FACTORS:
+        if line.unit in VARIABLES[name].units:
             return line
-        units = [unit for unit, us in PULSE_FACTORS.items() if PULSES[0] <= middle * us <= PULSES[1]]
+        units = [unit for unit, us in VARIABLES[name].units.items() if PULSES[0] <= middle * us <= PULSES[1]]
         if units:
             return replace(line, unit=units[0])
         servo = replace(line, variable=f"servo_{number}", unit="1")
@@ -468,7 +469,7 @@ def _command(line: DraftLine, x: FloatArray) -> DraftLine:
 
 
 def _surface(line: DraftLine, size: float) -> DraftLine:
-    if line.unit and KINDS[line.unit] == "an angle":
+    if line.unit and UNITS[line.unit].kind == "an angle":
         return line
     if line.unit or 0.8 < size <= 1.01:
         plain = replace(line, unit=line.unit or "1")

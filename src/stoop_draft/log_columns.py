@@ -3,38 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 
-from stoop.extend import recordings
 from stoop.extend.arrays import FloatArray
-from stoop.extend.errors import LogError
+from stoop.extend.recordings import Recording
 
 SAMPLES: Final = 3  #: of a column, evenly spaced in time
 
 
-def read_unmapped(path: Path) -> recordings.Recording:
-    """Read a log of any kind that stoop reads, or a folder of CSV files, without a mapping.
-
-    Raises
-    ------
-    LogError
-        When the log cannot be read.
-    """
-    if path.is_dir() and not recordings.is_bag_folder(path):
-        try:
-            return recordings.read_px4_folder(path)
-        except LogError:
-            return recordings.read_raw_csv(path)
-    if path.is_file() and (known := recordings.kind(path)):
-        return recordings.read_as(known, path)
-    table = path.is_file() and path.name.lower().endswith((".csv", ".csv.gz", ".txt"))
-    return recordings.read_raw_csv(path) if table else recordings.read(path)
-
-
-def columns_of(recording: recordings.Recording) -> Iterator[dict[str, Any]]:
+def columns_of(recording: Recording) -> Iterator[dict[str, Any]]:
     """Yield each column: stream, name, unit as the file states it, and finite values: lowest, highest and samples."""
     for name, stream in recording.streams.items():
         stated = recording.units.get(name, {})

@@ -15,9 +15,8 @@ import tomlkit.items
 
 from stoop import Notice, load_flight
 from stoop.extend.errors import LogError, StoopError
-from stoop.extend.files import read_source, write_text_atomic
+from stoop.extend.files import toml, write_file
 from stoop.extend.flights import read_flight_mapping
-from stoop.extend.notices import Value
 from stoop_draft.checks.mapping import ContradictedError
 
 MOST: Final = 32  #: changes of one mapping
@@ -43,7 +42,7 @@ def corrected_mapping(log: Path, mapping: Path) -> Corrections:
         When log or mapping cannot be read.
     """
     read_flight_mapping(mapping)  # says best what is no mapping
-    text = read_source(mapping, "mapping", LogError)
+    text = toml.read_source(mapping, "mapping", LogError)
     applied: list[Notice] = []
     found, refused = contradictions(log, text, mapping), set[tuple[str, ...]]()
     while len(applied) < MOST:
@@ -73,7 +72,7 @@ def contradictions(log: Path, text: str, mapping: Path) -> list[Notice]:
     """Return what contradicts a mapping of this text, as of the file that it is to be."""
     with tempfile.TemporaryDirectory(prefix="stoop-mapping-") as folder:
         place = Path(folder) / "mapping.toml"
-        write_text_atomic(place, text)
+        write_file(place, text)
         try:
             found = [fault.notice for fault in load_flight(log, place).faults]
         except ContradictedError as error:
@@ -81,9 +80,9 @@ def contradictions(log: Path, text: str, mapping: Path) -> list[Notice]:
         except StoopError as error:
             raise type(error)(str(error).replace(str(place), str(mapping))) from None
 
-    def told(value: Value) -> Value:
+    def told(value: Any) -> Any:
         if isinstance(value, tuple):
-            return tuple(told(part) for part in value)  # type: ignore[return-value]
+            return tuple(told(part) for part in value)
         return value.replace(str(place), str(mapping)) if isinstance(value, str) else value
 
     of_lines = [one for one in found if "suggestion" in one.values]

@@ -14,18 +14,18 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
+import tomlkit
 
 from stoop.extend import flights, variables
-from stoop.extend.arrays import within_range
-from stoop.extend.errors import one_line
-from stoop.extend.files import quoted, quoted_key
-from stoop.extend.recordings import Recording, Stream, guess_clock
-from stoop.extend.units import FACTORS
+from stoop.extend.files import toml
+from stoop.extend.recordings import Recording, Stream, guess_clock, read_unmapped
+from stoop.extend.text import printable
+from stoop.extend.units import UNITS
 from stoop_draft.checks.lines import Signal
 from stoop_draft.checks.units import PAIRS, STATISTICS, growth, largest_size
 from stoop_draft.column_guesses import DraftLine, recognized, with_units, without_unit
-from stoop_draft.log_columns import read_unmapped
 
+LARGEST: Final = 1e30  #: of plausible numbers in a log
 CLOCK_STEPS: Final = (
     ("s", 5e-5, 2.0),
     ("ms", 2.0, 1.5e3),
@@ -33,7 +33,7 @@ CLOCK_STEPS: Final = (
     ("ns", 1.5e6, np.inf),
 )  #: unit -> least and largest steps of a clock per sample: logs are written at 0.5 Hz to 20 kHz
 FUNCTIONS: Final[dict[float, str]] = {
-    **{function: f"motor_{number}" for function, number in variables.MOTOR_FUNCTIONS.items()},
+    **{function: f"motor_{number}" for function, number in variables.ARDUPILOT.motors.items()},
     2: "flap",
     3: "flap",
     4: "aileron",
@@ -44,9 +44,9 @@ RANGES: Final = (("MOT_PWM_MIN", "MOT_PWM_MAX"), ("Q_M_PWM_MIN", "Q_M_PWM_MAX"))
 DEFAULT_RANGE: Final = (1000.0, 2000.0)  #: us
 #: variables -> name of their group, and the frames that turn them
 GROUPS: Final = {
-    variables.QUATERNION: ("attitude", "body", "world"), variables.RATES: ("rates", "body"),
-    variables.SPECIFIC_FORCE: ("specific_force", "body"),
-    variables.VELOCITY: ("velocity", "world"), variables.POSITION: ("position", "world"),
+    variables.FAMILIES["quaternion"]: ("attitude", "body", "world"), variables.FAMILIES["rates"]: ("rates", "body"),
+    variables.FAMILIES["specific force"]: ("specific_force", "body"),
+    variables.FAMILIES["velocity"]: ("velocity", "world"), variables.FAMILIES["position"]: ("position", "world"),
 }  # fmt: skip
 _NUMBERED: Final = re.compile(r"(.*?)[\W_]*\d{1,2}\]?")  #: stem of a name that ends in a number
 _DRIVEN: Final = re.compile(r"(motor|rotor|pwm|servo)_")
@@ -94,7 +94,9 @@ def draft(path: Path) -> Draft:
 def draft_of(recording: Recording) -> Draft:
     """Draft a mapping for a log that was read, with all its columns as they stand there."""
     streams = {
-        name: replace(stream, columns={n: within_range(x) for n, x in stream.columns.items()})
+        name: replace(
+            stream, columns={n: np.where(np.abs(x) > LARGEST, np.nan, x) for n, x in stream.columns.items()}
+        )
         for name, stream in recording.streams.items()
     }
     recording = replace(recording, streams=streams)
@@ -116,7 +118,9 @@ def _of_ready(recording: Recording) -> Draft:
     best = with_units(_best(lines), {line.variable: _signal(rest, line) for line in lines})
     there = recording.streams["RCOU"].columns if "RCOU" in recording.streams else {}
     columns = (
-        (f"pwm_{n}", column) for n in range(1, variables.OUTPUT_PINS + 1) for column in (f"C{n}", f"Ch{n}")
+        (pulse, column)
+        for n, pulse in enumerate(variables.FAMILIES["pwm"], 1)
+        for column in (f"C{n}", f"Ch{n}")
     )
     places = {
         pulse: _place(column, "RCOU") for pulse, column in columns if pulse in signals and column in there
@@ -125,7 +129,7 @@ def _of_ready(recording: Recording) -> Draft:
     outputs = Outputs(mapped, places, signals, recording.parameters)
     motors = outputs.motor_lines()
     out = [
-        f"# Drafted by stoop map for {quoted(recording.path.name)}.",
+        f"# Drafted by stoop map for {toml.quoted(recording.path.name)}.",
         f'extends = "{name}"',
         "",
         "# The ready mapping takes:",
@@ -187,7 +191,7 @@ def _of_any(recording: Recording, framed: bool = True) -> Draft:
         for row in _offered(name, timed.streams[name], columns, several)
     ]
     out = [
-        f"# Drafted by stoop map for {quoted(recording.path.name)}: correct what is marked, remove what is wrong.",
+        f"# Drafted by stoop map for {toml.quoted(recording.path.name)}: correct what is marked, remove what is wrong.",
         *clock,
         "",
         "[variables]",
@@ -213,9 +217,15 @@ class Group:
     def text(self, several: bool) -> list[str]:
         """Return the table of a mapping."""
         mapped = tuple(line.variable for line in self.lines)
-        names, columns = (", ".join(map(quoted, x)) for x in (mapped, (line.column for line in self.lines)))
-        stream = f"stream = {quoted(self.lines[0].stream)}, " if several else ""
-        frame = f"[{', '.join(map(quoted, self.frame))}]" if len(self.frame) > 1 else quoted(self.frame[0])
+        names, columns = (
+            ", ".join(map(toml.quoted, x)) for x in (mapped, (line.column for line in self.lines))
+        )
+        stream = f"stream = {toml.quoted(self.lines[0].stream)}, " if several else ""
+        frame = (
+            f"[{', '.join(map(toml.quoted, self.frame))}]"
+            if len(self.frame) > 1
+            else toml.quoted(self.frame[0])
+        )
         return [
             "", f"[group.{GROUPS[mapped][0]}]  # in the axes that are usual of the format; else remove or correct frame",
             f"variables = [{names}]", f"frame = {frame}", f"sources = [{{ {stream}columns = [{columns}] }}]",
@@ -252,7 +262,7 @@ def _offered(name: str, stream: Stream, columns: Sequence[str], several: bool) -
     if not columns:
         return []
     more = f"; {len(columns) - LIMITS.names} more are not listed" if len(columns) > LIMITS.names else ""
-    rows = [f"# not recognized in {quoted(name)}: write a variable for NAME, and its unit{more}"]
+    rows = [f"# not recognized in {toml.quoted(name)}: write a variable for NAME, and its unit{more}"]
     along = [column for column in columns if without_unit(column)[0].lower() in ("u", "v", "w")]
     if len(along) == len("uvw"):  # what they measure is known, and what stands for it in a mapping
         rows.append(
@@ -266,7 +276,9 @@ def _offered(name: str, stream: Stream, columns: Sequence[str], several: bool) -
         x = stream.columns[column]
         known = x[np.isfinite(x)]
         ends = f"{known.min():.4g} to {known.max():.4g}" if known.size else "no number"
-        rows.append(one_line(f'# NAME = {{{_place(column, name if several else "")}, unit = "1"}}  # {ends}'))
+        rows.append(
+            printable(f'# NAME = {{{_place(column, name if several else "")}, unit = "1"}}  # {ends}')
+        )
     return rows
 
 
@@ -317,23 +329,23 @@ def _clocks(recording: Recording) -> tuple[list[str], Recording]:
     """Return the tables that name the clocks, and the recording on them."""
     if recording.format != "table":
         info = recording.info.items()
-        return [one_line(f"# {key}: {text}") for key, text in info if key.startswith("clock of ")], recording
+        return [printable(f"# {key}: {text}") for key, text in info if key.startswith("clock of ")], recording
     lines: list[str] = []
     written: set[tuple[str, str]] = set()
     streams = {}
     for i, (name, stream) in enumerate(recording.streams.items()):
         column = recording.info[f"clock of {name}"]
         _, unit = guess_clock([column])
-        factor, mark = FACTORS[unit], ""
+        factor, mark = UNITS[unit].factor, ""
         if without_unit(column)[1] != unit:  # its steps tell
             step = float(np.median(np.diff(stream.columns[column])))
             unit = next((unit for unit, low, high in CLOCK_STEPS if low <= step < high), "s")
-            mark = f"  # unsure: its steps are {step:.4g}, which are {step * FACTORS[unit]:.4g} s then"
+            mark = f"  # unsure: its steps are {step:.4g}, which are {step * UNITS[unit].factor:.4g} s then"
         if (column, unit) not in written:
-            where = "time" if i == 0 else f"clock.{quoted_key(name)}"
-            lines += ["", f"[{where}]", f"column = {quoted(column)}", f'unit = "{unit}"{mark}']
+            where = "time" if i == 0 else f"clock.{tomlkit.key(name).as_string()}"
+            lines += ["", f"[{where}]", f"column = {toml.quoted(column)}", f'unit = "{unit}"{mark}']
         written |= {(column, unit)} if i == 0 else set()
-        streams[name] = replace(stream, time=stream.time * (FACTORS[unit] / factor))
+        streams[name] = replace(stream, time=stream.time * (UNITS[unit].factor / factor))
     return lines, replace(recording, streams=streams)
 
 
@@ -401,7 +413,7 @@ def _motors(recording: Recording, lines: Sequence[DraftLine]) -> list[DraftLine]
 
 def _place(column: str, stream: str = "") -> str:
     """Return where a column lies, as a line of a mapping says it."""
-    return f"{f'stream = {quoted(stream)}, ' if stream else ''}column = {quoted(column)}"
+    return f"{f'stream = {toml.quoted(stream)}, ' if stream else ''}column = {toml.quoted(column)}"
 
 
 def _toml(line: DraftLine, with_stream: bool = True) -> str:
@@ -411,7 +423,7 @@ def _toml(line: DraftLine, with_stream: bool = True) -> str:
     words = [f"unsure: {doubt}" for doubt in line.doubts] or list(line.remarks)
     comment = f"  # {'; '.join(words)}" if words else ""
     place = _place(line.column, line.stream if with_stream else "")
-    return f'{line.variable} = {{{place}, unit = "{unit}"{scale}}}{one_line(comment)}'
+    return f'{line.variable} = {{{place}, unit = "{unit}"{scale}}}{printable(comment)}'
 
 
 @dataclass(frozen=True)

@@ -9,8 +9,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from stoop.extend.files import write_text_atomic
-from stoop.extend.text import printable, show
+from stoop.extend.files import write_file
+from stoop.extend.text import printable
 from stoop.extend.verbs import LiveLine, options, page
 
 if TYPE_CHECKING:
@@ -34,10 +34,10 @@ def run(arguments: argparse.Namespace) -> int:
     with LiveLine("reading the log"):
         flights = load_several(arguments.flight, arguments.mapping)
     if sys.stdin.isatty() and sys.stdout.isatty():
-        request = asked(request, evidence(flights), lambda question: input(printable(question)), show)
+        request = asked(request, evidence(flights), lambda question: input(printable(question)), page().text)
     with LiveLine("drafting"):
         drafted = draft(request, flights, str(output))
-    write_text_atomic(output, drafted.text)
+    write_file(output, drafted.text)
     out = page()
     free = Layout.of(drafted.vehicle, ()).dimension  # as reports count: without biases of sensors
     out.line(f"{output}: {len(drafted.text.splitlines())} lines, {free} free parameters; read its comments")

@@ -9,14 +9,15 @@ from typing import Final
 import numpy as np
 
 from stoop import Vehicle
-from stoop.extend.arrays import FloatArray, to_body
+from stoop.extend.arrays import FloatArray, rotations
 from stoop.extend.motion import inertia_tensor, late_inputs, parameter_rows
-from stoop.extend.reports import Bullets, Prose, Section, Sheet, Table, render_sheet
-from stoop.extend.text import NOTHING, ROUNDING, compact, factor_and_unit, number, without_rounding
-from stoop.extend.variables import VARIABLES, WRAPPED
+from stoop.extend.reports import sheet
+from stoop.extend.text import compact, factor_and_unit, number, without_rounding
+from stoop.extend.variables import FAMILIES, VARIABLES
 from stoop_export.jsbsim_flight import Record, differences, relative_differences
 from stoop_export.reference_flight import ReferenceFlight
 
+ROUNDING: Final = 1e-12  #: of the scale of a channel
 EXPORT_PAGE: Final = "export.html"
 AXES: Final = {"Fx": "N", "Fy": "N", "Fz": "N", "Mx": "N m", "My": "N m", "Mz": "N m"}
 """Force and moment about the center of gravity without gravity, body axes, as of `body_loads`."""
@@ -35,7 +36,7 @@ def motion_loads(vehicle: Vehicle, states: FloatArray, rates: FloatArray) -> Flo
         array[[at[a] for a in axes]] for array in (states, rates) for axes in ("uvw", "pqr")
     )
     q = states[[at[f"e{i}"] for i in range(4)]].T
-    down = to_body(q, np.array([0.0, 0.0, vehicle.value("environment.gravity")])).T
+    down = rotations.to_body(q, np.array([0.0, 0.0, vehicle.value("environment.gravity")])).T
     force = vehicle.value("mass.mass") * (dot + np.cross(omega, velocity, axis=0) - down)
     return rigid_loads(vehicle, force, omega, turning)
 
@@ -87,7 +88,7 @@ class Compared:
 
     @property
     def _unwrapped(self) -> FloatArray:
-        wrapped, out = [name in WRAPPED for name in self.names], self.ours.copy()
+        wrapped, out = [name in FAMILIES["circular"] for name in self.names], self.ours.copy()
         out[:, wrapped] = np.unwrap(out[:, wrapped], axis=0)
         return out
 
@@ -132,23 +133,23 @@ def unit_of(name: str) -> str:
     return AXES.get(name) or ("m/s2" if name in SPECIFIC else VARIABLES[name].unit)
 
 
-def agreement_table(compared: Compared) -> Table:
+def agreement_table(compared: Compared) -> sheet.Table:
     """Return the table of every axis and channel."""
     found, rows = compared.statistics, []
     columns = zip(compared.names, compared.scale, compared.spread, *found.values(), strict=True)
     for name, scale, spread, slope, correlation, error, share in columns:
         factor, unit = factor_and_unit(unit_of(name))
         sizes = (without_rounding(x, scale) for x in (spread, error))
-        shown = (f"{compact(factor * x)} {unit}" if np.isfinite(x) else NOTHING for x in sizes)
+        shown = (f"{compact(factor * x)} {unit}" if np.isfinite(x) else "–" for x in sizes)
         ratios = (number(without_rounding(x, 1.0), 3) for x in (slope, correlation))
         rows.append((name, *shown, percent(share), *ratios))
     head = ("", "standard deviation", "error, rms", "error, share", "slope", "correlation")
-    return Table(f"{compared.tool}, {compared.flight}", head, tuple(rows))
+    return sheet.Table(f"{compared.tool}, {compared.flight}", head, tuple(rows))
 
 
 def percent(share: float) -> str:
     """Return a share in percent; rounding errors as 0."""
-    return f"{compact(100.0 * without_rounding(share, 1.0), 2)} %" if np.isfinite(share) else NOTHING
+    return f"{compact(100.0 * without_rounding(share, 1.0), 2)} %" if np.isfinite(share) else "–"
 
 
 def loads_along(flight: ReferenceFlight, changes: Mapping[str, float] | None = None) -> FloatArray:
@@ -215,8 +216,8 @@ def axis_shares(shares: FloatArray) -> str:
 
 def agreement_page(title: str, compared: Sequence[Compared], notes: Sequence[str]) -> str:
     """Return the page of how a tool's flights agree with ours, as HTML."""
-    sections = [Section("Agreement", (Prose(EXPLANATION), *map(agreement_table, compared)))]
-    sections += [Section("Notes", (Bullets(notes),))] if notes else []
-    return render_sheet(
-        Sheet(title, "Every axis and channel, by our simulation and by the tool.", tuple(sections))
+    sections = [sheet.Section("Agreement", (sheet.Prose(EXPLANATION), *map(agreement_table, compared)))]
+    sections += [sheet.Section("Notes", (sheet.Bullets(notes),))] if notes else []
+    return sheet.render_sheet(
+        sheet.Sheet(title, "Every axis and channel, by our simulation and by the tool.", tuple(sections))
     )

@@ -13,17 +13,17 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from stoop.extend.variables import ARDUPILOT_SURFACES, FRAMES, MOTOR_FUNCTIONS, THROTTLES, Spin
-from stoop_export.autopilot_outputs import FASTEST, SLOWEST, MotorOutput
+from stoop.extend.variables import ARDUPILOT
+from stoop_export.autopilot_outputs import FASTEST, SLOWEST, MotorOutput, Spin
 
 PWM: Final = (1000.0, 2000.0)  #: us, ends of the outputs
 AZIMUTH_TOLERANCE: Final = 10.0  #: deg, of a rotor from that of its frame
-THROTTLE: Final = THROTTLES[0]  #: SERVOn_FUNCTION
-SURFACE_FUNCTIONS: Final = {name: function for function, (name, _) in ARDUPILOT_SURFACES.items()} | {
+THROTTLE: Final = ARDUPILOT.throttles[0]  #: SERVOn_FUNCTION
+SURFACE_FUNCTIONS: Final = {name: function for function, (name, _) in ARDUPILOT.surfaces.items()} | {
     "left aileron": 4,
     "right aileron": 4,
 }
-_FUNCTIONS: Final = {number: function for function, number in MOTOR_FUNCTIONS.items()}
+_FUNCTIONS: Final = {number: function for function, number in ARDUPILOT.motors.items()}
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ def frame(rotors: Sequence[MotorOutput]) -> Frame:
 
     Without one the class is 0, with which ArduPilot does not arm, and the motors are numbered as they come.
     """
-    for (number, kind), places in FRAMES.items():
+    for (number, kind), places in ARDUPILOT.frames.items():
         order = _numbers(rotors, places)
         if order is not None:
             return Frame(number, kind, tuple(_FUNCTIONS[n] for n in order))

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, Literal
 
 from stoop import Vehicle
 from stoop.extend.errors import VehicleError
 from stoop.extend.motion import Trim, air_density
-from stoop.extend.units import equivalent_over_true
-from stoop.extend.variables import Point, Spin
+from stoop.extend.units import SEA_LEVEL_DENSITY
 from stoop.extend.vehicles import full_command
 
+Spin = Literal["ccw", "cw"]
 FULL_DEFLECTION: Final = math.radians(25.0)  #: of a surface whose recorded channel is its deflection
 
 MIXED_SURFACE_SHARE: Final = 0.5  #: of the largest moments about two axes, beyond which a surface serves both
@@ -42,8 +42,8 @@ class MotorOutput:
     lifts : whether it is a rotor of the vehicle file
     """
 
-    position: Point
-    axis: Point
+    position: tuple[float, float, float]
+    axis: tuple[float, float, float]
     torque_ratio: float
     spin: Spin
     lifts: bool
@@ -62,7 +62,7 @@ class SurfaceOutput:
     """
 
     role: str
-    moments: Point
+    moments: tuple[float, float, float]
     trim: float
     sign: float = 1.0
 
@@ -79,7 +79,7 @@ class ThrustCurve:
 def equivalent_airspeed(vehicle: Vehicle, point: Trim, airspeed: float | None = None) -> float:
     """Return an airspeed (V* if None), m/s, as the equivalent one in the air of a steady flight, which autopilots measure."""
     speed = vehicle.value("reference.airspeed") if airspeed is None else airspeed
-    return speed * equivalent_over_true(air_density(vehicle, point))
+    return speed * math.sqrt(air_density(vehicle, point) / SEA_LEVEL_DENSITY)
 
 
 def surface_role(roll: float, pitch: float, yaw: float) -> tuple[str, float]:

@@ -17,7 +17,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from stoop.extend.arrays import FloatArray, euler_angles, normalized, product, to_body, to_ground
+from stoop.extend.arrays import FloatArray, rotations
 from stoop.extend.verbs import install
 from stoop_export.agreement import Compared
 from stoop_export.exporter import FLIP, Exported, installed, load_script, written
@@ -101,20 +101,20 @@ def fly_drone_models(script: Any, flight: ReferenceFlight) -> FloatArray:
     def rates(x: FloatArray, channels: FloatArray) -> FloatArray:
         q = x[3:7] / np.linalg.norm(x[3:7])
         velocity, _, force, turning, spin = model(x[:3], q, x[7:10], x[10:13], script.rpm(channels), x[13:])
-        turned = 0.5 * product(np.roll(q, 1)[None], np.array([[0.0, *x[10:13]]]))[0]
+        turned = 0.5 * rotations.product(np.roll(q, 1)[None], np.array([[0.0, *x[10:13]]]))[0]
         return np.concatenate([velocity, np.roll(turned, -1), force, turning, spin])
 
     def begin(k: int) -> FloatArray:
         _, q, velocity, omega = start_of(flight, k)
         speeds = script.rpm(channels_behind(flight, k, script.CONTENT["channels"]))
-        return np.concatenate([np.zeros(3), np.roll(q, -1), to_ground(q, velocity), omega, speeds])
+        return np.concatenate([np.zeros(3), np.roll(q, -1), rotations.to_ground(q, velocity), omega, speeds])
 
     for part in flight.parts():
         x = begin(part.start)
         for k in range(part.start, part.stop):
-            q = normalized(np.roll(x[3:7], 1) * TURN)
-            force = to_body(q, FLIP * (rates(x, flight.inputs[k][columns])[7:10] - gravity))
-            out[k] = np.concatenate([FLIP * x[7:10], FLIP * x[10:13], euler_angles(q), force])
+            q = rotations.normalized(np.roll(x[3:7], 1) * TURN)
+            force = rotations.to_body(q, FLIP * (rates(x, flight.inputs[k][columns])[7:10] - gravity))
+            out[k] = np.concatenate([FLIP * x[7:10], FLIP * x[10:13], rotations.euler_angles(q), force])
             if k + 1 < part.stop:
                 u = np.linspace(flight.inputs[k][columns], flight.inputs[k + 1][columns], 2 * steps + 1)
                 h = flight.dt / steps

@@ -8,7 +8,7 @@ from pathlib import Path
 from stoop import FittedModel, Vehicle
 from stoop.extend.arrays import FloatArray
 from stoop.extend.errors import StoopError
-from stoop.extend.files import check_targets, make_folder, write_files
+from stoop.extend.files import check_targets, write_files
 from stoop.extend.fits import Piece, Result, takes_model_or_vehicle
 from stoop_analysis.draws import POSTERIOR_FILE, draws_of
 from stoop_analysis.known_model import Condition, known_model
@@ -113,5 +113,4 @@ def write(exported: Exported, folder: Path, overwrite: bool = False) -> None:
     Raises `OutputError`: a file is there already, or the folder cannot be written.
     """
     check_targets(folder, tuple(exported.files), overwrite)
-    make_folder(folder)
     write_files(folder, exported.files)

@@ -21,7 +21,7 @@ from stoop.extend.arrays import FloatArray
 from stoop.extend.errors import SimulationError, StoopError
 from stoop.extend.files import write_files
 from stoop.extend.motion import Trim, held_numbers
-from stoop.extend.text import count, printable_lines
+from stoop.extend.text import count, printable
 from stoop.extend.vehicles import leaves
 from stoop_analysis.known_model import Condition, KnownModel
 from stoop_export.agreement import (
@@ -75,7 +75,7 @@ class Exported:
         names = sorted(self.files, key=lambda name: (name != self.main, -len(self.files[name])))
         lines += [f"{name}  {len(self.files[name])} bytes" for name in names[:MOST_FILES]]
         lines += [f"and {len(names) - MOST_FILES} more"] * (len(names) > MOST_FILES)
-        return printable_lines("\n".join(lines))
+        return "\n".join(map(printable, lines))
 
     def with_notes(self, notes: Iterable[str]) -> Exported:
         """Return the files with further notes."""

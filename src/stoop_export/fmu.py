@@ -33,8 +33,9 @@ import numpy as np
 import sympy as sp
 
 from stoop import Vehicle
-from stoop.extend.errors import StoopError, one_line
+from stoop.extend.errors import StoopError
 from stoop.extend.motion import Trim, initial_states, parameter_rows, scalar_text
+from stoop.extend.text import printable
 from stoop.extend.vehicles import build_model, over_ground, slope_input
 from stoop_analysis.derivatives import ParameterCovariance
 from stoop_export.matlab import identifier, unit
@@ -238,16 +239,16 @@ def compiled(text: str, compiler: str) -> bytes:
                 command, capture_output=True, text=True, check=False, timeout=COMPILE_SECONDS
             )
         except (OSError, subprocess.TimeoutExpired) as error:
-            raise StoopError(f"{compiler}: cannot compile the unit: {one_line(str(error))}") from None
+            raise StoopError(f"{compiler}: cannot compile the unit: {printable(str(error))}") from None
         if done.returncode != 0 or not library.is_file():
-            raise StoopError(f"{compiler}: cannot compile the unit: {one_line(done.stderr)[:300]}")
+            raise StoopError(f"{compiler}: cannot compile the unit: {printable(done.stderr)[:300]}")
         return library.read_bytes()
 
 
 def description(made: Unit, version: str) -> bytes:
     """Return modelDescription.xml of a version."""
     three = version == "3.0"
-    root = Element("fmiModelDescription", {"fmiVersion": version, "modelName": one_line(made.title)})
+    root = Element("fmiModelDescription", {"fmiVersion": version, "modelName": printable(made.title)})
     root.set("instantiationToken" if three else "guid", made.token)
     root.attrib |= {"generationTool": "stoop", "variableNamingConvention": "flat"}
     abilities = {"modelIdentifier": made.name, "canHandleVariableCommunicationStepSize": "true"}

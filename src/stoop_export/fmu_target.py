@@ -11,8 +11,9 @@ from typing import Any, Final
 import numpy as np
 
 from stoop.extend.arrays import FloatArray
-from stoop.extend.errors import StoopError, one_line
+from stoop.extend.errors import StoopError
 from stoop.extend.notices import notice
+from stoop.extend.text import printable
 from stoop.extend.vehicles import slope_input
 from stoop.extend.verbs import install
 from stoop_export import fmu
@@ -66,7 +67,7 @@ def fly_unit(place: Path, flight: ReferenceFlight, variables: Sequence[str] = ()
             )  # fmt: skip
             out[part] = np.column_stack([found[n] for n in read])
     except Exception as error:  # FMPy raises Exception itself
-        raise StoopError(f"FMPy: {one_line(str(error))}") from None
+        raise StoopError(f"FMPy: {printable(str(error))}") from None
     finally:
         shutil.rmtree(unpacked, ignore_errors=True)
     return out

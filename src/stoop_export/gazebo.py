@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 
 from stoop import Vehicle
-from stoop.extend.arrays import FloatArray, euler_angles, normalized, product, to_body, to_ground
+from stoop.extend.arrays import FloatArray, rotations
 from stoop.extend.motion import commanded, mixed_inputs, parameter_rows
 from stoop_export import gazebo_autopilots, gazebo_files, rotorpy_flight
 from stoop_export.agreement import AXES, Compared, loads_along, omission, omitted_shares
@@ -59,9 +59,9 @@ class _Equations:
         V, omega, q = x[:3], x[3:6], x[6:10]
         commands = self.commands(inputs)
         load = self.loads(x, commands)
-        dV = load[:3] / self.model.mass + to_body(q[None], self.gravity)[0] - np.cross(omega, V)
+        dV = load[:3] / self.model.mass + rotations.to_body(q[None], self.gravity)[0] - np.cross(omega, V)
         turning = self.inverse @ (load[3:] - np.cross(omega, self.model.inertia @ omega))
-        dq = 0.5 * product(q[None], np.array([[0.0, *omega]]))[0]
+        dq = 0.5 * rotations.product(q[None], np.array([[0.0, *omega]]))[0]
         return np.concatenate([dV, turning, dq, (commands - x[10:]) / self.lags])
 
     def step(self, x: FloatArray, before: FloatArray, after: FloatArray, dt: float) -> FloatArray:
@@ -72,7 +72,7 @@ class _Equations:
         k3 = self.rates(x + 0.5 * dt * k2, middle)
         k4 = self.rates(x + dt * k3, after)
         out = x + dt / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
-        out[6:10] = normalized(out[6:10])
+        out[6:10] = rotations.normalized(out[6:10])
         return np.asarray(out)
 
 
@@ -92,7 +92,7 @@ def fly_gazebo(model: GazeboModel, flight: ReferenceFlight) -> FloatArray:
         for k in range(part.start, part.stop):
             q = x[6:10]
             force = equations.loads(x, equations.commands(flight.inputs[k]))[:3] / model.mass
-            out[k] = np.concatenate([to_ground(q, x[:3]), x[3:6], euler_angles(q), force])
+            out[k] = np.concatenate([rotations.to_ground(q, x[:3]), x[3:6], rotations.euler_angles(q), force])
             if k + 1 < part.stop:
                 grid = np.linspace(flight.inputs[k], flight.inputs[k + 1], steps + 1)
                 for before, after in itertools.pairwise(grid):

@@ -20,8 +20,7 @@ from xml.etree.ElementTree import Element, SubElement
 import numpy as np
 
 from stoop.extend.arrays import FloatArray
-from stoop.extend.errors import one_line
-from stoop.extend.text import without_rounding
+from stoop.extend.text import printable, without_rounding
 from stoop_export.ardupilot_parameters import PWM
 from stoop_export.exporter import FLIP
 from stoop_export.gazebo_autopilots import airframe, parameters
@@ -94,7 +93,7 @@ def config(made: GazeboModel, name: str) -> str:
     words = "; ".join(
         (f"{made.vehicle.name}: made by stoop export, see docs/gazebo.md", *made.vehicle.file.notes)
     )
-    out.append(leaf("description", one_line(words)))
+    out.append(leaf("description", printable(words)))
     return document(out)
 
 

@@ -24,13 +24,7 @@ from stoop.extend.motion import Trim, air_density, inertia_tensor, initial_state
 from stoop.extend.vehicles import full_command
 from stoop_export.autopilot_outputs import check_rotor_channels
 from stoop_export.gazebo_plugins import Blades, Damping, Motor, Surface, Wing, damping_loads, motor_loads
-from stoop_export.gazebo_wing import (
-    STEP,
-    settled_loads,
-    sideslip_loads,
-    vector,
-    wing_of,
-)
+from stoop_export.gazebo_wing import STEP, settled_loads, sideslip_loads, vector, wing_of
 from stoop_export.matlab import identifier
 
 NOMINAL_SPEED: Final = 1000.0  #: rad/s at full command, of motors whose flight shows commands only

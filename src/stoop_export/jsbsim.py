@@ -10,25 +10,19 @@ from typing import Final
 import numpy as np
 
 from stoop import Vehicle
-from stoop.extend import reports
 from stoop.extend.arrays import FloatArray
 from stoop.extend.errors import SimulationError
 from stoop.extend.motion import Trim
-from stoop.extend.text import NOTHING, factor_and_unit
-from stoop.extend.variables import VARIABLES, WRAPPED
+from stoop.extend.reports import sheet, with_residual
+from stoop.extend.text import factor_and_unit
+from stoop.extend.variables import FAMILIES, VARIABLES
 from stoop.extend.verbs import install
 from stoop_export import jsbsim_aircraft
 from stoop_export.agreement import EXPORT_PAGE, agreement_table
 from stoop_export.exporter import Exported, Exporter, encoded, installed, written
 from stoop_export.jsbsim_aircraft import relative_errors
 from stoop_export.jsbsim_comparison import Comparison, compare
-from stoop_export.jsbsim_flight import (
-    FRAME_RATE,
-    PLANET,
-    differences,
-    file_name,
-    relative_differences,
-)
+from stoop_export.jsbsim_flight import FRAME_RATE, PLANET, differences, file_name, relative_differences
 from stoop_export.jsbsim_model import THRUST, actuators, channel
 from stoop_export.reference_flight import reference_record, steady_start, with_restarts
 
@@ -71,21 +65,21 @@ def export_page(
     for one in flown:
         title = one.record.title
         measured = "Measured, by" if one.record.measured is not None else "By"
-        caption = reports.Prose(
+        caption = sheet.Prose(
             f"{measured} our simulation and by JSBSim, against time in s, and their difference."
         )
         sections.append(
-            reports.Section(title, (_differences(one), agreement_table(one.compared), caption, _history(one)))
+            sheet.Section(title, (_differences(one), agreement_table(one.compared), caption, _history(one)))
         )
     sections.append(
-        reports.Section("Why they differ at all", (reports.Prose(EXPLANATION.format(rate=FRAME_RATE)),))
+        sheet.Section("Why they differ at all", (sheet.Prose(EXPLANATION.format(rate=FRAME_RATE)),))
     )
-    sections += [reports.Section("Notes", (reports.Bullets(notes),))] if notes else []
-    sections.append(reports.Section("Fly it", (reports.Code(SCRIPT.format(planet=PLANET, name=name)),)))
-    return reports.render_sheet(reports.Sheet(f"{vehicle.name} in JSBSim", lead, tuple(sections)))
+    sections += [sheet.Section("Notes", (sheet.Bullets(notes),))] if notes else []
+    sections.append(sheet.Section("Fly it", (sheet.Code(SCRIPT.format(planet=PLANET, name=name)),)))
+    return sheet.render_sheet(sheet.Sheet(f"{vehicle.name} in JSBSim", lead, tuple(sections)))
 
 
-def _differences(flown: Comparison) -> reports.Table:
+def _differences(flown: Comparison) -> sheet.Table:
     vehicle, measured = flown.record.vehicle, flown.record.measured
     columns = {"JSBSim, flat planet": flown.relative}
     if actuators(vehicle):
@@ -103,13 +97,13 @@ def _differences(flown: Comparison) -> reports.Table:
         for error in errors:  # NaN where nothing was measured
             known = error[np.isfinite(error[:, i]), i]
             sizes.append(float(np.sqrt(np.mean(known**2))) if known.size else np.nan)
-        largest, *rms = (f"{x * factor:.4g} {unit}" if np.isfinite(x) else NOTHING for x in sizes)
+        largest, *rms = (f"{x * factor:.4g} {unit}" if np.isfinite(x) else "–" for x in sizes)
         rows.append((name, largest, *(f"{column[name]:.1e}" for column in columns.values()), *rms))
     caption = "Largest difference from our simulation, as a fraction of the channel's largest magnitude"
-    return reports.Table(caption, tuple(head), tuple(rows))
+    return sheet.Table(caption, tuple(head), tuple(rows))
 
 
-def _history(flown: Comparison) -> reports.TimeHistory:
+def _history(flown: Comparison) -> sheet.TimeHistory:
     """Return every channel as flown and simulated, and the difference between the simulations below."""
     record, measured, panels = flown.record, flown.record.measured, []
     for i, output in enumerate(record.vehicle.outputs):
@@ -120,15 +114,17 @@ def _history(flown: Comparison) -> reports.TimeHistory:
         series = {}
         for name, y in curves.items():
             known = np.isfinite(y)
-            if output in WRAPPED and known.any():  # an angle without jumps, near zero where it begins
+            if (
+                output in FAMILIES["circular"] and known.any()
+            ):  # an angle without jumps, near zero where it begins
                 y = y.copy()
                 y[known] = np.unwrap(y[known])
                 y -= 2.0 * np.pi * np.round(y[known][0] / (2.0 * np.pi))
-            series[name] = reports.Series(name, record.time, factor * y, role=ROLES[name], width=WIDTHS[name])
+            series[name] = sheet.Series(name, record.time, factor * y, role=ROLES[name], width=WIDTHS[name])
         difference = series["JSBSim"].y - series["stoop"].y
-        strips = reports.with_residual(list(series.values()), "JSBSim − stoop", difference)
-        panels.append(reports.HistoryPanel(output, strips, unit, VARIABLES[output].meaning))
-    return reports.TimeHistory(panels)
+        strips = with_residual(list(series.values()), "JSBSim − stoop", difference)
+        panels.append(sheet.HistoryPanel(output, strips, unit, VARIABLES[output].meaning))
+    return sheet.TimeHistory(panels)
 
 
 NOT_FLOWN: Final = f"Not flown: the package jsbsim is not installed; {install('jsbsim')}."

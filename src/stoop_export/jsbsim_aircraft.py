@@ -13,19 +13,15 @@ from xml.etree import ElementTree as ET
 from xml.etree.ElementTree import Element, SubElement
 
 from stoop import Vehicle
-from stoop.extend.errors import VehicleError, one_line
-from stoop.extend.units import FOOT, INCH, POUND_FORCE, SLUG
-from stoop_export.jsbsim_flight import (
-    FRAME_RATE,
-    INTEGRATORS,
-    PLANET,
-    START,
-    Record,
-    file_name,
-    settings,
-)
+from stoop.extend.errors import VehicleError
+from stoop.extend.text import printable
+from stoop_export.jsbsim_flight import FRAME_RATE, INTEGRATORS, PLANET, START, Record, file_name, settings
 from stoop_export.jsbsim_loads import number_place, summed, summed_loads
 from stoop_export.jsbsim_model import (
+    FOOT,
+    INCH,
+    POUND_FORCE,
+    SLUG,
     THRUST,
     aerodynamics,
     coefficient,
@@ -82,11 +78,11 @@ def folder(vehicle: Vehicle, steady: Record | None) -> dict[str, str]:
 def aircraft(vehicle: Vehicle) -> str:
     """Return the text of ``aircraft/NAME/NAME.xml``; VehicleError for what JSBSim cannot fly."""
     check(vehicle)
-    root = Element("fdm_config", {"name": one_line(vehicle.name), "version": "2.0", "release": "BETA"})
+    root = Element("fdm_config", {"name": printable(vehicle.name), "version": "2.0", "release": "BETA"})
     header = SubElement(root, "fileheader")
     SubElement(header, "author").text = "stoop"
     words = "; ".join((f"{vehicle.name}: made by stoop export, see docs/export.md", *vehicle.file.notes))
-    SubElement(header, "description").text = one_line(words)
+    SubElement(header, "description").text = printable(words)
     metrics = SubElement(root, "metrics")
     for tag, (name, size, unit) in _METRICS.items():
         if name in vehicle.rows:
@@ -199,7 +195,7 @@ def initialization(steady: Record) -> str:
 
 def script(steady: Record) -> str:
     """Return a script that flies the steady flight for its time."""
-    out, given = Element("runscript", {"name": one_line(steady.vehicle.name)}), settings(steady)
+    out, given = Element("runscript", {"name": printable(steady.vehicle.name)}), settings(steady)
     SubElement(out, "description").text = "A steady flight; made by stoop export"
     SubElement(out, "use", {"aircraft": file_name(steady.vehicle.name), "initialize": STEADY})
     length = number(float(steady.time[-1] - steady.time[0]))

@@ -20,14 +20,16 @@ import numpy as np
 
 from stoop import Vehicle
 from stoop.extend import motion
-from stoop.extend.arrays import FloatArray, quaternions_of
+from stoop.extend.arrays import FloatArray, rotations
 from stoop.extend.errors import SimulationError, StoopError
-from stoop.extend.units import FOOT, POUND_FORCE, SLUG
-from stoop.extend.variables import EULER, WRAPPED
+from stoop.extend.variables import FAMILIES
 from stoop.extend.vehicles import WIND
 from stoop.extend.verbs import install
 from stoop_export.jsbsim_loads import rotor_lag, rotor_start, slope_start
 from stoop_export.jsbsim_model import (
+    FOOT,
+    POUND_FORCE,
+    SLUG,
     actuators,
     channel,
     channel_start,
@@ -145,7 +147,7 @@ def joined(parts: Iterable[FloatArray]) -> FloatArray:
 def differences(names: Sequence[str], a: FloatArray, b: FloatArray) -> FloatArray:
     """Return b - a of channels (n, n_y), angles taken to the nearest turn."""
     out = b - a
-    angles = [name in WRAPPED for name in names]
+    angles = [name in FAMILIES["circular"] for name in names]
     out[:, angles] -= 2.0 * np.pi * np.round(out[:, angles] / (2.0 * np.pi))
     return out
 
@@ -219,7 +221,7 @@ def settings(record: Record, rate: float = FRAME_RATE) -> Settings:
     """Return what JSBSim is given for a record, with frames of a rate, Hz, of at least so much."""
     vehicle, rows = record.vehicle, motion.parameter_rows(record.vehicle)
     rigid = {k: float(v[0]) for k, v in motion.rigid_states(record.start).items() if k in (*"uvwpqr", "h")}
-    start = rigid | {a: float(record.start.get(a, 0.0)) for a in EULER}
+    start = rigid | {a: float(record.start.get(a, 0.0)) for a in FAMILIES["euler"]}
     columns = {n: record.inputs[:, i] for i, n in enumerate(vehicle.inputs) if n != "none"}
     constants = {channel_start(n): float(columns[n][0]) for n in actuators(vehicle)}
     starts = {
@@ -407,7 +409,11 @@ def instruments(vehicle: Vehicle) -> Callable[[Mapping[str, FloatArray], float],
     def read_flight(flown: Mapping[str, FloatArray], dt: float) -> FloatArray:
         forces = {axis: flown[axis] / flown["mass"] for axis in "XYZ"}  # specific, without weight
         turn = dict(
-            zip(names[-4:], quaternions_of(np.column_stack([flown[a] for a in EULER])).T, strict=True)
+            zip(
+                names[-4:],
+                rotations.quaternions_of(np.column_stack([flown[a] for a in FAMILIES["euler"]])).T,
+                strict=True,
+            )
         )
         known = {**flown, **forces, **turn}
         columns = function(*(known[key] for key in names))

@@ -16,10 +16,11 @@ from xml.etree.ElementTree import Element, SubElement
 import sympy as sp
 
 from stoop import Vehicle
-from stoop.extend.units import FOOT, POUND_FORCE
 from stoop.extend.vehicles import airflow, forces, slope_input
 from stoop_export.jsbsim_model import (
     DENSITY,
+    FOOT,
+    POUND_FORCE,
     THRUST,
     Printer,
     air_density,

@@ -19,9 +19,10 @@ import sympy as sp
 
 from stoop import Vehicle
 from stoop.extend.motion import commanded, input_actuators, input_delays, neutral_inputs, parameter_rows
-from stoop.extend.units import FOOT, POUND_FORCE, SLUG
+from stoop.extend.units import UNITS
 from stoop.extend.vehicles import MOMENT_ARMS, SHORTEST_LAG, Air, Numbers, forces, terms
 
+FOOT, INCH, POUND_FORCE, SLUG = (UNITS[unit].factor for unit in ("ft", "in", "lbf", "slug"))
 AXES: Final = {"CL": "LIFT", "CD": "DRAG", "CQ": "SIDE", "Cl": "ROLL", "Cm": "PITCH", "Cn": "YAW"}
 AIRSPEED: Final = "stoop/air/V-m_sec"
 DENSITY: Final = "stoop/air/density-kg_m3"

@@ -23,9 +23,8 @@ from sympy.printing.octave import OctaveCodePrinter
 from stoop import Vehicle
 from stoop.extend import motion
 from stoop.extend.arrays import FloatArray
-from stoop.extend.errors import one_line
 from stoop.extend.notices import notice
-from stoop.extend.text import without_rounding
+from stoop.extend.text import printable, without_rounding
 from stoop.extend.vehicles import build_model, slope_input
 from stoop_analysis.derivatives import ParameterCovariance
 from stoop_export.exporter import Exported, Exporter, encoded
@@ -267,7 +266,7 @@ def equations(vehicle: Vehicle, name: str) -> str:
 
     lines = [
         f"function [dx, y] = {name}_equations(x, u, p)",
-        f"% Equations of motion and instruments of {one_line(vehicle.name)}, made by stoop export.",
+        f"% Equations of motion and instruments of {printable(vehicle.name)}, made by stoop export.",
         "% SI units and radians; body axes forward, right, down; e0..e3 quaternion, body to Earth.",
         *signals("x", vehicle.states),
         *signals("u", vehicle.inputs),

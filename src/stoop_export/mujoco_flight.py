@@ -8,7 +8,7 @@ from typing import Any, Final
 import numpy as np
 
 from stoop import Vehicle
-from stoop.extend.arrays import FloatArray, euler_angles, normalized, to_body
+from stoop.extend.arrays import FloatArray, rotations
 from stoop.extend.motion import commanded, parameter_rows
 from stoop.extend.verbs import install
 from stoop_export.agreement import AXES, Compared, loads_along, rigid_loads
@@ -45,13 +45,13 @@ def _put(flown: Any, script: Any, flight: ReferenceFlight, k: int) -> None:
 
 def _turned(flown: Any) -> FloatArray:
     """Return the quaternion of MuJoCo's state, axes forward, right, down."""
-    return np.asarray(normalized(flown.data.qpos[flown.turned] * TURN))
+    return np.asarray(rotations.normalized(flown.data.qpos[flown.turned] * TURN))
 
 
 def _accelerations(flown: Any) -> tuple[FloatArray, FloatArray]:
     """Return specific force, m/s2, and angular acceleration, rad/s2, along body axes forward, right, down."""
     specific = FLIP * (flown.data.qacc[flown.velocity] - flown.model.opt.gravity)
-    return to_body(_turned(flown), specific), FLIP * flown.data.qacc[flown.rates]
+    return rotations.to_body(_turned(flown), specific), FLIP * flown.data.qacc[flown.rates]
 
 
 def mujoco_loads(script: Any, flight: ReferenceFlight) -> FloatArray:
@@ -81,7 +81,9 @@ def fly_mujoco(script: Any, flight: ReferenceFlight) -> FloatArray:
             flown.forward()
             specific, _ = _accelerations(flown)
             ground, rates = flown.data.qvel[flown.velocity], flown.data.qvel[flown.rates]
-            out[k] = np.concatenate([FLIP * ground, FLIP * rates, euler_angles(_turned(flown)), specific])
+            out[k] = np.concatenate(
+                [FLIP * ground, FLIP * rates, rotations.euler_angles(_turned(flown)), specific]
+            )
             if k + 1 < part.stop:
                 for share in shares:
                     flown.step((1.0 - share) * flight.inputs[k] + share * flight.inputs[k + 1])

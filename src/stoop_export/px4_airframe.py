@@ -16,14 +16,14 @@ from typing import Final
 
 from stoop.extend.errors import VehicleError
 from stoop.extend.text import printable
-from stoop.extend.variables import PX4_SURFACES
+from stoop.extend.variables import PX4
 from stoop_export.autopilot_outputs import FASTEST, SLOWEST, MotorOutput, SurfaceOutput, ThrustCurve
 
 FIRST_NUMBER: Final = 22000  #: of PX4's numbers for airframes of one's own, of which there are a thousand
 VTOL: Final = 2  #: CA_AIRFRAME
 KINDS: Final = (("mc", "Multirotor"), ("fw", "Plane"), ("vtol", "VTOL"))
 """By CA_AIRFRAME: of the defaults, of the header."""
-_TYPES: Final = {name: kind for kind, (name, _) in PX4_SURFACES.items()}
+_TYPES: Final = {name: kind for kind, (name, _) in PX4.surfaces.items()}
 
 
 def airframe_number(name: str) -> int:

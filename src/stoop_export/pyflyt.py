@@ -18,7 +18,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from stoop.extend.arrays import FloatArray, euler_angles, normalized, to_body, to_ground
+from stoop.extend.arrays import FloatArray, rotations
 from stoop.extend.verbs import install
 from stoop_export.agreement import Compared
 from stoop_export.exporter import FLIP, Exported, installed, load_script, written
@@ -126,15 +126,15 @@ def fly_pyflyt(script: Any, flight: ReferenceFlight, steps: int = STEPS) -> Floa
     for part in flight.parts():
         _, q, *motions = start_of(flight, part.start)
         flown.resetBasePositionAndOrientation(drone.Id, (0.0, 0.0, 100.0), np.roll(q, -1).tolist())
-        flown.resetBaseVelocity(drone.Id, *(to_ground(q, x).tolist() for x in motions))
+        flown.resetBaseVelocity(drone.Id, *(rotations.to_ground(q, x).tolist() for x in motions))
         drone.update_state()
         drone.motors.throttle[:] = script.pwm(channels_behind(flight, part.start, script.CONTENT["channels"]))
         for k in range(part.start, part.stop):
             now, after = flight.inputs[k][columns], flight.inputs[min(k + 1, part.stop - 1)][columns]
             _, turned = flown.getBasePositionAndOrientation(drone.Id)
             velocity, rates = map(np.array, flown.getBaseVelocity(drone.Id))
-            q = normalized(np.roll(turned, 1) * TURN)
-            out[k] = [*(FLIP * velocity), *to_body(q, FLIP * rates), *euler_angles(q)]
+            q = rotations.normalized(np.roll(turned, 1) * TURN)
+            out[k] = [*(FLIP * velocity), *rotations.to_body(q, FLIP * rates), *rotations.euler_angles(q)]
             for share in shares:
                 drone.pwm = script.pwm((1.0 - share) * now + share * after)
                 drone.update_physics()

@@ -15,15 +15,9 @@ import numpy as np
 
 from stoop import Vehicle
 from stoop.extend import motion
-from stoop.extend.arrays import FloatArray, euler_angles
-from stoop.extend.variables import EULER
-from stoop_export.jsbsim_flight import (
-    RATE,
-    Record,
-    excitation_record,
-    relative_differences,
-    steady_record,
-)
+from stoop.extend.arrays import FloatArray, rotations
+from stoop.extend.variables import FAMILIES
+from stoop_export.jsbsim_flight import RATE, Record, excitation_record, relative_differences, steady_record
 
 DURATION: Final = 30.0  #: s
 RESTART: Final = 1.0  #: s, of a flight on rotors
@@ -136,10 +130,10 @@ def _starts(record: Record, states: FloatArray) -> list[tuple[int, dict[str, flo
     vehicle, rows, out = record.vehicle, motion.parameter_rows(record.vehicle), []
     for k in range(0, len(states) - 1, max(1, round(RESTART / record.dt))):
         x = dict(zip(vehicle.states, states[k].tolist(), strict=True))
-        angles = euler_angles(np.array([[x.pop(f"e{i}") for i in range(4)]]))[0]
+        angles = rotations.euler_angles(np.array([[x.pop(f"e{i}") for i in range(4)]]))[0]
         for name in (n for n in x if n.endswith(".lag")):
             x[name] -= float(motion.commanded(vehicle, name.removesuffix(".lag"), rows, record.inputs[k])[0])
-        out.append((k, x | dict(zip(EULER, angles.tolist(), strict=True))))
+        out.append((k, x | dict(zip(FAMILIES["euler"], angles.tolist(), strict=True))))
     return out
 
 

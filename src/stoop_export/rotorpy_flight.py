@@ -7,7 +7,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from stoop.extend.arrays import FloatArray, euler_angles, normalized, to_body, to_ground
+from stoop.extend.arrays import FloatArray, rotations
 from stoop.extend.motion import FINER, next_state, parameter_rows
 from stoop.extend.verbs import install
 from stoop_export import rotorpy_model
@@ -43,7 +43,7 @@ def motion(flight: ReferenceFlight) -> FloatArray:
     V, omega = (np.column_stack([x[a] for a in axes]) for axes in ("uvw", "pqr"))
     q = np.column_stack([x[f"e{i}"] for i in range(4)])
     force = loads[:3].T / vehicle.value("mass.mass")
-    return np.column_stack([to_ground(q, V), omega, euler_angles(q), force])
+    return np.column_stack([rotations.to_ground(q, V), omega, rotations.euler_angles(q), force])
 
 
 def start_of(flight: ReferenceFlight, k: int) -> tuple[dict[str, float], FloatArray, FloatArray, FloatArray]:
@@ -66,7 +66,7 @@ def _state(script: Any, flight: ReferenceFlight, k: int, stock: bool) -> dict[st
     else:
         speeds = script.turned(turning) if stock else turning
     place = np.array([0.0, 0.0, x["h"] - script.ALTITUDE])
-    motion = {"v": to_ground(q, velocity), "q": np.roll(q, -1), "w": rates}
+    motion = {"v": rotations.to_ground(q, velocity), "q": np.roll(q, -1), "w": rates}
     return {**script.start(speeds), "x": place, **motion}
 
 
@@ -85,7 +85,7 @@ def rotorpy_loads(script: Any, flight: ReferenceFlight, stock: bool) -> FloatArr
         command = script.speeds(own) if stock else own
         rates = rotorpy.statedot(state, {"cmd_motor_speeds": command}, flight.dt)
         q, omega = np.roll(state["q"], 1) * TURN, state["w"]
-        force = to_body(q, FLIP * (rotorpy.mass * rates["vdot"] - rotorpy.weight))
+        force = rotations.to_body(q, FLIP * (rotorpy.mass * rates["vdot"] - rotorpy.weight))
         moment = rotorpy.inertia @ rates["wdot"] + np.cross(omega, rotorpy.inertia @ omega)
         out[k] = np.concatenate([force, FLIP * moment])
     return out
@@ -105,9 +105,9 @@ def fly_rotorpy(script: Any, flight: ReferenceFlight, stock: bool) -> FloatArray
         for k in range(part.start, part.stop):
             command = script.speeds(channels[k]) if stock else channels[k]
             rates = rotorpy.statedot(state, {"cmd_motor_speeds": command}, flight.dt)
-            q = normalized(np.roll(state["q"], 1) * TURN)
-            force = to_body(q, FLIP * (rates["vdot"] - rotorpy.weight / rotorpy.mass))
-            out[k] = np.concatenate([FLIP * state["v"], FLIP * state["w"], euler_angles(q), force])
+            q = rotations.normalized(np.roll(state["q"], 1) * TURN)
+            force = rotations.to_body(q, FLIP * (rates["vdot"] - rotorpy.weight / rotorpy.mass))
+            out[k] = np.concatenate([FLIP * state["v"], FLIP * state["w"], rotations.euler_angles(q), force])
             if k + 1 < part.stop:
                 ahead = script.speeds(channels[k + 1]) if stock else channels[k + 1]
                 mean = {"cmd_motor_speeds": 0.5 * (command + ahead)}

@@ -20,7 +20,7 @@ from stoop import Vehicle, trim
 from stoop.extend import motion
 from stoop.extend.arrays import FloatArray
 from stoop.extend.errors import VehicleError
-from stoop.extend.units import FOOT, POUND_FORCE
+from stoop.extend.units import UNITS
 from stoop.extend.vehicles import full_command
 from stoop_export import jsbsim_aircraft
 from stoop_export.autopilot_outputs import (
@@ -32,6 +32,7 @@ from stoop_export.autopilot_outputs import (
 from stoop_export.jsbsim_flight import Record, Settings
 from stoop_export.jsbsim_model import THRUST, channel, component, leaf, node, number, prop, value
 
+FOOT, POUND_FORCE = UNITS["ft"].factor, UNITS["lbf"].factor
 AXES: Final = {
     "aileron": "roll",
     "elevator": "pitch",

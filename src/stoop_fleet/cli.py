@@ -13,8 +13,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from stoop.extend.errors import StoopError
-from stoop.extend.text import count, enumerated, show
-from stoop.extend.verbs import LiveLine, number, options, page, run_campaign, to_json
+from stoop.extend.files import to_json
+from stoop.extend.text import count, enumerated
+from stoop.extend.verbs import LiveLine, Page, options, page, run_campaign
 
 if TYPE_CHECKING:
     from stoop_fleet.store import Fleet, ToldAlarm
@@ -68,7 +69,9 @@ def _tell(
     new = told if since is None else [a for a in fleet.standing() if a.found_time >= since]
     if arguments.json:
         alarms = [{**document(a), "new": a in new} for a in fleet.alarms]
-        show(to_json({"alarms_a_year": fleet.alarms_a_year, "threshold": fleet.threshold, "alarms": alarms}))
+        page().text(
+            to_json({"alarms_a_year": fleet.alarms_a_year, "threshold": fleet.threshold, "alarms": alarms})
+        )
     else:
         opened = arguments.output is None
         _print(fleet, new, opened and since is None, absent, not opened)
@@ -145,6 +148,7 @@ def _print_absent(absent: Sequence[tuple[str, str, str]], folder: Path) -> None:
 def line(alarm: ToldAlarm) -> str:
     """Return an alarm as a line: figure, size and error, since when, and the two likeliest causes."""
     return (
-        f"{alarm.vehicle} {alarm.figure}: {alarm.kind} of {number(alarm.size)} +- {number(alarm.std_error, 2)}{alarm.per} "
+        f"{alarm.vehicle} {alarm.figure}: {alarm.kind} of {Page.number(alarm.size)} +- "
+        f"{Page.number(alarm.std_error, 2)}{alarm.per} "
         f"since flight {alarm.since}, found in {alarm.found}: {alarm.explanation}"
     )

@@ -34,7 +34,7 @@ from stoop.extend.flights import (
     without_faults,
 )
 from stoop.extend.units import SEA_LEVEL_DENSITY, STANDARD_GRAVITY
-from stoop.extend.variables import EULER, RATES, SPECIFIC_FORCE, VARIABLES
+from stoop.extend.variables import FAMILIES, VARIABLES
 from stoop.extend.vehicles import parse_vehicle
 from stoop_analysis.performance.effectiveness import LIMITS, Balance, block_means, hover_commands
 from stoop_analysis.performance.polar import DISC, Propulsion, blocks, fit_polar
@@ -43,7 +43,8 @@ from stoop_fleet.vibration import NO_VIBRATION, Vibration, Windows
 from stoop_plan.input_design.windows import find_windows
 
 INSTRUMENTS: Final = {
-    **dict.fromkeys((*SPECIFIC_FORCE, *RATES, *EULER, "accelerometer", "rates", "attitude"), "imu"),
+    **{n: "imu" for family in ("specific force", "rates", "euler") for n in FAMILIES[family]},
+    **dict.fromkeys(("accelerometer", "rates", "attitude"), "imu"),
     **dict.fromkeys(("V", "airspeed_pitot"), "pitot"), **dict.fromkeys(("alpha", "beta", "vane"), "vanes"),
     **dict.fromkeys(("velocity", "position"), "gps"),
 }  # fmt: skip

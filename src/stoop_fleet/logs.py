@@ -19,11 +19,11 @@ from typing import Any, Final
 import numpy as np
 
 from stoop import Flight, Vehicle, load_vehicle
-from stoop.extend.campaigns import Json, Plan, Run, environment, forget, work_sources
-from stoop.extend.errors import LogError, StoopError
+from stoop.extend.campaigns import Plan, Run, environment, forget
+from stoop.extend.errors import StoopError
 from stoop.extend.files import csv_text, file_hashes
 from stoop.extend.flights import ENDINGS, flight_name, of_recording, read_flight_mapping, read_mapped
-from stoop.extend.recordings import is_bag_folder, mapping_beside, topic_files
+from stoop.extend.recordings import kind, mapping_beside
 from stoop.extend.vehicles import BUILT_IN, require_channels
 from stoop_fleet.headers import CLOCKS, Dated, contradictions, header
 from stoop_fleet.table import LOGS, FigureTable, columns_of, of_frames, read_frame
@@ -69,13 +69,13 @@ def plan(
     own = {flight_name(path): path for path in sorted(logs, key=flight_name)}
     contents = {flight: _hash(path) for flight, path in own.items()}
     copies = _copies(own, contents, folder)
-    places: dict[str, Json] = {"mapping": None if mapping is None else str(mapping.absolute())}
+    places: dict[str, Any] = {"mapping": None if mapping is None else str(mapping.absolute())}
     places["vehicle"] = vehicle if vehicle is None or vehicle in BUILT_IN else str(Path(vehicle).absolute())
     depends = [None if vehicle is None else _digest(load_vehicle(vehicle).text)]
     depends += [None if mapping is None else _hash(mapping)]
     runs = {}
     for flight in [one for one in own if one not in copies]:
-        arguments: dict[str, Json] = {
+        arguments: dict[str, Any] = {
             "content": contents[flight],
             "endings": [one for one in own[flight].suffixes if one.lower() in ENDINGS],
             "depends": [*depends, *map(_hash, _beside(own[flight], mapping))],
@@ -120,12 +120,7 @@ def _copies(logs: Mapping[str, Path], contents: Mapping[str, str], folder: Path)
 
 def _is_log(folder: Path, mapping: Path | None) -> bool:
     """Tell whether the files of a folder are one log."""
-    if is_bag_folder(folder) or mapping is not None or mapping_beside(folder).is_file():
-        return True
-    try:
-        return bool(topic_files(folder))
-    except LogError:
-        return False
+    return mapping is not None or mapping_beside(folder).is_file() or bool(kind(folder))
 
 
 def _beside(path: Path, mapping: Path | None) -> list[Path]:
@@ -141,7 +136,7 @@ def _beside(path: Path, mapping: Path | None) -> list[Path]:
 
 def _hash(path: Path) -> str:
     """Return the hash of a file or folder; of a bag all files count."""
-    bag = path.is_dir() and is_bag_folder(path)
+    bag = path.is_dir() and kind(path) == "rosbag"
     return _digest("".join(file_hashes(sorted(path.iterdir()) if bag else [path]).values()))
 
 
@@ -151,7 +146,7 @@ def _digest(text: str) -> str:
 
 def store_of(folder: Path) -> Path:
     """Return where the campaign is kept: a file for each state of the method; those of others are removed."""
-    here = _digest(repr(sorted({**environment(), **work_sources([WORK])}.items())))
+    here = _digest(repr(sorted(environment([WORK]).items())))
     own = folder / STORES.replace("*", here[:16])
     for other in folder.glob(STORES):
         if other != own:
@@ -159,7 +154,7 @@ def store_of(folder: Path) -> Path:
     return own
 
 
-def read(arguments: Mapping[str, Any], stops: Sequence[int | None]) -> list[Json]:
+def read(arguments: Mapping[str, Any], stops: Sequence[int | None]) -> list[Any]:
     """Return the figures of a log, and what its header says: a run of the campaign."""
     from stoop_fleet.log_figures import conditions, figures_of  # it needs all of stoop
     from stoop_fleet.vibration import vibration
@@ -181,12 +176,12 @@ def read(arguments: Mapping[str, Any], stops: Sequence[int | None]) -> list[Json
         found, absent = figures_of(flight, vehicle, shaken)
     except StoopError as error:
         return [{"figures": [], "absent": {"log": _nowhere(str(error), places)}, "header": {}}]
-    rows: list[Json] = [[one.name, one.value, one.std_error, one.parts, one.unit] for one in found]
-    known: dict[str, Json] = {"vehicle": said.vehicle, "software": said.software, "count": said.count}
+    rows: list[Any] = [[one.name, one.value, one.std_error, one.parts, one.unit] for one in found]
+    known: dict[str, Any] = {"vehicle": said.vehicle, "software": said.software, "count": said.count}
     known |= dict(conditions(flight))
     if said.zero is not None:
         known |= {"time": said.zero + float(flight.time[0]), "end": said.zero + float(flight.time[-1])}
-    reasons: dict[str, Json] = {group: _nowhere(reason, places) for group, reason in absent.items()}
+    reasons: dict[str, Any] = {group: _nowhere(reason, places) for group, reason in absent.items()}
     return [{"figures": rows, "absent": reasons, "header": {k: x for k, x in known.items() if x}}]
 
 

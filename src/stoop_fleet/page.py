@@ -10,10 +10,10 @@ from typing import Final
 import numpy as np
 from markupsafe import Markup
 
-from stoop.extend import reports
 from stoop.extend.arrays import FloatArray
 from stoop.extend.fits import NORMAL_95
-from stoop.extend.text import NOTHING, count, number, rounded_to_error
+from stoop.extend.reports import plots, sheet, svg
+from stoop.extend.text import count, number, rounded_to_error
 from stoop_fleet.analysis import Alarm, FigureModel, FleetAnalysis
 from stoop_fleet.causes import EVERY, SOFTWARE
 from stoop_fleet.parts import Fitting, Parts, day
@@ -88,7 +88,7 @@ class Marks:
         return out
 
 
-def fleet_page(fleet: Fleet, found: FleetAnalysis, command: str = "") -> reports.Page:
+def fleet_page(fleet: Fleet, found: FleetAnalysis, command: str = "") -> sheet.Page:
     """Return the page; vehicles with alarms come first and are open."""
     accused = {one.vehicle for one in found.alarms}
     vehicles = sorted(set(fleet.table.vehicle), key=lambda name: (name not in accused, name))
@@ -97,24 +97,21 @@ def fleet_page(fleet: Fleet, found: FleetAnalysis, command: str = "") -> reports
         f"{fleet.alarms_a_year:g} a year would be told."
     )
     marks = Marks.of(fleet, found)
-    sections = [reports.Section("Alarms", tuple(_tables(fleet, found, marks.places)))]
+    sections = [sheet.Section("Alarms", tuple(_tables(fleet, found, marks.places)))]
     if unlike := tuple(_unlike(found, fleet.parts)):
-        table = reports.Table("", UNLIKE, unlike, ("",) * len(UNLIKE), ("told",) * len(unlike))
-        sections.append(reports.Section("Unlike the fleet", (reports.Prose(APART, muted=True), table)))
+        table = sheet.Table("", UNLIKE, unlike, ("",) * len(UNLIKE), ("told",) * len(unlike))
+        sections.append(sheet.Section("Unlike the fleet", (sheet.Prose(APART, muted=True), table)))
     most = POINTS // max(sum(len(one.sequences) for one in found.figures.values()), 1)
-    key: tuple[reports.Prose | reports.Legend, ...] = (
-        reports.Prose(READ, muted=True),
-        reports.Legend(LEGEND),
-    )
+    key: tuple[sheet.Prose | sheet.Legend, ...] = (sheet.Prose(READ, muted=True), sheet.Legend(LEGEND))
     for name in vehicles:
         shown = MOST if name in accused else min(max(most, FEWEST), MOST)
-        panels = reports.Panels([*_panels(name, found, marks, shown)])
-        sections.append(reports.Section(name, (*key, panels), folded=name not in accused))
+        panels = sheet.Panels([*_panels(name, found, marks, shown)])
+        sections.append(sheet.Section(name, (*key, panels), folded=name not in accused))
         key = ()
     if command:
-        sections.append(reports.Section("Made by", (reports.Code(command),)))
-    return reports.Page(
-        reports.Sheet("What changed in the fleet", lead, tuple(sections), "fleet", script="fleet.js")
+        sections.append(sheet.Section("Made by", (sheet.Code(command),)))
+    return sheet.Page(
+        sheet.Sheet("What changed in the fleet", lead, tuple(sections), "fleet", script="fleet.js")
     )
 
 
@@ -124,31 +121,31 @@ def _interval(value: float, error: float) -> str:
     return "{} ({} to {})".format(*(rounded_to_error(one, error)[0] for one in ends))
 
 
-def _tables(fleet: Fleet, found: FleetAnalysis, places: Places) -> Iterator[reports.Table | reports.Prose]:
+def _tables(fleet: Fleet, found: FleetAnalysis, places: Places) -> Iterator[sheet.Table | sheet.Prose]:
     newest = sorted(fleet.alarms, key=lambda one: one.found_time)[-OPENED:]
     flights = {one: _flights(one, found, fleet.parts) for one in newest}
     for caption, withdrawn in (("Standing", False), ("Withdrawn: later flights no longer show them", True)):
         listed = [one for one in fleet.alarms if one.withdrawn is withdrawn]
         own = tuple(_row(one, places, flights.get(one)) for one in listed)
         if own:
-            yield reports.Table(caption, HEAD, own, ("", "", "", "wrap fold"), ("told",) * len(own))
+            yield sheet.Table(caption, HEAD, own, ("", "", "", "wrap fold"), ("told",) * len(own))
         elif not withdrawn:
-            yield reports.Prose("None.")
+            yield sheet.Prose("None.")
 
 
-def _row(one: ToldAlarm, places: Places, flights: reports.Table | None) -> tuple[str | reports.Details, ...]:
+def _row(one: ToldAlarm, places: Places, flights: sheet.Table | None) -> tuple[str | sheet.Details, ...]:
     """Return the cells of an alarm, which opens its flights, with a link to its change in the panel of the figure."""
     figure = one.figure
     if not one.withdrawn and (place := places.get((one.vehicle, one.figure, one.began))):
         figure = Markup('<a href="#{}">{}</a>').format(place, figure)
     why = Markup("since {} (<time>{}</time>), found in {}: {}").format(
-        one.began, day(one.began_time), one.found, one.explanation or NOTHING
+        one.began, day(one.began_time), one.found, one.explanation or "–"
     )
-    shown = why if flights is None else reports.Details(why, (flights,))
+    shown = why if flights is None else sheet.Details(why, (flights,))
     return one.vehicle, figure, f"{_interval(one.size, one.std_error)}{one.per}", shown
 
 
-def _flights(one: ToldAlarm, found: FleetAnalysis, parts: Parts) -> reports.Table | None:
+def _flights(one: ToldAlarm, found: FleetAnalysis, parts: Parts) -> sheet.Table | None:
     """Return the flights near the beginning and the alarm, the others counted; None where the tables no longer have them."""
     try:
         figure = found.figures[one.figure]
@@ -171,7 +168,7 @@ def _flights(one: ToldAlarm, found: FleetAnalysis, parts: Parts) -> reports.Tabl
     head, *body = zip(*(column for column in zip(*lines, strict=True) if any(column[1:])), strict=True)
     caption = f"{one.figure} at the mean conditions of the fleet"
     kinds = tuple("" if any(line[1:]) else "unsure" for line in body)
-    return reports.Table(caption, head, tuple(body), ("",) * len(head), kinds)
+    return sheet.Table(caption, head, tuple(body), ("",) * len(head), kinds)
 
 
 def _unlike(found: FleetAnalysis, parts: Parts) -> Iterator[tuple[str, ...]]:
@@ -183,12 +180,12 @@ def _unlike(found: FleetAnalysis, parts: Parts) -> Iterator[tuple[str, ...]]:
     ]
     for one, rows, k in sorted(every, key=lambda level: -abs(level[0].ratio))[:OUTLYING]:
         (serial,) = parts.serials(one.group, [rows.vehicle[k]], rows.time[k : k + 1])
-        part = f"{one.group}: {serial}" if serial else NOTHING
+        part = f"{one.group}: {serial}" if serial else "–"
         difference = _interval(one.difference, one.error) + shown_unit(rows.unit[-1])
         yield rows.vehicle[k], part, rows.figure[k], difference
 
 
-def _panels(vehicle: str, found: FleetAnalysis, marks: Marks, most: int) -> Iterator[reports.Panel]:
+def _panels(vehicle: str, found: FleetAnalysis, marks: Marks, most: int) -> Iterator[sheet.Panel]:
     for name, figure in found.figures.items():
         if vehicle in figure.sequences:
             alarms = (one for one in found.alarms if (one.vehicle, one.figure) == (vehicle, name))
@@ -196,7 +193,7 @@ def _panels(vehicle: str, found: FleetAnalysis, marks: Marks, most: int) -> Iter
             rows = figure.sequences[vehicle][0]
             spans = marks.spans(rows, most)
             drawn, unit = _drawn(figure, vehicle, own, spans, most), shown_unit(rows.unit[-1]).strip()
-            yield reports.Panel(name, drawn, unit, ", ".join([*spans][:-1]), _ends(rows.time))
+            yield sheet.Panel(name, drawn, unit, ", ".join([*spans][:-1]), _ends(rows.time))
 
 
 def _ends(time: FloatArray) -> str:
@@ -211,18 +208,16 @@ def _drawn(figure: FigureModel, vehicle: str, alarms: Mapping[str, Alarm], spans
     weights = readings.deviations**-2.0
     level = course + weights @ (values - course) / weights.sum()
     reach = NORMAL_95 * readings.deviations
-    x = reports.Scale(-0.5, len(values) - 0.5, MARGIN, WIDTH - MARGIN)
-    y = reports.Scale(*reports.spanning([values, level + reach, level - reach], 0.04), HEIGHT - LABEL, LABEL)
+    x = svg.Scale(-0.5, len(values) - 0.5, MARGIN, WIDTH - MARGIN)
+    y = svg.Scale(*plots.spanning([values, level + reach, level - reach], 0.04), HEIGHT - LABEL, LABEL)
     *places, software = spans.values()
     drawn = [mark for own in places[:1] for mark in _strip(own, x, 0.0, HEIGHT, "fleet-span")]
     at, middle, half, shown = _thinned(np.array([np.arange(float(len(values))), level, reach, values]), most)
     around, edges = np.append(at, at[::-1]), np.append(middle + half, (middle - half)[::-1])
-    drawn.append(
-        reports.element("path", d=f"M{' '.join(_points(x, y, around, edges))}Z", class_="fleet-band")
-    )
-    drawn.append(reports.element("path", d=f"M{' '.join(_points(x, y, at, middle))}", class_="fleet-level"))
+    drawn.append(svg.element("path", d=f"M{' '.join(_points(x, y, around, edges))}Z", class_="fleet-band"))
+    drawn.append(svg.element("path", d=f"M{' '.join(_points(x, y, at, middle))}", class_="fleet-level"))
     dots = "".join(f"M{point}h0" for point in _points(x, y, at, shown))
-    drawn.append(reports.element("path", d=dots, class_="fleet-points"))
+    drawn.append(svg.element("path", d=dots, class_="fleet-points"))
     height = HEIGHT
     for own in filter(None, [*places[1:], software]):
         drawn += _strip(own, x, height + GAP, STRIP, "fleet-strip")
@@ -230,22 +225,22 @@ def _drawn(figure: FigureModel, vehicle: str, alarms: Mapping[str, Alarm], spans
     for name, one in alarms.items():
         place, began = x.at(one.change.first - 0.5), str(day(rows.time[one.change.first]))
         told = {"class_": "edge", "id": name, "data_began": began}
-        drawn.append(reports.element("line", x1=place, x2=place, y1=0.0, y2=height, **told))
+        drawn.append(svg.element("line", x1=place, x2=place, y1=0.0, y2=height, **told))
     for value, line in ((y.high, 9.0), (y.low, HEIGHT - 3.0)):  # above and below the flights
-        drawn.append(reports.element("text", number(value), x=MARGIN, y=line, class_="tick"))
-    return reports.drawing(
+        drawn.append(svg.element("text", number(value), x=MARGIN, y=line, class_="tick"))
+    return svg.drawing(
         WIDTH, height, f"{rows.figure[0]} of {vehicle} over {count(len(values), 'flight')}.", drawn
     )
 
 
-def _strip(spans: Sequence[Span], x: reports.Scale, top: float, height: float, kind: str) -> Iterator[Markup]:
+def _strip(spans: Sequence[Span], x: svg.Scale, top: float, height: float, kind: str) -> Iterator[Markup]:
     """Yield spans in their colors, with their names where there is room."""
     for name, told, hue, first, end in spans:
         left, right, color = x.at(first - 0.5), x.at(end - 0.5), f"{kind} hue{hue}"
         box = {"x": left, "y": top, "width": right - left, "height": height}
-        yield reports.element("rect", reports.element("title", told), **box, class_=color)
+        yield svg.element("rect", svg.element("title", told), **box, class_=color)
         if height > LABEL and right - left > NAMED * len(name):
-            yield reports.element("text", name, x=right - 4.0, y=9.0, class_="tick end")
+            yield svg.element("text", name, x=right - 4.0, y=9.0, class_="tick end")
 
 
 def _thinned(rows: FloatArray, most: int) -> FloatArray:
@@ -257,6 +252,6 @@ def _thinned(rows: FloatArray, most: int) -> FloatArray:
     return np.asarray(np.add.reduceat(rows, starts, axis=1) / np.diff([*starts, count]))
 
 
-def _points(x: reports.Scale, y: reports.Scale, at: FloatArray, values: FloatArray) -> list[str]:
+def _points(x: svg.Scale, y: svg.Scale, at: FloatArray, values: FloatArray) -> list[str]:
     pairs = np.column_stack([x.at(at), y.at(values)])
     return ("%.1f,%.1f " * len(pairs) % tuple(pairs.ravel().tolist())).split()

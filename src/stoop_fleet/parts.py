@@ -20,7 +20,7 @@ import numpy as np
 
 from stoop.extend.arrays import FloatArray
 from stoop.extend.errors import StoopError
-from stoop.extend.files import read_source
+from stoop.extend.files import toml
 from stoop.extend.text import count
 
 if TYPE_CHECKING:
@@ -96,7 +96,7 @@ def read_parts(path: Path) -> Parts:
     StoopError
         One line that names the row, where a column or a date is wrong, two parts are in one place, or one part is in two.
     """
-    text = read_source(path, "parts", StoopError, MAX_BYTES, ".csv")
+    text = toml.read_source(path, "parts", StoopError, MAX_BYTES, ".csv")
     fittings = sorted(_rows(str(path), text), key=lambda one: (one.vehicle, one.part, one.begin))
     _check(str(path), fittings)
     return Parts(tuple(fittings))

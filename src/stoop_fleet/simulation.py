@@ -162,7 +162,10 @@ def read_fleet(text: str, vehicle: Vehicle) -> FleetFile:
     if text.isascii() and text.isdigit():
         raw, where = {"vehicles": int(text)}, f"--fleet {text}"
     else:
-        raw, where = files.parse_source(files.read_source(text, "fleet", StoopError), text, StoopError), text
+        raw, where = (
+            files.toml.parse_source(files.toml.read_source(text, "fleet", StoopError), text, StoopError),
+            text,
+        )
     try:
         found = FleetFile.model_validate(raw)
         if not found.part:
@@ -216,7 +219,6 @@ def write_fleet(
     )
     if strange := sorted({path.name for path in folder.glob(f"*{ENDING}")} - {*names}):
         raise StoopError(f"{folder}: holds {strange[0]}, which is no log of this fleet; name an empty folder")
-    files.make_folder(folder)
     for k in range(0, len(flights), TOGETHER):
         watch(k, len(flights))
         block = flights[k : k + TOGETHER]
@@ -225,9 +227,9 @@ def write_fleet(
             beside = mapping_beside(Path(log)).name
             written = {log: content} | ({beside: mapping} if mapping else {})
             files.write_files(folder, written, () if mapping else [beside])
-    files.write_text_atomic(folder / PARTS, files.csv_text(COLUMNS, map(_row, fittings), "\n"))
+    files.write_file(folder / PARTS, files.csv_text(COLUMNS, map(_row, fittings), "\n"))
     truth = ((f.name, f.vehicle, _date(f.begin), *map(str, f.numbers.values())) for f in flights)
-    files.write_text_atomic(
+    files.write_file(
         folder / TRUTH, files.csv_text(("flight", "vehicle", "time", *fleet.numbers), truth, "\n")
     )
     return len(flights)

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from stoop.extend.errors import StoopError
-from stoop.extend.files import make_folder, only_writer, write_files
+from stoop.extend.files import only_writer, write_files
 from stoop.extend.text import count
 from stoop.extend.verbs import install
 from stoop_fleet.causes import EVERY, Cause
@@ -190,7 +190,6 @@ def updated_fleet(
         raise StoopError(
             f"{folder}: two tables have one name; rename one, each is kept under the name of its file"
         )
-    make_folder(folder)
     with only_writer(folder):
         read = None if logs is None else logs()
         new |= {} if read is None else {LOGS: read.table}

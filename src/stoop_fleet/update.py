@@ -9,10 +9,9 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from stoop.extend.campaigns import Given, LocalProcesses, Plan, execute, forget
+from stoop.extend.campaigns import Plan, execute, forget
 from stoop.extend.errors import StoopError
-from stoop.extend.files import make_folder
-from stoop.extend.reports import render_sheet
+from stoop.extend.reports import sheet
 from stoop_fleet.logs import LogFigures, gathered, is_table, plan, store_of
 from stoop_fleet.page import fleet_page
 from stoop_fleet.store import PAGE, Update, earlier_state, updated_fleet
@@ -59,7 +58,7 @@ def update_fleet(
     """
     files = (None if one is None else Path(one) for one in (parts, flights, mapping))
     folder, (of_parts, of_flights, of_columns) = Path(folder), files
-    run = partial(execute, pool=LocalProcesses() if executor is None else Given(executor))
+    run = partial(execute, pool=executor)
     name = None if vehicle is None else str(vehicle)
     tables, logs = read_sources(folder, [*map(Path, sources)], run, name, of_columns, of_flights)
     with updated_fleet(folder, tables, of_parts, alarms_a_year, logs) as update:
@@ -84,7 +83,6 @@ def read_sources(
             raise StoopError("fleet: --flights, --vehicle and --mapping are for logs, and no log was named")
         return tables, None
     reading = plan(logs, vehicle, mapping, flights, folder)
-    make_folder(folder)
     results = run(reading.campaign, kept := store_of(folder))
     if not (any(one["figures"] for one in results.values()) or (folder / LOGS).exists()):
         forget(kept)  # nothing in it is worth keeping
@@ -97,4 +95,4 @@ def read_sources(
 def add_page(update: Update, command: str = "") -> None:
     """Add the page, which names the command, to the files of an update."""
     page = fleet_page(update.fleet, update.analysis, command)
-    update.files[PAGE] = render_sheet(page.content)
+    update.files[PAGE] = sheet.render_sheet(page.content)

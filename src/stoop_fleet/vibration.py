@@ -22,14 +22,14 @@ import numpy as np
 
 from stoop.extend.arrays import FloatArray
 from stoop.extend.flights import SAME_RATE, Channels
-from stoop.extend.variables import ROTORS, SPECIFIC_FORCE
+from stoop.extend.variables import FAMILIES
 
 FAST: Final = 40.0  #: Hz, of accelerations that show vibration
 SECOND: Final = 1.0  #: s, of the windows of what no rotor tells
 TURNS: Final = 40.0  #: of the rotors in a window: speeds that are off by 1 % still agree, those 2.5 % apart are told apart
 SAMPLES: Final = 2.5  #: for a turn, at least
 SINGULAR: Final = 0.01  #: of the strongest direction; weaker ones are of rotors that turn alike
-SPEEDS: Final = tuple(f"rotor_{n}" for n in range(1, ROTORS + 1))
+SPEEDS: Final = FAMILIES["rotor"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,10 +55,12 @@ NO_VIBRATION: Final = Vibration()
 
 def vibration(channels: Sequence[Channels]) -> Vibration:
     """Return the vibration that channels show, each on its own clock."""
-    fast = next((g for g in channels if {*SPECIFIC_FORCE} & g.values.keys() and g.rate >= FAST), None)
+    fast = next(
+        (g for g in channels if {*FAMILIES["specific force"]} & g.values.keys() and g.rate >= FAST), None
+    )
     if fast is None:
         return NO_VIBRATION
-    names = [name for name in SPECIFIC_FORCE if name in fast.values]
+    names = [name for name in FAMILIES["specific force"] if name in fast.values]
     force = np.column_stack([fast.values[name] for name in names])
     rough = _windows(
         fast.time[1:-1],

@@ -11,11 +11,10 @@ import numpy.typing as npt
 from stoop import Flight
 from stoop.extend.arrays import FloatArray
 from stoop.extend.flights import ready
-from stoop.extend.recordings import DSHOT, MEAN_RADIUS, POLES, QUATERNION_ONE
-from stoop.extend.units import DEGREE, MICROSECOND
 from stoop.extend.variables import VARIABLES
 from stoop_plan import blackbox_bytes as blackbox
 from stoop_plan.blackbox_bytes import Field, Rows, blackbox_bytes
+from stoop_plan.log_bytes import MICROSECOND
 from stoop_plan.log_columns import Columns, MappingFile, lay_out
 
 FINE: Final = 10.0  #: of gyro: blackbox_high_resolution is on
@@ -23,6 +22,10 @@ ONE_G: Final = 2048.0
 GPS_PERIOD: Final = 0.1  #: s
 HOME: Final = (474_000_000, 85_000_000)  #: 1e-7 deg of latitude and longitude, of the origin
 MOST: Final = 2**31 - 1
+DSHOT: Final = (48.0, 2047.0)  #: commands of the digital protocol, from stop to full
+POLES: Final = 14.0  #: of a motor
+QUATERNION_ONE: Final = 32767.0
+MEAN_RADIUS: Final = 6_371_008.8  #: m, of the earth (IUGG)
 RESOLUTION: Final = 10**8  #: the largest number of a field that stoop adds
 
 
@@ -128,8 +131,8 @@ def _gps(columns: Columns, time: FloatArray, kept: npt.NDArray[np.intp]) -> dict
     fixes = kept[new]
     good = np.all([np.isfinite(x[fixes]) for x in columns.values()], axis=0)
     new, fixes = new[good], fixes[good]
-    arc = MEAN_RADIUS * DEGREE * 1e-7
-    across = arc * math.cos(HOME[0] * 1e-7 * DEGREE)
+    arc = MEAN_RADIUS * math.radians(1.0) * 1e-7
+    across = arc * math.cos(math.radians(HOME[0] * 1e-7))
     nothing = np.zeros(fixes.size)
     at = {name: columns[name][fixes] if name in columns else nothing for name in GPS_FIELDS}
     values: dict[str, npt.NDArray[Any]] = {

@@ -12,20 +12,24 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from stoop.extend.errors import FlightError, ManeuverError, SimulationError, VehicleError
-from stoop.extend.files import check_target, check_targets
+from stoop.extend.files import check_targets
 from stoop.extend.fits import estimate_blocks
 from stoop.extend.motion import unit_of
-from stoop.extend.notices import as_notice
 from stoop.extend.text import count, enumerated, remaining
-from stoop.extend.variables import EULER, RATES
-from stoop.extend.verbs import LiveLine, Page, Watch, fixed, hook, numbers, options, page, points, words
+from stoop.extend.variables import FAMILIES
+from stoop.extend.verbs import LiveLine, Page, column, hook, options, page
 from stoop_plan.injection_targets import MANUAL_THROTTLE
 
 if TYPE_CHECKING:
     from stoop import Vehicle
     from stoop.extend.flights import Expected, Found
 
-IN_DEGREES: Final = ("alpha", "beta", *EULER, *RATES)  #: channels that are given in degrees
+IN_DEGREES: Final = (
+    "alpha",
+    "beta",
+    *FAMILIES["euler"],
+    *FAMILIES["rates"],
+)  #: channels that are given in degrees
 
 
 def maneuvers(arguments: argparse.Namespace) -> int:
@@ -48,14 +52,14 @@ def maneuvers(arguments: argparse.Namespace) -> int:
         flights = by_name(read, "maneuvers")
     if vehicle is not None:
         vehicle, _ = with_assumptions(vehicle, 1.0 / read[0].rate)
-    with Watch(options.COMPILING if vehicle is not None else "looking for maneuvers") as watch:
+    with LiveLine(options.COMPILING if vehicle is not None else "looking for maneuvers") as watch:
         warned = doubts(flights, vehicle) if vehicle is not None else []
         for doubt in warned:
             watch.warn(str(doubt))
         found = find_windows(flights, vehicle, watch.turn_to)
     folder = arguments.output
     following = options.identify_command(arguments, "result", maneuver=[folder / NAME])
-    every = replace(found, notices=(*map(as_notice, warned), *found.notices))
+    every = replace(found, notices=(*warned, *found.notices))
     name = "" if vehicle is None else vehicle.name
     write_windows(every, flights, name, folder, options.command_line(), following)
 
@@ -75,13 +79,13 @@ def _show_windows(found: Found, folder: Path, following: Sequence[str], verbose:
     out.command("next: ", following)
     out.line()
     out.table(
-        fixed("", range(1, len(proposed) + 1), 0),
-        words("window s", [span_of(w, found) for w in proposed]),
-        words("use", uses),
-        words("axis", [w.axis for w in proposed]),
-        fixed("information", [w.information for w in proposed], 2),
-        points("gain", [f"{w.gain:.2f}" if w.gain else "-" for w in proposed]),
-        words("why", [str(w.why) for w in proposed], wraps=True),
+        column("", range(1, len(proposed) + 1), 0),
+        column("window s", [span_of(w, found) for w in proposed]),
+        column("use", uses),
+        column("axis", [w.axis for w in proposed]),
+        column("information", [w.information for w in proposed], 2),
+        column("gain", [w.gain or math.nan for w in proposed], 2),
+        column("why", [str(w.why) for w in proposed], wraps=True),
     )
     _show_expected(out, found.expected, verbose)
     out.bullets(found.notices, "notes")
@@ -107,10 +111,10 @@ def _show_expected(out: Page, expected: Sequence[Expected], verbose: bool) -> No
     out.line(QUICK_FIT)
     errors = [e.std_error if math.isfinite(e.std_error) else math.nan for e in expected]
     out.table(
-        words("", [e.name for e in expected]),
-        numbers("quick fit", [e.value for e in expected]),
-        numbers("std error", errors),
-        replace(words("of its size", [percent(e.relative) for e in expected]), right=True),
+        column("", [e.name for e in expected]),
+        column("quick fit", [e.value for e in expected]),
+        column("std error", errors),
+        replace(column("of its size", [percent(e.relative) for e in expected]), right=True),
     )
 
 
@@ -183,8 +187,8 @@ def design(arguments: argparse.Namespace) -> int:
     out.heading("Standard errors")
     now = [value if np.isfinite(value) else math.nan for value in proposal.now]
     columns = {"textbook": proposal.expected, "designed": proposal.best.forecast}
-    errors = [numbers(head, list(setup.std(one))) for head, one in columns.items()]
-    out.table(words("", setup.names), numbers("now", now), *errors)
+    errors = [column(head, list(setup.std(one))) for head, one in columns.items()]
+    out.table(column("", setup.names), column("now", now), *errors)
     out.line()
     ratios = [(one.shape, proposal.ratio(one)) for one in proposal.designs]
     out.bullets(
@@ -267,10 +271,10 @@ def simulate(arguments: argparse.Namespace) -> int:
     if arguments.maneuver is None:
         arguments.complain("name a maneuver by --maneuver")
     target: Path = arguments.output
-    check_target(target, arguments.overwrite)
+    options.check_target(target, arguments.overwrite)
     check_ending(target)
     if target.suffix.lower() != OWN:
-        check_target(mapping_beside(target), arguments.overwrite)
+        options.check_target(mapping_beside(target), arguments.overwrite)
     vehicle = load_vehicle(arguments.vehicle)
     lost = next((channel for channel in vehicle.recorded if channel not in VARIABLES), None)
     if lost is not None:  # a flight file has no place for it

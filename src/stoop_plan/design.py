@@ -15,11 +15,10 @@ import tomlkit
 
 from stoop import FittedModel, Flight, Vehicle, trim
 from stoop.extend.arrays import FloatArray
-from stoop.extend.files import check_targets, csv_text, make_folder, versions, write_files
+from stoop.extend.files import check_targets, csv_text, to_json, versions, write_files
 from stoop.extend.fits import refusal, takes_model_or_vehicle
 from stoop.extend.flights import Found
 from stoop.extend.motion import Maneuver, Trim, unit_of
-from stoop.extend.text import finite_or_none
 from stoop_plan.injection import Injection
 from stoop_plan.input_design.information import Knowledge, Limits, Setup, flights_from_trim
 from stoop_plan.input_design.optimization import Plan, Proposal, propose
@@ -230,7 +229,7 @@ def write_proposal(
 
     Raises `OutputError`: the folder cannot be made, or holds a design already; or a file cannot be written.
     """
-    from stoop.extend.reports import render_sheet
+    from stoop.extend.reports import sheet
     from stoop_plan.report import design_sheet
 
     flight = flight or {}
@@ -249,17 +248,14 @@ def write_proposal(
         **flight,
         **maneuvers,
         "maneuver.csv": csv_text(head, cells, "\n"),
-        "design.html": render_sheet(design_sheet(proposal, command, flight)),
-        "design.json": json.dumps(
-            {**design_document(proposal), "maneuvers": [*maneuvers], "files": [*flight]},
-            indent=1,
-            allow_nan=False,
+        "design.html": sheet.render_sheet(design_sheet(proposal, command, flight)),
+        "design.json": to_json(
+            {**design_document(proposal), "maneuvers": [*maneuvers], "files": [*flight]}, indent=1
         )
         + "\n",
     }
     check_targets(folder, (*files, DESIGN_FILES[-1]), overwrite)
     obsolete = [name for name in _earlier_files(folder) if name not in files]
-    make_folder(folder)
     write_files(folder, files, obsolete)
 
 
@@ -332,8 +328,8 @@ def design_document(proposal: Proposal) -> dict[str, Any]:
         "designs": {
             one.shape: {
                 "gain": one.gain,
-                "ratio": finite_or_none(proposal.ratio(one)),
-                "excess": finite_or_none(one.forecast.excess),
+                "ratio": proposal.ratio(one),
+                "excess": one.forecast.excess,
                 "evaluations": one.evaluations,
             }
             for one in proposal.designs
@@ -341,7 +337,7 @@ def design_document(proposal: Proposal) -> dict[str, Any]:
         "standard_errors": {
             name: {
                 "value": float(setup.values[i]),
-                **{key: finite_or_none(std[i]) for key, std in columns.items()},
+                **{key: std[i] for key, std in columns.items()},
             }
             for i, name in enumerate(setup.names)
         },
@@ -368,10 +364,9 @@ def write_windows(
 
     `vehicle` is its name or empty; `following` are the words of the command that takes the file.
     """
-    from stoop.extend.reports import render_sheet
+    from stoop.extend.reports import sheet
     from stoop_plan.report import windows_sheet
 
-    make_folder(folder)
     entries = [
         Entry(
             flight=w.flight, start=w.start, stop=w.stop, accept=w.accept, use=w.use, axis=w.axis, why=w.why,
@@ -380,5 +375,5 @@ def write_windows(
         for w in found.windows
     ]  # fmt: skip
     text = written(entries, shlex.join(following), tuple(map(str, found.notices)))
-    page = render_sheet(windows_sheet(found, flights, vehicle, command, following))
+    page = sheet.render_sheet(windows_sheet(found, flights, vehicle, command, following))
     write_files(folder, {NAME: text, "windows.html": page})

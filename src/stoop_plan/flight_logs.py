@@ -21,11 +21,10 @@ from stoop.extend.errors import OutputError
 from stoop.extend.files import write_files
 from stoop.extend.flights import MAX_DEFLECTION, SURFACES, ready
 from stoop.extend.recordings import mapping_beside
-from stoop.extend.units import DEGREE, MICROSECOND
-from stoop.extend.variables import EULER, QUATERNION, VARIABLES
+from stoop.extend.variables import FAMILIES, VARIABLES
 from stoop.extend.verbs import install
 from stoop_plan.blackbox_flight import betaflight_log
-from stoop_plan.log_bytes import Event, Table, Topic, crazyflie_bytes, dataflash_bytes, ulog
+from stoop_plan.log_bytes import MICROSECOND, Event, Table, Topic, crazyflie_bytes, dataflash_bytes, ulog
 from stoop_plan.log_columns import Columns, MappingFile, lay_out
 
 OWN: Final = ".nc"
@@ -223,7 +222,7 @@ def ardupilot_log(flight: Flight) -> tuple[bytes, str]:
             streams["ARSP"] = {"Airspeed": unmapped.pop(name)}
             mapping.add(name, "Airspeed", "m/s", "ARSP")
     if {"alpha", "beta"} <= unmapped.keys():
-        streams["AOA"] = {"AOA": unmapped.pop("alpha") / DEGREE, "SSA": unmapped.pop("beta") / DEGREE}
+        streams["AOA"] = {"AOA": np.degrees(unmapped.pop("alpha")), "SSA": np.degrees(unmapped.pop("beta"))}
         mapping.add("alpha", "AOA", "deg", "AOA")
         mapping.add("beta", "SSA", "deg", "AOA")
     _add_pulses(streams, unmapped, mapping)
@@ -327,8 +326,8 @@ def parquet_table(flight: Flight) -> tuple[bytes, str]:
 def _table(flight: Flight) -> tuple[Columns, str]:
     """Return time and variables by stoop's names and units, the attitude as angles where there are any; and the mapping."""
     names = list(flight.channels)
-    angles = set(EULER) <= set(names)
-    kept = [name for name in names if not (angles and name in QUATERNION)]
+    angles = set(FAMILIES["euler"]) <= set(names)
+    kept = [name for name in names if not (angles and name in FAMILIES["quaternion"])]
     mapping = MappingFile(clock=CLOCK)
     for name in kept:
         mapping.add(name, name, VARIABLES[name].unit)

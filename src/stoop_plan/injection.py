@@ -18,9 +18,10 @@ import numpy as np
 
 from stoop import Vehicle
 from stoop.extend.arrays import FloatArray
-from stoop.extend.errors import SimulationError, one_line
+from stoop.extend.errors import SimulationError
 from stoop.extend.motion import Maneuver, Trim, air_density, surface_moments
-from stoop.extend.units import equivalent_over_true
+from stoop.extend.text import printable
+from stoop.extend.units import SEA_LEVEL_DENSITY
 
 AXES: Final = {"roll": "p", "pitch": "q", "yaw": "r"}  #: and their rates
 AXIS_OF: Final = {
@@ -62,7 +63,7 @@ class Injection:
     @property
     def name(self) -> str:
         """Name of the vehicle on one line that ends no comment or string."""
-        return "".join(c for c in one_line(self.vehicle.name) if c.isalnum() or c in " .,+-_()")[:80]
+        return "".join(c for c in printable(self.vehicle.name) if c.isalnum() or c in " .,+-_()")[:80]
 
     @cached_property
     def moved_controls(self) -> tuple[str, ...]:
@@ -80,7 +81,7 @@ class Injection:
     def airspeeds(self) -> tuple[float, float]:
         """Return the lowest and the highest equivalent airspeed, m/s, which is what autopilots measure."""
         low, high = self.envelope.get("V", (0.0, MAX_AIRSPEED))
-        ratio = equivalent_over_true(air_density(self.vehicle, self.trim))
+        ratio = math.sqrt(air_density(self.vehicle, self.trim) / SEA_LEVEL_DENSITY)
         return ratio * low, ratio * high
 
     def at(self, rate: float) -> FloatArray:

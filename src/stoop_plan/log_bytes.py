@@ -19,9 +19,8 @@ from typing import Any, Final, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from stoop.extend import recordings
 from stoop.extend.arrays import IntArray
-from stoop.extend.units import MICROSECOND
+from stoop.extend.recordings import crazyflie, dataflash
 
 Bytes: TypeAlias = npt.NDArray[np.uint8]
 Values: TypeAlias = Sequence[Any] | npt.NDArray[Any]
@@ -63,9 +62,13 @@ class Topic:
     instance: int = 0
 
 
-_TYPES: Final = {np.dtype(code): name for name, code in reversed(recordings.BASIC.items())} | {
-    np.dtype(bool): "bool", np.dtype("i1"): "int8_t",
-}  # fmt: skip
+MICROSECOND: Final = 1e-6  #: s
+#: severities of a ULog's texts, 0 to 7
+LEVELS: Final = ("EMERGENCY", "ALERT", "CRITICAL", "ERROR", "WARNING", "NOTICE", "INFO", "DEBUG")
+_TYPES: Final = {
+    **{np.dtype(f"{name[0]}{size}"): f"{name}{8 * size}_t" for name in ("int", "uint") for size in (1, 2, 4, 8)},
+    np.dtype("f4"): "float", np.dtype("f8"): "double", np.dtype(bool): "bool",
+}  #: types of a ULog  # fmt: skip
 
 
 def ulog(
@@ -81,7 +84,7 @@ def ulog(
     topics : numbered in this order; rows stand in the order of their times, as a logger writes them
     parameters : whole numbers of Python's type int are written as such
     info : texts and whole numbers, such as ``ver_sw`` and ``ver_hw``
-    texts : time [s], one of `stoop.logs.ulog_messages.LEVELS`, text; they stand before the rows
+    texts : time [s], one of `LEVELS`, text; they stand before the rows
     """
     messages = b"".join(ulog_text(*each) for each in texts)
     return ulog_definitions(topics, parameters, info) + messages + ulog_rows(topics)[0]
@@ -124,7 +127,7 @@ def ulog_definitions(
 
 def ulog_text(time: float, level: str, text: str) -> bytes:
     """Return a message for the pilot."""
-    head = struct.pack("<BQ", ord("0") + recordings.LEVELS.index(level), round(time / MICROSECOND))
+    head = struct.pack("<BQ", ord("0") + LEVELS.index(level), round(time / MICROSECOND))
     return ulog_message("L", head + text.encode())
 
 
@@ -156,7 +159,7 @@ def ulog_rows(topics: Sequence[Topic]) -> tuple[bytearray, IntArray]:
     for number, topic in enumerate(topics):
         columns = {name: np.asarray(x) for name, x in topic.columns.items()}
         names = ["_size", "_kind", "_number", "timestamp", *columns]
-        kinds = ["<u2", "u1", "<u2", "<u8", *(recordings.BASIC[_TYPES[x.dtype]] for x in columns.values())]
+        kinds = ["<u2", "u1", "<u2", "<u8", *(x.dtype.newbyteorder("<") for x in columns.values())]
         packed = np.zeros(topic.time.size, dtype=np.dtype({"names": names, "formats": kinds}))
         width = packed.dtype.itemsize
         packed["_size"], packed["_kind"], packed["_number"] = width - 3, ord("D"), number
@@ -167,6 +170,7 @@ def ulog_rows(topics: Sequence[Topic]) -> tuple[bytearray, IntArray]:
     return _interleaved(tables, [topic.time for topic in topics])
 
 
+FMT, FMT_LENGTH = 128, 89  #: id and size of the message that defines messages, also of itself
 UNITS: Final = {
     "-": "", "?": "UNKNOWN", "A": "A", "d": "deg", "k": "deg/s", "D": "deglatitude", "U": "deglongitude",
     "e": "deg/s/s", "E": "rad/s", "G": "Gauss", "h": "degheading", "L": "rad/s/s", "m": "m", "n": "m/s", "N": "N",
@@ -231,19 +235,15 @@ def dataflash_bytes(
     formats = _described("FMTU", "BNN", FmtType=[], UnitIds=[], MultIds=[])
     every = [formats, units, multipliers, stored, texts, *tables]
     # ids as small as can be, but not that of FMT
-    kinds = dict(
-        zip((t.name for t in every), (n for n in range(1, 256) if n != recordings.FMT), strict=False)
-    )
+    kinds = dict(zip((t.name for t in every), (n for n in range(1, 256) if n != FMT), strict=False))
     if len(kinds) != len(every):
         raise ValueError("tables need names of their own, and ids go to 255")
     marks = [t.units for t in every], [t.multipliers for t in every]
     every[0] = _described("FMTU", "BNN", FmtType=[*kinds.values()], UnitIds=marks[0], MultIds=marks[1])
-    out = [
-        _definition(recordings.FMT, "FMT", recordings.FMT_LENGTH, "BBnNZ", "Type,Length,Name,Format,Columns")
-    ]
+    out = [_definition(FMT, "FMT", FMT_LENGTH, "BBnNZ", "Type,Length,Name,Format,Columns")]
     blocks: list[Bytes] = []
     for table in every:
-        layout = recordings.make_layout(kinds[table.name], table.name, table.letters, table.columns)
+        layout = dataflash.make_layout(kinds[table.name], table.name, table.letters, table.columns)
         fits = len(table.name) <= 4 and len(table.letters) <= 16 and len(table.columns) <= 64
         if layout is None or not fits or layout.row.itemsize > 252:
             raise ValueError(f"table {table.name} of {table.columns} cannot be written as {table.letters}")
@@ -257,13 +257,11 @@ def dataflash_bytes(
 
 
 def _definition(kind: int, name: str, length: int, letters: str, columns: str) -> bytes:
-    body = np.array(
-        [(kind, length, name.encode(), letters.encode(), columns.encode())], recordings.dataflash.BODY
-    )
+    body = np.array([(kind, length, name.encode(), letters.encode(), columns.encode())], dataflash.BODY)
     return b"\xa3\x95\x80" + body.tobytes()
 
 
-def _rows(layout: recordings.Layout, table: Table) -> Bytes:
+def _rows(layout: dataflash.Layout, table: Table) -> Bytes:
     """Return the messages of a table, (n, length) bytes; numbers are divided, rounded, and clipped to their type."""
     counts = {len(values) for values in table.values.values()}
     if len(counts) != 1 or set(layout.columns) != table.values.keys():
@@ -272,15 +270,15 @@ def _rows(layout: recordings.Layout, table: Table) -> Bytes:
     rows["head"] = (0xA3, 0x95, layout.kind)
     for i, (name, letter) in enumerate(zip(layout.columns, layout.letters, strict=True)):
         values = table.values[name]
-        if letter in recordings.TEXTS:
+        if letter in dataflash.TEXTS:
             rows["body"][str(i)] = np.array([str(value).encode() for value in values], dtype="S64")
             continue
         numbers = np.asarray(values)
         if letter not in "gfd":
-            kind = np.dtype(recordings.dataflash.TYPES[letter]).base
+            kind = np.dtype(dataflash.TYPES[letter]).base
             least, most = np.iinfo(kind).min, np.iinfo(kind).max
             if numbers.dtype.kind not in "iu":
-                numbers = np.rint(np.nan_to_num(numbers) * recordings.DIVISORS.get(letter, 1.0))
+                numbers = np.rint(np.nan_to_num(numbers) * dataflash.DIVISORS.get(letter, 1.0))
                 if kind.itemsize == 8:  # 2**63 is no int64
                     most = int(np.nextafter(float(most), 0.0))
             numbers = np.clip(numbers, least, most).astype(kind)
@@ -307,7 +305,7 @@ class Event:
 
 def crazyflie_bytes(events: Mapping[str, Event], version: int = 2) -> bytes:
     """Return a micro-SD log with its checksum; events of all types stand in the order of their times."""
-    letters = {kind.lstrip("<"): letter for letter, kind in recordings.crazyflie.TYPES.items()}
+    letters = {kind.lstrip("<"): letter for letter, kind in crazyflie.TYPES.items()}
     head = struct.pack("<BHH", 0xBC, version, len(events))
     tables = []
     for name, event in events.items():
@@ -316,7 +314,7 @@ def crazyflie_bytes(events: Mapping[str, Event], version: int = 2) -> bytes:
         for column, x in event.columns.items():
             head += f"{column}({letters[x.dtype.str[1:]]})\0".encode("ascii")
         kinds = [(column, x.dtype.newbyteorder("<").str) for column, x in event.columns.items()]
-        records = np.zeros(event.time.size, recordings.crazyflie.record_type(version, kinds))
+        records = np.zeros(event.time.size, crazyflie.record_type(version, kinds))
         names = list(records.dtype.names or [])
         records[names[0]] = event.key
         records[names[1]] = np.round(event.time * (1e3 if version == 1 else 1e6))

@@ -5,16 +5,16 @@ from __future__ import annotations
 import math
 import shlex
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, Literal
 
 import numpy as np
 
 from stoop import Flight
-from stoop.extend import reports
 from stoop.extend.flights import commands
 from stoop.extend.motion import unit_of
-from stoop.extend.text import NOTHING, factor_and_unit, number, readable_unit
-from stoop.extend.variables import RATES, VARIABLES, VELOCITY
+from stoop.extend.reports import plots, sheet
+from stoop.extend.text import factor_and_unit, number
+from stoop.extend.variables import FAMILIES, VARIABLES
 from stoop_plan.injection_targets import MANUAL_THROTTLE
 
 if TYPE_CHECKING:  # the page of a flight takes colors and commands from here, and needs no optimization
@@ -30,6 +30,10 @@ DESIGN_EXPECTED: Final = """\
 Standard errors before the flight, after the textbook's flight, and after the designed one. They are predictions: the \
 Cramer-Rao bound for the noise of the sensors, with the initial state and the sensor biases unknown. Colored residuals widen \
 all of them alike; a model that is wrong in kind is not in them."""
+#: use of a window -> color of its stretch
+COLORS: Final[Mapping[str, Literal["fitted", "predicted", "declined"]]] = {
+    "fit": "fitted", "predict": "predicted", "not used": "declined",
+}  # fmt: skip
 FLOWN: Final = (
     "Deflections from the trim, and the readings to expect between their limits, against time in s."
 )
@@ -83,7 +87,7 @@ Read the first lines of each file. Rehearse it in simulation and on the ground, 
 moves the surfaces is the maneuver and the autopilot together, so the log, not this page, says what was flown."""
 
 
-def design_sheet(proposal: Proposal, command: str, flown: Mapping[str, str] | None = None) -> reports.Sheet:
+def design_sheet(proposal: Proposal, command: str, flown: Mapping[str, str] | None = None) -> sheet.Sheet:
     """Return the page of a proposal: the maneuver, the response, and the expected standard errors.
 
     ``flown`` are the files for a pilot or an autopilot.
@@ -93,8 +97,8 @@ def design_sheet(proposal: Proposal, command: str, flown: Mapping[str, str] | No
     deflections = []
     for control, move in best.maneuver.deflections().items():
         factor, unit = _given_in(control)
-        strip = reports.Strip("", (reports.Series("deflection", time, factor * move, role="input"),))
-        deflections.append(reports.HistoryPanel(control, (strip,), unit))
+        strip = sheet.Strip("", (sheet.Series("deflection", time, factor * move, role="input"),))
+        deflections.append(sheet.HistoryPanel(control, (strip,), unit))
     families = tuple(
         (one.shape, f"{one.gain:.2f} per parameter", f"{proposal.ratio(one):.2f} of the textbook's")
         for one in proposal.designs
@@ -103,22 +107,20 @@ def design_sheet(proposal: Proposal, command: str, flown: Mapping[str, str] | No
     for channel, span in limits.envelope.items():
         factor, unit = factor_and_unit(VARIABLES[channel].unit)
         edges = (
-            reports.Series("limits", time[[0, -1]], np.full(2, factor * edge), role="lag") for edge in span
+            sheet.Series("limits", time[[0, -1]], np.full(2, factor * edge), role="lag") for edge in span
         )
-        reading = reports.Series(
+        reading = sheet.Series(
             "reading", time, factor * best.forecast.readings[:, outputs.index(channel)], role="fit"
         )
         meaning = VARIABLES[channel].meaning
-        responses.append(
-            reports.HistoryPanel(channel, (reports.Strip("", (reading, *edges)),), unit, meaning)
-        )
+        responses.append(sheet.HistoryPanel(channel, (sheet.Strip("", (reading, *edges)),), unit, meaning))
     controls = []
     for c, amplitude in limits.amplitude.items():
         factor, unit = _given_in(c)
         floor, slew = factor * limits.min_amplitude.get(c, 0.0), factor * limits.slew.get(c, math.inf)
-        rate = f"{slew:.3g} {unit}/s" if math.isfinite(slew) else NOTHING
+        rate = f"{slew:.3g} {unit}/s" if math.isfinite(slew) else "–"
         controls.append(
-            (c, f"±{factor * amplitude:.3g} {unit}", f"{floor:.3g} {unit}" if floor else NOTHING, rate)
+            (c, f"±{factor * amplitude:.3g} {unit}", f"{floor:.3g} {unit}" if floor else "–", rate)
         )
     flown_by_it = (
         "maneuver.toml is" if setup.retrim is None else "maneuver_1.toml and so on, one for each line, are"
@@ -128,68 +130,68 @@ def design_sheet(proposal: Proposal, command: str, flown: Mapping[str, str] | No
         "it names."
     )
     head = ("family", "information gained", "error bars together (D-optimality)")
-    tried = reports.Table("The families that were tried", head, families)
+    tried = sheet.Table("The families that were tried", head, families)
     heads = ("control", "amplitude", "smallest amplitude", "slew")
-    limited: list[reports.Table | reports.Bullets] = [
-        reports.Table("Limits of the controls", heads, tuple(controls))
+    limited: list[sheet.Table | sheet.Bullets] = [
+        sheet.Table("Limits of the controls", heads, tuple(controls))
     ]
     if proposal.refused:
-        limited.append(reports.Bullets(tuple(why for _, why in proposal.refused)))
-    worse = () if proposal.is_improvement else (reports.Bullets((NO_IMPROVEMENT[proposal.is_textbook],)),)
-    lines = () if setup.retrim is None else (reports.Prose(FROM_TRIM),)
+        limited.append(sheet.Bullets(tuple(why for _, why in proposal.refused)))
+    worse = () if proposal.is_improvement else (sheet.Bullets((NO_IMPROVEMENT[proposal.is_textbook],)),)
+    lines = () if setup.retrim is None else (sheet.Prose(FROM_TRIM),)
     flown = dict(flown or {})
-    by_hand: tuple[reports.Section, ...] = ()
+    by_hand: tuple[sheet.Section, ...] = ()
     if flown:
         listed = tuple((name, FLOWN_FILES.get(name, SWEEP_FILE)) for name in flown)
         sweeps = any(name.startswith("sid_") for name in flown)
-        warned = (reports.Bullets((MANUAL_THROTTLE,)),) if sweeps else ()
-        how = (reports.Table("", ("file", "what it is"), listed), *warned, reports.Prose(HOW_TO_FLY))
-        by_hand = (reports.Section("How to fly it", how),)
+        warned = (sheet.Bullets((MANUAL_THROTTLE,)),) if sweeps else ()
+        how = (sheet.Table("", ("file", "what it is"), listed), *warned, sheet.Prose(HOW_TO_FLY))
+        by_hand = (sheet.Section("How to fly it", how),)
     if "card.txt" in flown:
-        by_hand = (reports.Section("Flight card", (reports.Code(flown["card.txt"]),)),)
+        by_hand = (sheet.Section("Flight card", (sheet.Code(flown["card.txt"]),)),)
     sections = (
         *by_hand,
-        reports.Section(
+        sheet.Section(
             "What to fly",
             (
-                reports.Prose(FLOWN),
+                sheet.Prose(FLOWN),
                 *lines,
                 *worse,
-                reports.TimeHistory([*deflections, *responses]),
-                reports.Prose(files),
+                sheet.TimeHistory([*deflections, *responses]),
+                sheet.Prose(files),
                 tried,
             ),
         ),
-        reports.Section("Limits", tuple(limited)),
-        reports.Section(
-            "Expected standard errors", (reports.Prose(DESIGN_EXPECTED), *lines, *_standard_errors(proposal))
+        sheet.Section("Limits", tuple(limited)),
+        sheet.Section(
+            "Expected standard errors", (sheet.Prose(DESIGN_EXPECTED), *lines, *_standard_errors(proposal))
         ),
-        reports.Section("If the model is wrong", (reports.Prose(_robustness(proposal)),)),
-        reports.Section("Made by", (reports.Code(command),)),
+        sheet.Section("If the model is wrong", (sheet.Prose(_robustness(proposal)),)),
+        sheet.Section("Made by", (sheet.Code(command),)),
     )
     lead = DESIGN_LEAD.format(
         vehicle=setup.vehicle.name, source=proposal.source, textbook=proposal.reference.input[0].shape
     )
-    return reports.Sheet(f"What to fly next: {setup.vehicle.name}", lead, sections)
+    return sheet.Sheet(f"What to fly next: {setup.vehicle.name}", lead, sections)
 
 
 def _given_in(control: str) -> tuple[float, str]:
     """Return factor and unit in which a control is given: degrees of a surface, the unit of a command as it is."""
     unit = unit_of(control)
-    return factor_and_unit(unit) if unit == "rad" else (1.0, readable_unit(unit))
+    return factor_and_unit(unit) if unit == "rad" else (1.0, "" if unit == "1" else unit.replace("2", "²"))
 
 
-def _standard_errors(proposal: Proposal) -> tuple[reports.Figure, reports.Table]:
+def _standard_errors(proposal: Proposal) -> tuple[sheet.Figure, sheet.Table]:
     """Draw the standard errors over the textbook's, and list them by parameter."""
     setup, best = proposal.setup, proposal.best
     base = setup.std(proposal.expected)
     place = np.arange(1.0, len(base) + 1.0)
-    series = [reports.Series("textbook", np.array([0.5, len(base) + 0.5]), np.ones(2))]
+    series = [sheet.Series("textbook", np.array([0.5, len(base) + 0.5]), np.ones(2))]
     with np.errstate(invalid="ignore"):
         ratios = [(one.shape, setup.std(one.forecast) / base) for one in proposal.designs]
-    series[:0] = [reports.Series(shape, place, ratio, "points") for shape, ratio in ratios]
+    series[:0] = [sheet.Series(shape, place, ratio, "points") for shape, ratio in ratios]
     labels = ("parameter, in the order of the table", "standard error over the textbook's")
-    drawing = reports.plot(series, *labels, "Standard errors of every parameter over the textbook's")
+    drawing = plots.plot(series, *labels, "Standard errors of every parameter over the textbook's")
     columns = (proposal.now, base, setup.std(best.forecast))
     rows = []
     for i, name in enumerate(setup.names):
@@ -197,8 +199,8 @@ def _standard_errors(proposal: Proposal) -> tuple[reports.Figure, reports.Table]
         shown = [number(v, 3) if np.isfinite(v) else "unknown" for v in (now, textbook, designed)]
         rows.append((name, number(float(setup.values[i]), 4), *shown, f"{designed / textbook:.2f}"))
     head = ("parameter", "believed", "now", "textbook", "designed", "designed over textbook")
-    table = reports.Table("Standard errors", head, tuple(rows))
-    return reports.Figure("Below one is better than the textbook", drawing), table
+    table = sheet.Table("Standard errors", head, tuple(rows))
+    return sheet.Figure("Below one is better than the textbook", drawing), table
 
 
 def _robustness(proposal: Proposal) -> str:
@@ -216,44 +218,44 @@ def _robustness(proposal: Proposal) -> str:
 
 def windows_sheet(
     found: Found, flights: Mapping[str, Flight], vehicle: str, command: str, following: Sequence[str]
-) -> reports.Sheet:
+) -> sheet.Sheet:
     """Return the page; `vehicle` is its name or empty, `following` the words of the command that takes the file."""
     from stoop_plan.input_design.windows_file import NAME
 
     criterion = BY_VEHICLE.format(vehicle=vehicle) if vehicle else BY_COMMAND
     sections = [
-        reports.Section(
+        sheet.Section(
             f"The flight {name}" if len(flights) > 1 else "The flight", (flight_history(found, flight),)
         )
         for name, flight in flights.items()
     ]
     rows = tuple(
         (
-            str(i), span_of(w, found), w.purpose, w.axis, f"{w.information:.2f}", f"{w.gain:.2f}" if w.gain else NOTHING,
+            str(i), span_of(w, found), w.purpose, w.axis, f"{w.information:.2f}", f"{w.gain:.2f}" if w.gain else "–",
             str(w.why),
         )
         for i, w in enumerate(found.windows, 1)
     )  # fmt: skip
     head = ("number", "window s", "use", "axis", "information", "gain", "why")
-    sections.append(reports.Section("Windows", (reports.Prose(KEY), reports.Table("", head, rows))))
+    sections.append(sheet.Section("Windows", (sheet.Prose(KEY), sheet.Table("", head, rows))))
     if found.expected:
         errors = tuple(
-            (e.name, *(number(x, k) if math.isfinite(x) else NOTHING for x, k in shown), percent(e.relative))
+            (e.name, *(number(x, k) if math.isfinite(x) else "–" for x, k in shown), percent(e.relative))
             for e in found.expected
             for shown in [((e.value, 4), (e.std_error, 3))]
         )
-        table = reports.Table("", ("parameter", "quick fit", "standard error", "of its size"), errors)
-        guess = reports.Prose(EXPECTED.format(guess=QUICK_FIT))
-        sections.append(reports.Section("Expected standard errors", (guess, table)))
+        table = sheet.Table("", ("parameter", "quick fit", "standard error", "of its size"), errors)
+        guess = sheet.Prose(EXPECTED.format(guess=QUICK_FIT))
+        sections.append(sheet.Section("Expected standard errors", (guess, table)))
     if found.notices:
-        sections.append(reports.Section("Notes", (reports.Bullets(found.notices),)))
+        sections.append(sheet.Section("Notes", (sheet.Bullets(found.notices),)))
     sections.append(
-        reports.Section(
-            "Next", (reports.Code(shlex.join(following)), reports.Prose("Made by"), reports.Code(command))
+        sheet.Section(
+            "Next", (sheet.Code(shlex.join(following)), sheet.Prose("Made by"), sheet.Code(command))
         )
     )
     lead = WINDOWS_LEAD.format(criterion=criterion, name=NAME)
-    return reports.Sheet("Windows worth fitting", lead, tuple(sections))
+    return sheet.Sheet("Windows worth fitting", lead, tuple(sections))
 
 
 def span_of(window: Proposed, found: Found) -> str:
@@ -264,40 +266,40 @@ def span_of(window: Proposed, found: Found) -> str:
 
 def percent(share: float) -> str:
     """Return a share in percent."""
-    large = "> 1000 %" if math.isfinite(share) else NOTHING
+    large = "> 1000 %" if math.isfinite(share) else "–"
     return f"{100.0 * share:.1f} %" if share < 10.0 else large
 
 
-def flight_history(found: Found, flight: Flight) -> reports.TimeHistory:
+def flight_history(found: Found, flight: Flight) -> sheet.TimeHistory:
     """Return commands, rates, speed and information over the whole flight, with the windows as shades."""
     own = [(i, w) for i, w in enumerate(found.windows, 1) if w.flight == flight.name]
-    shades = [reports.Shade(w.start, w.stop, str(i), reports.KINDS[w.purpose]) for i, w in own]
+    shades = [sheet.Shade(w.start, w.stop, str(i), COLORS[w.purpose]) for i, w in own]
     panels = []
     for command in commands(flight):
         known = VARIABLES.get(command.variable)
         combined = "m/s2" if command.axis == "heave" else "rad/s2"  # of several channels
         factor, unit = factor_and_unit(known.unit if known else combined)
-        series = reports.Series("command", flight.time, factor * command.u, role="input")
+        series = sheet.Series("command", flight.time, factor * command.u, role="input")
         panels.append(
-            reports.HistoryPanel(
-                f"{command.axis} command", (reports.Strip("", (series,)),), unit, command.variable
+            sheet.HistoryPanel(
+                f"{command.axis} command", (sheet.Strip("", (series,)),), unit, command.variable
             )
         )
-    rates = [name for name in RATES if name in flight.names]
+    rates = [name for name in FAMILIES["rates"] if name in flight.names]
     if rates:
-        curves = (reports.Series(n, flight.time, np.degrees(flight.column(n))) for n in rates)
-        panels.append(reports.HistoryPanel("rates", (reports.Strip("", tuple(curves)),), "deg/s"))
-    if set(VELOCITY) <= flight.names:
-        speed = np.linalg.norm([flight.column(name) for name in VELOCITY], axis=0)
-        series = reports.Series("speed", flight.time, speed, role="validation")
-        panels.append(reports.HistoryPanel("speed over ground", (reports.Strip("", (series,)),), "m/s"))
-    panels.append(reports.HistoryPanel("information", (information_strip([w for _, w in own]),)))
+        curves = (sheet.Series(n, flight.time, np.degrees(flight.column(n))) for n in rates)
+        panels.append(sheet.HistoryPanel("rates", (sheet.Strip("", tuple(curves)),), "deg/s"))
+    if set(FAMILIES["velocity"]) <= flight.names:
+        speed = np.linalg.norm([flight.column(name) for name in FAMILIES["velocity"]], axis=0)
+        series = sheet.Series("speed", flight.time, speed, role="validation")
+        panels.append(sheet.HistoryPanel("speed over ground", (sheet.Strip("", (series,)),), "m/s"))
+    panels.append(sheet.HistoryPanel("information", (information_strip([w for _, w in own]),)))
     prefix = f"{flight.name}@" if len({w.flight for w in found.windows}) > 1 else ""
-    return reports.TimeHistory(panels, f"--maneuver {prefix}", shades, wide=True)
+    return sheet.TimeHistory(panels, f"--maneuver {prefix}", shades, wide=True)
 
 
-def information_strip(windows: Sequence[Proposed]) -> reports.Strip:
+def information_strip(windows: Sequence[Proposed]) -> sheet.Strip:
     """Return the information of each window as a level over its stretch, and nothing between them."""
     x = np.array([v for w in windows for v in (w.start, w.stop, np.nan)])
     y = np.array([v for w in windows for v in (w.information, w.information, np.nan)])
-    return reports.Strip("", (reports.Series("information", x, y, role="fit", width=3.0),), zero=True)
+    return sheet.Strip("", (sheet.Series("information", x, y, role="fit", width=3.0),), zero=True)

@@ -8,9 +8,8 @@ from itertools import groupby
 from typing import TYPE_CHECKING, Final
 
 from stoop.extend.errors import StoopError
-from stoop.extend.files import check_targets
-from stoop.extend.text import show
-from stoop.extend.verbs import LiveLine, Page, fixed, numbers, options, page, to_json, words
+from stoop.extend.files import check_targets, to_json
+from stoop.extend.verbs import LiveLine, Page, column, options, page
 
 if TYPE_CHECKING:
     from stoop_tune.judgment import AxisMargins
@@ -57,7 +56,7 @@ def run(arguments: argparse.Namespace) -> int:
         found.page(better, options.command_line()).save(arguments.output / PAGE)
     if arguments.json:
         proposed = {"proposal": better.document()} if better else {}
-        show(to_json({**found.document(), **proposed}))
+        page().text(to_json({**found.document(), **proposed}))
         return 0
     out = page()
     out.line(
@@ -83,10 +82,10 @@ def _margins(out: Page, axes: Sequence[AxisMargins]) -> None:
         figures = own.figures()
         out.heading(f"{axis}, {speed:.4g} m/s" if speed else f"{axis}, hover")
         columns = [
-            numbers(head, [spread[key] for _, spread in figures.values()])
+            column(head, [spread[key] for _, spread in figures.values()])
             for head, key in (("estimate", "estimate"), ("5 %", "p5"), ("median", "p50"), ("95 %", "p95"))
         ]
-        out.table(words("", list(figures)), *columns, words("", [unit for unit, _ in figures.values()]))
+        out.table(column("", list(figures)), *columns, column("", [unit for unit, _ in figures.values()]))
         if own.stable < 1.0:
             out.line(f"unstable in {100.0 * (1.0 - own.stable):.2g} % of the draws")
 
@@ -98,11 +97,11 @@ def _physics(out: Page, physics: PhysicalParameters) -> None:
     out.heading("Parameters that are physics")
     if found := physics.found:
         out.table(
-            words("parameter", [one.name for one in found]),
-            numbers("flown", [one.flown for one in found]),
-            numbers("new", [one.value for one in found]),
-            numbers("std error", [one.figure.std_error for one in found]),
-            words("", [one.figure.unit for one in found]),
+            column("parameter", [one.name for one in found]),
+            column("flown", [one.flown for one in found]),
+            column("new", [one.value for one in found]),
+            column("std error", [one.figure.std_error for one in found]),
+            column("", [one.figure.unit for one in found]),
         )
     out.bullets(physics.notices)
 
@@ -113,17 +112,17 @@ def _proposal(out: Page, better: Proposal) -> None:
 
     out.heading("Proposed gains")
     columns = [
-        numbers(head, [x[i] for x in better.changes.values()]) for i, head in enumerate(("flown", "proposed"))
+        column(head, [x[i] for x in better.changes.values()]) for i, head in enumerate(("flown", "proposed"))
     ]
-    out.table(words("parameter", list(better.changes)), *columns)
+    out.table(column("parameter", list(better.changes)), *columns)
     out.heading("Trial flights")
     rows = better.trials()
     out.table(
-        fixed("% of the way", [row["share"] for row in rows], 0),
-        words("axis", [row["axis"] for row in rows]),
-        *(numbers(head, [row[head] for row in rows]) for head in SHOWN),
-        numbers("watch near", [row["watch"] for row in rows]),
-        words("", ["rad/s"] * len(rows)),
+        column("% of the way", [row["share"] for row in rows], 0),
+        column("axis", [row["axis"] for row in rows]),
+        *(column(head, [row[head] for row in rows]) for head in SHOWN),
+        column("watch near", [row["watch"] for row in rows]),
+        column("", ["rad/s"] * len(rows)),
     )
     out.line(
         "Margins (dB, deg, dB) are the 5 % of the draws at the worst airspeed. Fly each file in calm air at height, with a step "

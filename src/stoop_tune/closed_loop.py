@@ -23,10 +23,11 @@ import numpy as np
 
 from stoop import Flight, Vehicle
 from stoop.extend import arrays, motion
+from stoop.extend.arrays import rotations
 from stoop.extend.errors import ManeuverError, SimulationError, StoopError
 from stoop.extend.notices import notice
-from stoop.extend.units import STANDARD_GRAVITY, equivalent_over_true, standard_density
-from stoop.extend.variables import EULER, RATES
+from stoop.extend.units import SEA_LEVEL_DENSITY, STANDARD_GRAVITY, standard_density
+from stoop.extend.variables import FAMILIES
 from stoop.extend.vehicles import noise_input
 from stoop_tune.control_laws.parameters import read_parameters
 from stoop_tune.control_laws.rate_law import AXES
@@ -36,6 +37,7 @@ from stoop_tune.judgment import commands_of
 
 STEP_RATE: Final = 400.0  #: Hz, least at which the model moves
 LOST: Final = math.radians(75.0)  #: error of roll or pitch at which a flight ends
+EULER, RATES = FAMILIES["euler"], FAMILIES["rates"]
 QUATERNION: Final = ("e0", "e1", "e2", "e3")
 
 
@@ -260,7 +262,7 @@ class _Body:
         """Change the wind (3,), m/s; the velocity over ground stays."""
         if change.any():
             self.state = self.state.copy()
-            self.state[self.velocity, 0] -= arrays.to_body(self.state[self.attitude, 0], change)
+            self.state[self.velocity, 0] -= rotations.to_body(self.state[self.attitude, 0], change)
 
     def move(self, k: int, channels: arrays.FloatArray) -> arrays.FloatArray:
         """Move through sample k of the loop with channels (n_u,) held; return those that arrived first."""
@@ -310,7 +312,7 @@ class AttitudeLoop:
         self, firmware: Firmware, parameters: Mapping[str, float], axes: Sequence[str], course: Course
     ) -> None:
         self.firmware, self.parameters, self.course = firmware, parameters, course
-        self.axes, self.target = [AXES.index(a) for a in axes], arrays.quaternions_of(course.attitude)
+        self.axes, self.target = [AXES.index(a) for a in axes], rotations.quaternions_of(course.attitude)
         self.gains = np.array([firmware.attitude_gain(parameters, a) for a in AXES])
         self.law = None
         if firmware.attitude is not None:
@@ -320,7 +322,7 @@ class AttitudeLoop:
             raise StoopError(
                 f"{firmware.title}: its attitude loop has no gain, and rates alone hold no attitude: raise the gain"
             )
-        self.calibrated = equivalent_over_true(float(standard_density(np.array(course.altitude))))
+        self.calibrated = math.sqrt(standard_density(np.array(course.altitude)) / SEA_LEVEL_DENSITY)
 
     def scale(self, speed: float) -> arrays.FloatArray:
         """Return the ratio of trim airspeed to airspeed (1,), at a true airspeed, m/s."""
@@ -339,14 +341,14 @@ class AttitudeLoop:
         """
         if self.law is not None:
             target = self.course.attitude[k]
-            error = (target - arrays.euler_angles(quaternion) + np.pi) % (2.0 * np.pi) - np.pi
+            error = (target - rotations.euler_angles(quaternion) + np.pi) % (2.0 * np.pi) - np.pi
             asked, turned = target[:, None], (target - error)[:, None]
             rates = self.law.commands(asked, turned, np.ones(1), self.law.unlimited)[:, 0]
         elif self.firmware.rotors:
-            error = arrays.vectors_of(arrays.product(arrays.conjugate(quaternion), self.target[k]))
+            error = rotations.between(quaternion, self.target[k])
             rates = self.gains * error
         else:
-            phi, theta, _ = arrays.euler_angles(quaternion).tolist()
+            phi, theta, _ = rotations.euler_angles(quaternion).tolist()
             error = self.course.attitude[k] - (phi, theta, self.course.attitude[k, 2])
             turn = STANDARD_GRAVITY / speed * math.tan(phi) * math.cos(theta)
             rates = _body_rates(phi, theta, self.gains * error + (0.0, 0.0, turn))

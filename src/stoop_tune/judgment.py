@@ -24,7 +24,7 @@ from stoop.extend.motion import (
     parameter_rows,
 )
 from stoop.extend.text import without_rounding
-from stoop.extend.variables import RATES
+from stoop.extend.variables import FAMILIES
 from stoop.extend.verbs import hook
 from stoop_analysis.draws import Draws
 from stoop_analysis.handling import attitude_figures
@@ -205,7 +205,9 @@ def plants_of(vehicle: Vehicle, point: Trim, draws: Draws, commands: Commands) -
     late = {vehicle.inputs[column]: points.rows[row] for column, row in input_delays(vehicle)}
     still = np.zeros(points.rows.shape[1])
     gyros = {
-        n: points.rows[row] for n in RATES if (row := vehicle.rows.get(f"sensors.{n}.scale")) is not None
+        n: points.rows[row]
+        for n in FAMILIES["rates"]
+        if (row := vehicle.rows.get(f"sensors.{n}.scale")) is not None
     }
     return Plants(
         tuple(states[i] for i in turning),

@@ -30,7 +30,7 @@ from stoop.extend import motion
 from stoop.extend.arrays import FloatArray
 from stoop.extend.errors import StoopError
 from stoop.extend.flights import RECONSTRUCTED
-from stoop.extend.units import SEA_LEVEL_DENSITY, equivalent_over_true
+from stoop.extend.units import SEA_LEVEL_DENSITY
 from stoop.extend.vehicles import Propeller
 from stoop.extend.verbs import hook
 from stoop_analysis.propagation.wing_figures import Domain
@@ -113,7 +113,7 @@ class Candidates:
         if not known:
             raise StoopError(f"the parameters have no {names[0][0]}")
         name, unit = known[0]
-        true = unit * self.parameters[name] / equivalent_over_true(self.domain.density)
+        true = unit * self.parameters[name] / math.sqrt(self.domain.density / SEA_LEVEL_DENSITY)
         speed, (low, high) = true / self.reading, self.domain.airspeed
         if not low <= speed <= high:
             raise StoopError(

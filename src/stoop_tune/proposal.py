@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any, Final
 
 from stoop import Notice
 from stoop.extend.errors import StoopError
-from stoop.extend.files import check_targets, make_folder, write_files
-from stoop.extend.notices import notice, paragraph
+from stoop.extend.files import check_targets, write_files
+from stoop.extend.notices import notice
 from stoop_tune.control_laws.table import Firmware
 from stoop_tune.gain_search import FARTHEST, FEW, SLACK, Design, propose
 from stoop_tune.judgment import AxisMargins, worst
@@ -114,7 +114,6 @@ class Proposal:
         """
         folder, files = Path(folder), self.files()
         check_proposal(folder, self.design.firmware, self.against, overwrite, anyway)
-        make_folder(folder)
         write_files(folder, files)
         return [folder / name for name in files]
 
@@ -131,7 +130,7 @@ def check_proposal(
     """Refuse to write a proposal: something speaks against it, or the folder cannot take it."""
     if against and not anyway:
         raise StoopError(
-            f"tune: {paragraph(against)}; no file is written without --anyway (in Python anyway=True)"
+            f"tune: {'. '.join(map(str, against))}; no file is written without --anyway (in Python anyway=True)"
         )
     check_targets(folder, file_names(firmware), overwrite)
 

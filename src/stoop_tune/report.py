@@ -9,9 +9,9 @@ from typing import Final
 import numpy as np
 from markupsafe import Markup
 
-from stoop.extend import reports
 from stoop.extend.arrays import ComplexArray, FloatArray
-from stoop.extend.text import NOTHING, number
+from stoop.extend.reports import plots, response_panels, sheet
+from stoop.extend.text import number
 from stoop_analysis.frequency import MAX_ERROR, MIN_COHERENCE, FrequencyAnalysis
 from stoop_analysis.report.frequency import LEGEND as RESPONSES
 from stoop_analysis.report.frequency import shown_pairs
@@ -39,7 +39,7 @@ LEGEND: Final = (("swatch fan-estimate", "proposed"), ("swatch fan-median", "flo
 def tuning_page(
     flown: LoopMargins, design: Design, better: Proposal | None = None, command: str = "",
     closed: FrequencyAnalysis | None = None, physics: PhysicalParameters | None = None,
-) -> reports.Page:  # fmt: skip
+) -> sheet.Page:  # fmt: skip
     """Return the page of gains that flew, with those that are proposed if there are any, and the closed loops of a log."""
     lead = f"{flown.firmware}: {flown.count} draws from the {flown.source}. " + (
         "Gains that flew, and better ones." if better else "Gains that flew."
@@ -48,51 +48,46 @@ def tuning_page(
     cautions = [*flown.notices, *(better.against if better else ())]
     if cautions:
         sections.append(
-            reports.Section(
-                "Cautions", (reports.Bullets(list(dict.fromkeys(map(str, cautions))), "warnings"),)
-            )
+            sheet.Section("Cautions", (sheet.Bullets(list(dict.fromkeys(map(str, cautions))), "warnings"),))
         )
-    parts: list[reports.Part] = [reports.Prose(READ, muted=True), _margins(flown.axes, better)]
+    parts: list[sheet.Part] = [sheet.Prose(READ, muted=True), _margins(flown.axes, better)]
     if better:
         rows = tuple((n, number(old), number(new)) for n, (old, new) in better.changes.items())
-        parts.append(reports.Table("Gains", ("parameter", "flown", "proposed"), rows))
-    sections.append(reports.Section("Margins", parts))
+        parts.append(sheet.Table("Gains", ("parameter", "flown", "proposed"), rows))
+    sections.append(sheet.Section("Margins", parts))
     sections.append(
-        reports.Section(
+        sheet.Section(
             "Nichols plots",
-            (reports.Legend(LEGEND[0 if better else 1 :]), reports.Panels(_nichols(design, better))),
+            (sheet.Legend(LEGEND[0 if better else 1 :]), sheet.Panels(_nichols(design, better))),
         )
     )
     if closed:
-        drawn = reports.Panels(
-            reports.response_panels(shown_pairs(closed), MAX_ERROR, MIN_COHERENCE), "large"
-        )
+        drawn = sheet.Panels(response_panels(shown_pairs(closed), MAX_ERROR, MIN_COHERENCE), "large")
         sections.append(
-            reports.Section(
-                "Closed loops in flight",
-                (reports.Prose(CLOSED, muted=True), reports.Legend(RESPONSES), drawn),
+            sheet.Section(
+                "Closed loops in flight", (sheet.Prose(CLOSED, muted=True), sheet.Legend(RESPONSES), drawn)
             )
         )
     shown = better.after if better else flown.axes
     if len(design.conditions) > 1:
         title = "Over the airspeed, " + ("proposed" if better else "flown")
-        sections.append(reports.Section(title, (reports.Panels(_fans(shown)),)))
+        sections.append(sheet.Section(title, (sheet.Panels(_fans(shown)),)))
     if better:
         sections.append(
-            reports.Section(
+            sheet.Section(
                 "Trial flights",
-                (_trials(better), *([reports.Bullets(better.limited)] if better.limited else [])),
+                (_trials(better), *([sheet.Bullets(better.limited)] if better.limited else [])),
             )
         )
     if physics and (physics.found or physics.absent):
-        left_out = [reports.Bullets([str(one) for one in physics.notices])] if physics.notices else []
-        sections.append(reports.Section("Parameters that are physics", (*_physics(physics), *left_out)))
+        left_out = [sheet.Bullets([str(one) for one in physics.notices])] if physics.notices else []
+        sections.append(sheet.Section("Parameters that are physics", (*_physics(physics), *left_out)))
     if command:
-        sections.append(reports.Section("Made by", (reports.Code(command),)))
-    return reports.Page(reports.Sheet("Gains and their margins", lead, tuple(sections)))
+        sections.append(sheet.Section("Made by", (sheet.Code(command),)))
+    return sheet.Page(sheet.Sheet("Gains and their margins", lead, tuple(sections)))
 
 
-def _margins(flown: Sequence[AxisMargins], better: Proposal | None) -> reports.Table:
+def _margins(flown: Sequence[AxisMargins], better: Proposal | None) -> sheet.Table:
     """Return the worst 5 % of each figure by axis: flown, and proposed."""
     sets = [("flown", flown), *([("proposed", better.after)] if better else [])]
     units = {n: u for one in flown for n, (u, _) in one.figures().items()}
@@ -100,12 +95,12 @@ def _margins(flown: Sequence[AxisMargins], better: Proposal | None) -> reports.T
     for axis in dict.fromkeys(one.axis for one in flown):
         for title, axes in sets:
             found = [worst(axes, axis, name) for name in FIGURES]
-            rows.append((axis, title, *(NOTHING if math.isnan(x) else number(x) for x in found)))
+            rows.append((axis, title, *("–" if math.isnan(x) else number(x) for x in found)))
     head = ("axis", "gains", *(f"{n}, {units[n]}" if n in units else n for n in FIGURES))
-    return reports.Table("Worst airspeed", head, tuple(rows))
+    return sheet.Table("Worst airspeed", head, tuple(rows))
 
 
-def _nichols(design: Design, better: Proposal | None) -> list[reports.Panel]:
+def _nichols(design: Design, better: Proposal | None) -> list[sheet.Panel]:
     """Return a Nichols plot of each axis at the middle airspeed."""
     middle = len(design.conditions) // 2
     sets = [("lag", design.flown)]
@@ -113,7 +108,7 @@ def _nichols(design: Design, better: Proposal | None) -> list[reports.Panel]:
         sets.append(("fit", {**design.flown, **{n: new for n, (_, new) in better.changes.items()}}))
     opened = [(color, design.opened(values, middle, CLOUD)) for color, values in sets]
     return [
-        reports.Panel(
+        sheet.Panel(
             axis,
             _nichols_plot(axis, {color: loops[i] for color, loops in opened}, design.specification),
             "dB",
@@ -124,15 +119,15 @@ def _nichols(design: Design, better: Proposal | None) -> list[reports.Panel]:
 
 def _nichols_plot(axis: str, loops: Mapping[str, ComplexArray], kept: Specification) -> Markup:
     """Return log magnitude over phase of loops (k, m) by color, the estimates first, with the zone that is kept free."""
-    with reports.canvas(reports.NARROW, [220.0]) as (figure, (axes,)):
+    with plots.canvas(plots.NARROW, [220.0]) as (figure, (axes,)):
         level, phase = _disk(kept.disk)
-        axes.fill(phase, level, color=reports.light("fault"), linewidth=0.0, zorder=0.1)
+        axes.fill(phase, level, color=plots.light("fault"), linewidth=0.0, zorder=0.1)
         cross = (
             ([-180.0 - kept.phase, -180.0 + kept.phase], [0.0, 0.0]),
             ([-180.0, -180.0], [-kept.gain, kept.gain]),
         )
         for x, y in cross:
-            axes.plot(x, y, color=reports.light("fault-edge"), linewidth=2.4, zorder=0.2)
+            axes.plot(x, y, color=plots.light("fault-edge"), linewidth=2.4, zorder=0.2)
         for color, curves in loops.items():
             for i, one in reversed(list(enumerate(curves))):
                 level, phase = (
@@ -142,14 +137,14 @@ def _nichols_plot(axis: str, loops: Mapping[str, ComplexArray], kept: Specificat
                 inside = (level > LEVELS[0]) & (level < LEVELS[1])
                 turns = 360.0 * np.round((np.median(phase[inside]) + 180.0) / 360.0) if inside.any() else 0.0
                 axes.plot(
-                    np.where(inside, phase - turns, np.nan), level, color=reports.light(color),
+                    np.where(inside, phase - turns, np.nan), level, color=plots.light(color),
                     linewidth=1.8 if i == 0 else 0.4, alpha=1.0 if i == 0 else 0.5,
                 )  # fmt: skip
         axes.set_xlim(*REACH)
         axes.set_ylim(*LEVELS)
         axes.set_xticks([-360.0, -270.0, -180.0, -90.0, 0.0])
         axes.set_xlabel("phase, deg", size=12.0)
-        return reports.svg(figure, f"Nichols plot of the {axis} loop, opened at its actuator.")
+        return plots.svg(figure, f"Nichols plot of the {axis} loop, opened at its actuator.")
 
 
 def _disk(decibels: float) -> tuple[FloatArray, FloatArray]:
@@ -161,7 +156,7 @@ def _disk(decibels: float) -> tuple[FloatArray, FloatArray]:
     return 20.0 * np.log10(np.abs(loop)), np.degrees(np.angle(-loop)) - 180.0
 
 
-def _fans(axes: Sequence[AxisMargins]) -> list[reports.Panel]:
+def _fans(axes: Sequence[AxisMargins]) -> list[sheet.Panel]:
     """Return margins over the airspeed by axis, where all draws have one."""
     out = []
     for axis in dict.fromkeys(one.axis for one in axes):
@@ -173,12 +168,12 @@ def _fans(axes: Sequence[AxisMargins]) -> list[reports.Panel]:
             if np.isfinite(np.array(values)).all():
                 bands = np.array([np.percentile(v[1:], BANDS) for v in values]).T
                 estimate = np.array([v[0] for v in values])
-                drawing = reports.fan_panel(x, estimate, bands, "airspeed, m/s", f"{axis}, {name}")
-                out.append(reports.Panel(f"{axis}, {name}", drawing, unit))
+                drawing = plots.fan_panel(x, estimate, bands, "airspeed, m/s", f"{axis}, {name}")
+                out.append(sheet.Panel(f"{axis}, {name}", drawing, unit))
     return out
 
 
-def _physics(physics: PhysicalParameters) -> list[reports.Part]:
+def _physics(physics: PhysicalParameters) -> list[sheet.Part]:
     """Return values that flew beside new ones with their standard errors."""
     rows = tuple(
         (
@@ -190,13 +185,13 @@ def _physics(physics: PhysicalParameters) -> list[reports.Part]:
         for one in physics.found
     )
     return (
-        [reports.Table("Of the identified vehicle", ("parameter", "flown", "new", "unit"), rows)]
+        [sheet.Table("Of the identified vehicle", ("parameter", "flown", "new", "unit"), rows)]
         if rows
         else []
     )
 
 
-def _trials(better: Proposal) -> reports.Table:
+def _trials(better: Proposal) -> sheet.Table:
     rows = [
         (
             f"{row['share']:.0f} %",
@@ -206,4 +201,4 @@ def _trials(better: Proposal) -> reports.Table:
         for row in better.trials()
     ]
     head = ("way", "axis", "gain, dB", "phase, deg", "disk, dB", "rejection, rad/s", "watch near, rad/s")
-    return reports.Table("Files of parameters, in this order", head, tuple(rows))
+    return sheet.Table("Files of parameters, in this order", head, tuple(rows))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -14,9 +15,9 @@ from stoop.extend.arrays import FloatArray
 from stoop.extend.fits import takes_model
 from stoop.extend.flights import RECONSTRUCTED, TRUE, airborne, power_spectra
 from stoop.extend.notices import notice
-from stoop.extend.reports import Page
+from stoop.extend.reports import sheet
 from stoop.extend.text import within_limits
-from stoop.extend.units import equivalent_over_true, standard_density
+from stoop.extend.units import SEA_LEVEL_DENSITY, standard_density
 from stoop_analysis.draws import POSTERIOR_FILE, Draws, Source, draws_of
 from stoop_analysis.frequency import FrequencyAnalysis
 from stoop_analysis.workflow.propagation import flown_domain
@@ -50,7 +51,7 @@ class JudgedGains(LoopMargins):
     #: from setpoints to rates by the log, beside the model; None of a log without setpoints, or of parameters alone
     closed_loops: FrequencyAnalysis | None = None
 
-    def page(self, better: Proposal | None = None, command: str = "") -> Page:
+    def page(self, better: Proposal | None = None, command: str = "") -> sheet.Page:
         """Return the page, with a proposal if there is one; a notebook shows it, ``save(path)`` writes it."""
         design = better.design if better else self.design
         return tuning_page(self, design, better, command, self.closed_loops, self.physics)
@@ -192,7 +193,7 @@ def conditions_of(
     model, alike for all models or (1 + d,).
     """
     readings = np.atleast_1d(pitot)
-    spread = equivalent_over_true(float(standard_density(np.array(altitude)))) * readings / readings[0]
+    spread = math.sqrt(standard_density(np.array(altitude)) / SEA_LEVEL_DENSITY) * readings / readings[0]
     commands = commands_of(vehicle, firmware, parameters, altitude)
     points = (trim(vehicle, None if firmware.rotors else x / readings[0], altitude) for x in speeds)
     return [

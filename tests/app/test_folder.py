@@ -10,9 +10,10 @@ from core.strategy.test_strategy import switched
 from tornado import httputil
 
 from app.conftest import RECORDED
-from stoop.base.units import KINDS
+from stoop.base.units import UNITS
 from stoop.base.variables import VARIABLES
 from stoop.errors import LogError, StoopError, VehicleError
+from stoop.logs.read import read_unmapped
 from stoop.strategy import DECISIONS, Strategy
 from stoop.vehicle.builtin import builtin_text
 from stoop.vehicle.load import parse_vehicle
@@ -21,7 +22,7 @@ from stoop_app.columns import edited, rows_of, units_of
 from stoop_app.folder import ChangedError, Project, version
 from stoop_app.steps import COMMAND, LOCK, PROCESS, Step
 from stoop_app.uploads import safe_name
-from stoop_draft.log_columns import columns_of, read_unmapped
+from stoop_draft.log_columns import columns_of
 from stoop_draft.mapping_draft import draft
 from stoop_plan.input_design.windows_file import Entry
 
@@ -171,8 +172,8 @@ def test_every_column_has_a_row_and_edits_are_written_into_their_lines(table: Pa
 
 def test_each_variable_offers_units_of_its_kind() -> None:
     for name, units in units_of().items():
-        kind = "a time" if name.startswith("pwm_") else KINDS[VARIABLES[name].unit]
-        assert {KINDS[unit] for unit in units} == {kind}, name
+        kind = "a time" if name.startswith("pwm_") else UNITS[VARIABLES[name].unit].kind
+        assert {UNITS[unit].kind for unit in units} == {kind}, name
         assert columns.meaning(name).startswith(f"{name}: ")
 
 

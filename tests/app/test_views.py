@@ -19,6 +19,7 @@ from stoop.cli.main import main
 from stoop.cli.progress_file import ProgressFile
 from stoop.errors import StoopError
 from stoop.estimate.iterates import watched
+from stoop.logs.read import read_unmapped
 from stoop.report.series import Series
 from stoop.simulation.fly import simulate_flight
 from stoop.simulation.maneuver import parse_maneuver
@@ -35,7 +36,7 @@ from stoop_app.plots import drawn_costs, drawn_curves, thinned
 from stoop_app.progress_curves import read_curves
 from stoop_app.use_view import LIMITS, TARGET
 from stoop_app.windows_view import WindowsView
-from stoop_draft.log_columns import columns_of, read_unmapped
+from stoop_draft.log_columns import columns_of
 from stoop_fleet.store import PAGE
 from stoop_plan.input_design.windows_file import Entry
 

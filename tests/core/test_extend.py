@@ -27,6 +27,8 @@ def test_each_name_exists_and_a_group_loads_nothing_before() -> None:
     assert f"{len(names)} names" in (DOCS / "extending.md").read_text("utf-8")
     code = "".join(f"import {group.__name__}\n" for group in groups)
     assert python("-c", f"{code}import sys\nprint({set(HEAVY)} & set(sys.modules))") == "set()\n"
+    listed = "import stoop.extend\nprint(*dir(stoop.extend), stoop.extend.units.STANDARD_GRAVITY)"
+    assert python("-c", listed).split() == [*sorted(g.__name__.split(".")[-1] for g in groups), "9.80665"]
     alone = f"for block in {blocks(DOCS / 'extending.md', 'python')}: exec(block, {{}})"
     assert "made@2:5" in python("-c", alone)
 

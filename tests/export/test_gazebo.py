@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from naive import gazebo as naive
 
-from stoop.base.autopilots import FRAMES
+from stoop.base.autopilots import ARDUPILOT
 from stoop.errors import SimulationError, VehicleError
 from stoop.simulation import trim
 from stoop.vehicle import Vehicle, parse_vehicle
@@ -230,7 +230,7 @@ def test_the_frame_follows_from_where_rotors_stand(name: str, frame: tuple[int, 
     head = "Q_FRAME" if name == "quadplane" else "FRAME"
     assert (sets[f"{head}_CLASS"], sets[f"{head}_TYPE"], gazebo_autopilots.notes(model)) == (*frame, [])
     for n, rotor in enumerate(vehicle.file.rotor, 1):
-        azimuth, spin = FRAMES[frame][int(sets[f"SERVO{n}_FUNCTION"]) - 33]
+        azimuth, spin = ARDUPILOT.frames[frame][int(sets[f"SERVO{n}_FUNCTION"]) - 33]
         x, y = (vehicle.value(f"rotor.{rotor}.position.{a}") for a in "xy")
         assert math.cos(math.atan2(y, x) - math.radians(azimuth)) > 0.98
         assert vehicle.file.rotor[rotor].spin == spin

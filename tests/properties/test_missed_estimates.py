@@ -15,7 +15,7 @@ import pytest
 from scipy.stats import linregress
 
 from stoop.base import files
-from stoop.base.autopilots import FRAMES
+from stoop.base.autopilots import ARDUPILOT
 from stoop.base.units import FOOT, POUND_FORCE
 from stoop.estimate.regression.least_squares import Priors, Rows, solve
 from stoop.flight.flight import from_columns
@@ -131,7 +131,7 @@ def test_what_is_not_identifiable_is_drawn_as_wide_as_it_is(monkeypatch: pytest.
 def test_time_left_counts_what_was_computed_now(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     runs = tuple(Run(f"r{i}", "m:f", {"i": i}) for i in range(7))
     seen: list[Tally] = []
-    monkeypatch.setattr("stoop.parallel.loop.environment", dict)
+    monkeypatch.setattr("stoop.parallel.loop.environment", lambda _: {})
 
     def submit(task: Any) -> Future[Any]:
         done: Future[Any] = Future()
@@ -210,7 +210,7 @@ def test_a_file_is_replaced_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
         synced.append((os.fstat(handle).st_size, target.read_bytes()))
 
     monkeypatch.setattr(files.os, "fsync", fsync)
-    files.write_bytes_atomic(target, b"newer")
+    files.write_file(target, b"newer")
     assert target.read_bytes() == b"newer"
     assert other.read_bytes() == b"old"
     assert synced == [(5, b"old")]
@@ -285,7 +285,7 @@ def test_ailerons_roll_and_elevons_together_do_not() -> None:
 
 def test_frames_of_ardupilot_are_found_by_their_azimuths() -> None:
     """A rotor straight behind is at 180 degrees, a hair's breadth to the left of it at -180."""
-    for (number, kind), places in FRAMES.items():
+    for (number, kind), places in ARDUPILOT.frames.items():
         rotors: list[Any] = []
         for azimuth, spin in places:
             at = math.cos(math.radians(azimuth + 1e-6)), math.sin(math.radians(azimuth + 1e-6)), 0.0

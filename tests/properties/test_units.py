@@ -40,11 +40,11 @@ def defined(unit: str) -> tuple[float, str]:
 def test_every_factor_is_the_definition() -> None:
     wrong = {u: f for u, f in units.FACTORS.items() if not math.isclose(f, defined(u)[0], rel_tol=1e-15)}
     assert wrong == {}
-    assert {u: KINDS[defined(u)[1]] for u in units.FACTORS} == units.KINDS
+    assert {u: KINDS[defined(u)[1]] for u in units.FACTORS} == {u: x.kind for u, x in units.UNITS.items()}
     assert {v.unit for v in VARIABLES.values()} <= {*units.FACTORS}
-    found = {u: zero for u, zero in units.ZEROS.items() if zero}
+    found = {u: x.zero for u, x in units.UNITS.items() if x.zero}
     assert found == {"degC": c.convert_temperature(0.0, "Celsius", "Kelvin")}
-    assert {*units.ZEROS} <= {*units.FACTORS}
+    assert {u: x.factor for u, x in units.UNITS.items()} == units.FACTORS
     expected = {u: c.micro if u == "pwm" else defined(u)[0] for u in units.PULSE_FACTORS}
     assert {*expected} == {"pwm", "us", "ms", "s"}
     assert all(math.isclose(f * c.micro, expected[u], rel_tol=1e-15) for u, f in units.PULSE_FACTORS.items())

@@ -26,7 +26,7 @@ def walk(arguments: Mapping[str, Any], stops: Sequence[int]) -> list[Any]:
 
 
 def main() -> int:
-    from stoop.base.files import write_text_atomic
+    from stoop.base.files import write_file
     from stoop.base.verbs import shared_options
     from stoop.cli.options import add_options
     from stoop.cli.progress import run_campaign
@@ -39,7 +39,7 @@ def main() -> int:
     arguments, cases = parser.parse_args(), ((seed, stop) for seed in range(TASKS) for stop in STOPS)
     runs = tuple(Run(f"{n:03d}/{stop}", "campaign_case:walk", {"seed": n}, stop) for n, stop in cases)
     results = run_campaign(arguments, Plan("walks", {}, runs), arguments.store)
-    write_text_atomic(arguments.table, "".join(f"{key},{r['x']!r}\n" for key, r in results.items()))
+    write_file(arguments.table, "".join(f"{key},{r['x']!r}\n" for key, r in results.items()))
     return 0
 
 

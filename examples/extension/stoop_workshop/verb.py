@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 import stoop
 from stoop.extend.errors import SimulationError
-from stoop.extend.verbs import fixed, page
+from stoop.extend.verbs import column, page
 
 
 def angles(vehicle: stoop.Vehicle, airspeeds: Iterable[float]) -> dict[float, float]:
@@ -25,5 +25,5 @@ def speeds(arguments: argparse.Namespace) -> int:
     vehicle = stoop.load_vehicle(arguments.vehicle)
     found = angles(vehicle, arguments.airspeeds)
     page().line(vehicle.name)
-    page().table(fixed("m/s", found, 1), fixed("deg", map(math.degrees, found.values()), 2))
+    page().table(column("m/s", found, 1), column("deg", map(math.degrees, found.values()), 2))
     return 0

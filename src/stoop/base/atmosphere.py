@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import Final
 
 import numpy as np
@@ -28,11 +27,6 @@ def standard_density(altitude: FloatArray) -> FloatArray:
     geopotential = EARTH_RADIUS * h / (EARTH_RADIUS + h)
     ratio = 1.0 - LAPSE * geopotential / SEA_LEVEL_TEMPERATURE
     return np.asarray(SEA_LEVEL_DENSITY * ratio ** (EXPONENT - 1.0))
-
-
-def equivalent_over_true(density: float) -> float:
-    """Return equivalent over true airspeed at a density, kg/m3."""
-    return math.sqrt(density / SEA_LEVEL_DENSITY)
 
 
 def density_at_pressure(pressure: FloatArray) -> FloatArray:

@@ -131,13 +131,14 @@ def _lock(folder: Path, wait: bool = False) -> int | None:
 
 @contextmanager
 def only_writer(folder: Path) -> Iterator[None]:
-    """Let no other process into a folder that several commands change, until the end of the block.
+    """Make a folder that several commands change, and let no other process in until the end of the block.
 
     Raises
     ------
     OutputError
         Another process is in there.
     """
+    make_folder(folder)
     lock = _lock(folder)
     if lock is None and sys.platform != "win32":
         raise OutputError(f"{folder}: another command is writing there; start again when it has ended")
@@ -154,7 +155,7 @@ def write_files(folder: Path, files: Mapping[str, bytes | str], obsolete: Iterab
     Parameters
     ----------
     folder : Path
-        It must exist.
+        Made, with its parents, if it is not there.
     files : mapping of str to bytes or str
         Place in the folder to content, text as UTF-8; moved into place in this order.
     obsolete : iterable of str
@@ -163,9 +164,10 @@ def write_files(folder: Path, files: Mapping[str, bytes | str], obsolete: Iterab
     Raises
     ------
     OutputError
-        The folder is missing or not writable, the disk is full, or a target is no regular file or was read by the running
+        The folder cannot be made or is not writable, the disk is full, or a target is no regular file or was read by the running
         command; the files that were there stay, and none is left half-written.
     """
+    make_folder(folder)
     target, new = folder.joinpath(*[*files][:1]), _NEW.get() or set()
     try:
         with scratch(folder) as made:
@@ -191,14 +193,9 @@ def write_files(folder: Path, files: Mapping[str, bytes | str], obsolete: Iterab
         ) from error
 
 
-def write_bytes_atomic(path: Path, content: bytes) -> None:
-    """Write `content` to `path`; a reader sees the old file or the whole new one, never a part. See `write_files`."""
+def write_file(path: Path, content: bytes | str) -> None:
+    """Write a file, text as UTF-8; a reader sees the old file or the whole new one, never a part. See `write_files`."""
     write_files(Path(path).parent, {Path(path).name: content})
-
-
-def write_text_atomic(path: Path, text: str) -> None:
-    """Write `text` as UTF-8 to `path`, all or nothing; see `write_files`."""
-    write_files(Path(path).parent, {Path(path).name: text})
 
 
 def _write_through(path: Path, content: bytes) -> None:

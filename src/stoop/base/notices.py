@@ -75,6 +75,27 @@ class Notice:
             "message": message(self),
         }
 
+    @classmethod
+    def from_dict(cls, content: Mapping[str, Any]) -> Notice:
+        """Return the notice that `Notice.to_dict` gave; where this version has another code or values, its sentence is kept.
+
+        Every notice can be shown: where there is no sentence, it raises ValueError, LookupError, TypeError, AttributeError or
+        OverflowError.
+        """
+        if content["severity"] not in get_args(Severity):
+            raise ValueError(f"{content['severity']!r} is no severity")
+        if content["code"] not in table():
+            return as_notice(str(content["message"]), content["severity"])
+        values = {name: _value(v) for name, v in content["values"].items()}
+        found = cls(content["code"], content["severity"], str(content["subject"]), values)
+        try:
+            message(found)
+        except LookupError:
+            if "message" not in content:
+                raise
+            return as_notice(str(content["message"]), content["severity"])
+        return found
+
 
 @dataclass(frozen=True)
 class Kind:
@@ -124,30 +145,9 @@ def as_notice(found: Notice | str, severity: Severity = "warning", topic: str = 
     return notice(code, text=found)
 
 
-def from_dict(content: Mapping[str, Any]) -> Notice:
-    """Return the notice that `Notice.to_dict` gave; where this version has another code or values, its sentence is kept.
-
-    Every notice can be shown: where there is no sentence, it raises ValueError, LookupError, TypeError, AttributeError or
-    OverflowError.
-    """
-    if content["severity"] not in get_args(Severity):
-        raise ValueError(f"{content['severity']!r} is no severity")
-    if content["code"] not in table():
-        return as_notice(str(content["message"]), content["severity"])
-    values = {name: _value(v) for name, v in content["values"].items()}
-    found = Notice(content["code"], content["severity"], str(content["subject"]), values)
-    try:
-        message(found)
-    except LookupError:
-        if "message" not in content:
-            raise
-        return as_notice(str(content["message"]), content["severity"])
-    return found
-
-
 def _value(value: Any) -> Any:
     if isinstance(value, dict | list):
-        return from_dict(value) if isinstance(value, dict) else tuple(map(_value, value))
+        return Notice.from_dict(value) if isinstance(value, dict) else tuple(map(_value, value))
     return math.nan if value is None else value  # JSON has no NaN
 
 

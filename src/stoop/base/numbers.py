@@ -114,12 +114,6 @@ def count(amount: int, one: str, many: str = "") -> str:
     return f"{amount} {one if amount == 1 else many or one + 's'}"
 
 
-def listed(names: list[str], most: int = 8) -> str:
-    """Return names as a phrase, the rest counted."""
-    shown = names[:most] + ([f"{len(names) - most} more"] if len(names) > most else [])
-    return shown[0] if len(shown) == 1 else ", ".join(shown[:-1]) + " and " + shown[-1] if shown else "none"
-
-
 def _minus(text: str) -> str:
     return text.replace("-", "−")
 

@@ -103,6 +103,11 @@ def vectors_of(q: FloatArray) -> FloatArray:
     return np.asarray(q[..., 1:] * (sign * angle / np.maximum(sine, 1e-12))[..., None])
 
 
+def between(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Return the rotation vectors (..., 3), rad, along the axes of the body, that turn quaternions a into b (..., 4)."""
+    return vectors_of(product(conjugate(a), b))
+
+
 def to_ground(q: FloatArray, vector: FloatArray) -> FloatArray:
     """Return vectors (..., 3) along the ground's axes, of those along body axes, for unit quaternions (..., 4)."""
     (e0, e1, e2, e3), (u, v, w) = _apart(q), _apart(vector)

@@ -86,9 +86,11 @@ class Summarized:
         return printable(f"<{type(self).__name__}: {', '.join(named)}>")
 
 
-def enumerated(names: Iterable[str]) -> str:
-    """Return names as a phrase: ``a, b and c``."""
-    *first, last = list(names) or ["none"]
+def enumerated(names: Iterable[str], most: int | None = None) -> str:
+    """Return names as a phrase, those beyond the `most` counted: ``a, b and c``, ``a, b and 2 more``."""
+    known = list(names) or ["none"]
+    rest = [f"{len(known) - most} more"] if most is not None and len(known) > most else []
+    *first, last = known[:most] + rest
     return f"{', '.join(first)} and {last}" if first else last
 
 

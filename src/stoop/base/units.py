@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import functools
 import math
 import tomllib
 from importlib.resources import files
-from typing import Final
+from typing import Final, NamedTuple
 
 DEGREE: Final = math.pi / 180.0  #: rad
 FOOT: Final = 0.3048  #: m (international foot, exact)
@@ -34,38 +33,37 @@ FACTORS: Final[dict[str, float]] = {
     "percent": 0.01, "%": 0.01, "pwm": 1.0,
 }  #: unit written in a file -> factor to SI  # fmt: skip
 
-#: unit -> SI value of its zero, where that is not zero
-ZEROS: Final[dict[str, float]] = {"degC": ZERO_CELSIUS}
-
 #: unit of a servo pulse -> microseconds, as pulses are kept
 PULSE_FACTORS: Final[dict[str, float]] = {"pwm": 1.0, "us": 1.0, "ms": 1e3, "s": 1e6}
 
-_OF_KIND: Final[dict[str, str]] = {
-    "an angle": "rad mrad deg cdeg",
-    "a rate of turn": "rad/s mrad/s deg/s cdeg/s mdeg/s rpm rev/s",
-    "an angular acceleration": "rad/s2 deg/s2",
-    "a length": "m mm cm km in ft",
-    "a speed": "m/s mm/s cm/s km/h kt ft/s ft/min",
-    "an acceleration": "m/s2 mm/s2 cm/s2 ft/s2 g mg",
-    "a time": "s ms us ns pwm",
-    "a mass": "kg slug",
-    "a force": "N lbf",
-    "a moment": "N_m",
-    "a density": "kg/m3",
-    "a pressure": "Pa hPa kPa mbar",
-    "a temperature": "K degC",
-    "a voltage": "V mV",
-    "a current": "A mA cA",
+_KINDS: Final[dict[str, str]] = {
+    "an angle": "rad mrad deg cdeg", "a rate of turn": "rad/s mrad/s deg/s cdeg/s mdeg/s rpm rev/s",
+    "an angular acceleration": "rad/s2 deg/s2", "a length": "m mm cm km in ft",
+    "a speed": "m/s mm/s cm/s km/h kt ft/s ft/min", "an acceleration": "m/s2 mm/s2 cm/s2 ft/s2 g mg",
+    "a time": "s ms us ns pwm", "a mass": "kg slug", "a force": "N lbf", "a moment": "N_m", "a density": "kg/m3",
+    "a pressure": "Pa hPa kPa mbar", "a temperature": "K degC", "a voltage": "V mV", "a current": "A mA cA",
     "a plain number": "1 percent %",
-}
-#: unit -> what it measures
-KINDS: Final[dict[str, str]] = {
-    unit.replace("_", " "): kind for kind, units in _OF_KIND.items() for unit in units.split()
-}
+}  # fmt: skip
 
 
-@functools.cache
-def written_units() -> dict[str, str]:
-    """Return units as files and people write them, in small letters -> as stoop does."""
-    content = tomllib.loads((files("stoop.data") / "units.toml").read_text("utf-8"))
-    return {text: unit for unit, texts in content.items() for text in texts}
+class Unit(NamedTuple):
+    """A unit of measurement."""
+
+    factor: float  #: to SI
+    kind: str  #: what it measures
+    zero: float  #: SI value of its zero
+    written: tuple[str, ...]  #: as files and people write it, in small letters
+
+
+_WRITTEN: Final = tomllib.loads((files("stoop.data") / "units.toml").read_text("utf-8"))
+
+#: symbol -> unit
+UNITS: Final[dict[str, Unit]] = {
+    symbol: Unit(
+        FACTORS[symbol], kind, ZERO_CELSIUS if symbol == "degC" else 0.0, tuple(_WRITTEN.get(symbol, ()))
+    )
+    for kind, symbols in _KINDS.items()
+    for symbol in (text.replace("_", " ") for text in symbols.split())
+}
+#: what is written -> symbol
+WRITTEN: Final = {text: symbol for symbol, unit in UNITS.items() for text in unit.written}

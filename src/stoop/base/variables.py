@@ -10,12 +10,8 @@ from dataclasses import dataclass
 from typing import Final, Literal
 
 from stoop.base.text import nearest
+from stoop.base.units import PULSE_FACTORS, UNITS
 from stoop.errors import FlightError
-
-SERVOS: Final = 16  #: PX4's actuator_servos has 8
-MOTORS: Final = 16  #: PX4's actuator_motors has 12
-ROTORS: Final = 16  #: whose speed a log may hold
-OUTPUT_PINS: Final = 16  #: of PX4's actuator_outputs; ArduPilot can have more, which fly no vehicle we know
 
 Kind = Literal["measurement", "command"]
 
@@ -27,7 +23,7 @@ class Variable:
     Attributes
     ----------
     name : as in files, in `Flight.data` and in results
-    unit : SI unit, as in `stoop.base.units.FACTORS`
+    unit : SI unit, as in `stoop.base.units.UNITS`
     frame : "body", "ned", "air", "surface" or "" where there is none
     sign : which way is positive
     meaning : in plain words
@@ -41,13 +37,20 @@ class Variable:
     meaning: str
     kind: Kind = "measurement"
 
+    @property
+    def units(self) -> dict[str, float]:
+        """Units in which it may be recorded -> factor to the unit in which it is kept."""
+        if self.name.startswith("pwm_"):
+            return PULSE_FACTORS
+        return {n: one.factor for n, one in UNITS.items() if one.kind == UNITS[self.unit].kind}
+
 
 NUMBERED: Final[tuple[tuple[int, tuple[str, ...]], ...]] = (
-    (SERVOS, ("servo_{n}", "1", "", "as the autopilot is set up; -1 to 1", "normalized command to servo {n}", "command")),
-    (MOTORS, ("motor_{n}", "1", "", "more thrust; 0 to 1, or -1 to 1", "normalized command to motor {n}", "command")),
-    (ROTORS, ("rotor_{n}", "rad/s", "", "as it turns to give thrust", "measured speed of rotor {n}")),
-    (OUTPUT_PINS, ("pwm_{n}", "us", "", "longer pulse", "pulse sent to output {n}", "command")),
-)  #: how many, and the row of each  # fmt: skip
+    (16, ("servo_{n}", "1", "", "as the autopilot is set up; -1 to 1", "normalized command to servo {n}", "command")),
+    (16, ("motor_{n}", "1", "", "more thrust; 0 to 1, or -1 to 1", "normalized command to motor {n}", "command")),
+    (16, ("rotor_{n}", "rad/s", "", "as it turns to give thrust", "measured speed of rotor {n}")),
+    (16, ("pwm_{n}", "us", "", "longer pulse", "pulse sent to output {n}", "command")),
+)  #: how many (PX4 has 8 servos and 12 motors; no vehicle we know flies with more pulses), and the row of each  # fmt: skip
 
 
 def _table() -> dict[str, Variable]:
@@ -134,6 +137,14 @@ EFFECTS: Final = {
     "pitch": ("q", (("elevator", -1.0), ("control_pitch", 1.0))),
     "yaw": ("r", (("rudder", -1.0), ("control_yaw", 1.0))),
 }
+
+
+#: the variables that belong together, by what they are
+FAMILIES: Final[dict[str, tuple[str, ...]]] = {
+    "rates": RATES, "euler": EULER, "quaternion": QUATERNION, "specific force": SPECIFIC_FORCE, "velocity": VELOCITY,
+    "position": POSITION, "circular": ("phi", "psi"),
+    **{row[0][:-4]: tuple(row[0].format(n=n) for n in range(1, size + 1)) for size, row in NUMBERED},
+}  # fmt: skip
 
 
 def variable(name: str, place: str = "") -> Variable:

@@ -27,6 +27,12 @@ _LINK = re.compile(r"\[([^\]]*)\]\((?:([\w-]+\.md)[^)]*|[^)]*)\)")
 _PLACE = re.compile(r"[\w.]+:\w+")  #: a text that stands for an object of a module
 
 
+def plain(markdown: str) -> str:
+    """Return a text without the marks of Markdown: a link to another page becomes the name of its file."""
+    told = _LINK.sub(lambda m: m[1] + (f" (docs/{m[2]})" if m[2] else ""), markdown)
+    return told.replace("`", "")
+
+
 @dataclass(frozen=True)
 class Option:
     """An argument of a verb: one row of the table.
@@ -91,6 +97,8 @@ class Option:
     dest: str = ""
     parameter: str = ""
     run: str = ""
+
+    plain = staticmethod(plain)
 
     @property
     def positional(self) -> bool:
@@ -168,12 +176,6 @@ class Verb:
     def option(self, key: str) -> Option:
         """Return the option whose value has this name in the program."""
         return next(one for one in self.options if one.key == key)
-
-
-def plain(markdown: str) -> str:
-    """Return a text without the marks of Markdown: a link to another page becomes the name of its file."""
-    told = _LINK.sub(lambda m: m[1] + (f" (docs/{m[2]})" if m[2] else ""), markdown)
-    return told.replace("`", "")
 
 
 @functools.cache

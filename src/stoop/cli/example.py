@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from stoop.base.files import write_text_atomic
+from stoop.base.files import write_file
 from stoop.base.text import show
 from stoop.cli import options
 from stoop.cli.page import page, words
@@ -60,7 +60,7 @@ def vehicle(arguments: argparse.Namespace) -> int:
         show(builtin_text(name).removesuffix("\n"))
     else:
         text = builtin_text(name)
-        write_text_atomic(output, text)
+        write_file(output, text)
         out.line(f"{output}: the built-in vehicle {name}, with its comments; edit its numbers")
         out.command("next: ", ["stoop", "trim", str(output)])
     return 0

@@ -10,7 +10,7 @@ from dataclasses import asdict
 from itertools import groupby
 from typing import TYPE_CHECKING, Any
 
-from stoop.base.files import check_targets, write_bytes_atomic
+from stoop.base.files import check_targets, write_file
 from stoop.base.notices import of_severity
 from stoop.base.numbers import count, factor_and_unit, number, rounded_to_error
 from stoop.base.text import show
@@ -36,7 +36,7 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.save is not None:
         from stoop.flight import flight_bytes
 
-        write_bytes_atomic(arguments.save, flight_bytes(summary.flight))
+        write_file(arguments.save, flight_bytes(summary.flight))
     if arguments.json:
         show(to_json(info_document(summary, found)))
     else:

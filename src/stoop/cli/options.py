@@ -10,7 +10,8 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from stoop.base.files import check_target, note_input
+from stoop.base.files import check_target as check_target
+from stoop.base.files import note_input
 from stoop.base.numbers import MAX_NUMBER
 from stoop.base.text import show
 from stoop.base.verbs import Option, plain

@@ -62,6 +62,14 @@ def fixed(head: str, values: Iterable[float], decimals: int) -> Column:
     return points(head, [fixed_text(v, decimals) for v in values])
 
 
+def column(head: str, cells: Iterable[Any], decimals: int | None = None, wraps: bool = False) -> Column:
+    """Make a column of text, of numbers with so many decimals, or of numbers with four significant digits."""
+    known = list(cells)
+    if all(isinstance(cell, str) for cell in known):
+        return words(head, known, wraps)
+    return numbers(head, known) if decimals is None else fixed(head, known, decimals)
+
+
 def number(value: float, digits: int = 4) -> str:
     """Write a number with so many significant digits, without an exponent where that stays short."""
     if not math.isfinite(value):
@@ -142,6 +150,8 @@ class Page:
         self._console = console
         self.width = UNLIMITED if console is None else console.width
 
+    number = staticmethod(number)
+
     def heading(self, text: str) -> None:
         """Print a blank line and a heading."""
         self.line()
@@ -201,9 +211,9 @@ def page() -> Page:
     return Page(Console(markup=False, highlight=False, emoji=False))
 
 
-def to_json(document: Mapping[str, Any]) -> str:
+def to_json(document: Mapping[str, Any], indent: int = 2) -> str:
     """Return strict JSON: a number that is not finite becomes null."""
-    return json.dumps(_strict(document), indent=2, allow_nan=False)
+    return json.dumps(_strict(document), indent=indent, allow_nan=False)
 
 
 def _strict(value: Any) -> Any:

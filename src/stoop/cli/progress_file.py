@@ -13,7 +13,7 @@ from typing import Any, Final
 import numpy as np
 
 from stoop.base.arrays import FloatArray
-from stoop.base.files import write_text_atomic
+from stoop.base.files import write_file
 from stoop.errors import OutputError
 from stoop.estimate.iterates import Candidate
 from stoop.results.result import ManeuverTrace
@@ -73,7 +73,7 @@ class ProgressFile:
         self._written = time.monotonic()
         self._content["seconds"] = round(self._written - self._began, 2)
         with suppress(OutputError):
-            write_text_atomic(self._path, json.dumps(self._content, allow_nan=False))
+            write_file(self._path, json.dumps(self._content, allow_nan=False))
 
 
 def _trace(trace: ManeuverTrace) -> dict[str, Any]:

@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from stoop.base.files import write_text_atomic
+from stoop.base.files import write_file
 from stoop.base.numbers import without_rounding
 from stoop.base.text import show
 from stoop.cli import options
@@ -167,7 +167,7 @@ def linearize(arguments: argparse.Namespace) -> int:
     if target == options.STDOUT:
         show(text)
         return 0
-    write_text_atomic(target, text + "\n")
+    write_file(target, text + "\n")
     out.line(f"wrote {target}: A, B, C, D, modes and trim (SI units, rad)")
     out.bullets(left_out(vehicle))
     return 0

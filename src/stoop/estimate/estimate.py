@@ -17,7 +17,7 @@ import numpy as np
 
 from stoop import optimize
 from stoop.base.arrays import FloatArray
-from stoop.base.notices import Notice, from_dict
+from stoop.base.notices import Notice
 from stoop.estimate.fitted_filter import FittedFilter
 from stoop.estimate.noise import noise_covariance, noise_variance
 from stoop.estimate.refit_problem import RefitProblem
@@ -151,11 +151,11 @@ class Estimate(ABC):
         recorded = ((p, arrays[f"recorded.{i}"]) for i, p in enumerate(problem.pieces))
         pieces = tuple(replace(piece, measured=measured, **plain) for piece, measured in recorded)
         windows = tuple(Window(**one) for one in head["windows"])
-        prepared = Prepared(windows, pieces, tuple(map(from_dict, head["prepared"])))
+        prepared = Prepared(windows, pieces, tuple(map(Notice.from_dict, head["prepared"])))
         history = arrays["outcome.history"]
         outcome = optimize.Outcome(z=arrays["outcome.z"], history=history, state=None, **head["outcome"])
         common = (problem, prepared, z, outcome, head["cost"], head["trajectories"])
-        notices = tuple(map(from_dict, head["notices"]))
+        notices = tuple(map(Notice.from_dict, head["notices"]))
         records = head.get("decisions", ())
         taken = tuple(DecisionRecord(n, "applied", found, done) for n, found, done in records)
         own = cls.own_fields(problem, z, arrays)

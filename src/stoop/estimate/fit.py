@@ -46,14 +46,7 @@ from stoop.optimize.local_refinement import FULL
 from stoop.problem import Layout, Misfit, Weights
 from stoop.problem.evidence import Evidence, observed_information, simulation_evidence
 from stoop.problem.misfit import horizon_ladder
-from stoop.problem.prepare import (
-    Prepared,
-    at_readings,
-    decoupled,
-    nuisances,
-    prepare,
-    without_stuck_channels,
-)
+from stoop.problem.prepare import Prepared, at_readings, decoupled, nuisances, prepare, without_stuck_channels
 from stoop.problem.windows import Window
 from stoop.results.decisions import DecisionRecord
 from stoop.vehicle import Vehicle

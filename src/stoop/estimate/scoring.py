@@ -17,14 +17,7 @@ import numpy as np
 from stoop.base.arrays import FloatArray
 from stoop.estimate import iterates
 from stoop.estimate.filter_likelihood import Likelihood
-from stoop.optimize.levenberg_marquardt import (
-    Damping,
-    Ending,
-    StagedModel,
-    Stages,
-    TenfoldDamping,
-    Trial,
-)
+from stoop.optimize.levenberg_marquardt import Damping, Ending, StagedModel, Stages, TenfoldDamping, Trial
 from stoop.optimize.minimize import Status
 from stoop.optimize.secant import Secant
 

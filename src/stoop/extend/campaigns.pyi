@@ -1,9 +1,5 @@
 from stoop.parallel.loop import execute as execute
-from stoop.parallel.plan import Json as Json
 from stoop.parallel.plan import Plan as Plan
 from stoop.parallel.plan import Run as Run
-from stoop.parallel.pools import Given as Given
-from stoop.parallel.pools import LocalProcesses as LocalProcesses
 from stoop.parallel.store import forget as forget
 from stoop.parallel.worker import environment as environment
-from stoop.parallel.worker import work_sources as work_sources

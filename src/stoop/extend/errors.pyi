@@ -6,5 +6,3 @@ from stoop.errors import OutputError as OutputError
 from stoop.errors import SimulationError as SimulationError
 from stoop.errors import StoopError as StoopError
 from stoop.errors import VehicleError as VehicleError
-from stoop.errors import listed as listed
-from stoop.errors import one_line as one_line

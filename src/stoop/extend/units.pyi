@@ -1,16 +1,4 @@
 from stoop.base.atmosphere import SEA_LEVEL_DENSITY as SEA_LEVEL_DENSITY
-from stoop.base.atmosphere import equivalent_over_true as equivalent_over_true
 from stoop.base.atmosphere import standard_density as standard_density
-from stoop.base.units import DEGREE as DEGREE
-from stoop.base.units import FACTORS as FACTORS
-from stoop.base.units import FOOT as FOOT
-from stoop.base.units import INCH as INCH
-from stoop.base.units import KINDS as KINDS
-from stoop.base.units import MICROSECOND as MICROSECOND
-from stoop.base.units import POUND_FORCE as POUND_FORCE
-from stoop.base.units import PULSE_FACTORS as PULSE_FACTORS
-from stoop.base.units import SLUG as SLUG
 from stoop.base.units import STANDARD_GRAVITY as STANDARD_GRAVITY
-from stoop.base.units import ZEROS as ZEROS
-from stoop.base.units import ZERO_CELSIUS as ZERO_CELSIUS
-from stoop.base.units import written_units as written_units
+from stoop.base.units import UNITS as UNITS

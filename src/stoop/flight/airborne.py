@@ -12,9 +12,9 @@ from typing import Final
 import numpy as np
 
 from stoop.base.arrays import BoolArray, FloatArray, run_slices
-from stoop.base.autopilots import MOTOR_FUNCTIONS
+from stoop.base.autopilots import ARDUPILOT
 from stoop.base.units import STANDARD_GRAVITY
-from stoop.base.variables import MOTORS, OUTPUT_PINS, ROTORS, SPECIFIC_FORCE, VELOCITY
+from stoop.base.variables import FAMILIES, SPECIFIC_FORCE, VELOCITY
 from stoop.errors import FlightError
 from stoop.flight.flight import Flight
 
@@ -57,10 +57,10 @@ class PulseLimits:
 FLYING: Final = FlyingLimits()
 PULSES: Final = PulseLimits()
 ROTOR_KINDS: Final = (
-    ("motor", MOTORS, 0.0, 1.0),
-    ("rotor", ROTORS, 0.0, 1000.0),
-    ("pwm", OUTPUT_PINS, 1000.0, 1000.0),
-)  #: kind, number, idle and range: 1, rad/s, us
+    ("motor", 0.0, 1.0),
+    ("rotor", 0.0, 1000.0),
+    ("pwm", 1000.0, 1000.0),
+)  #: family of variables, idle and range: 1, rad/s, us
 
 
 def flying(flight: Flight) -> BoolArray:
@@ -127,7 +127,7 @@ def _without_edges(up: BoolArray, rate: float) -> BoolArray:
 
 def carried_by_rotors(flight: Flight) -> bool:
     """Tell whether rotors carry the vehicle: several motors, or it stood still in the air for a while, or its pulses."""
-    several = max(len(_moving(flight, kind, size)) for kind, size, *_ in ROTOR_KINDS[:2])
+    several = max(len(_moving(flight, kind)) for kind in ("motor", "rotor"))
     return several >= FLYING.rotors or hovered(flight) or bool(rotor_pulses(flight))
 
 
@@ -136,19 +136,19 @@ def lift_command(flight: Flight) -> FloatArray | None:
     throttle = flight.column("control_throttle") if "control_throttle" in flight.names else np.zeros(1)
     if np.nanmax(np.append(np.abs(throttle), 0.0)) > 0.0:
         return throttle
-    for kind, size, idle, full in ROTOR_KINDS:
-        names = (rotor_pulses(flight) if kind == "pwm" else []) or _moving(flight, kind, size)
+    for kind, idle, full in ROTOR_KINDS:
+        names = (rotor_pulses(flight) if kind == "pwm" else []) or _moving(flight, kind)
         if len(names) >= FLYING.rotors:
             return np.asarray(np.mean([(flight.column(name) - idle) / full for name in names], axis=0))
     return None
 
 
-def _moving(flight: Flight, kind: str, size: int) -> list[str]:
+def _moving(flight: Flight, kind: str) -> list[str]:
     """Return the channels of a kind that are not still at zero; of pulses those that ArduPilot's parameters allow a motor."""
-    # 0: none said
-    functions = {n: flight.parameters.get(f"SERVO{n}_FUNCTION", 0.0) for n in range(1, size + 1)}
-    outputs = [n for n, use in functions.items() if kind != "pwm" or use == 0.0 or use in MOTOR_FUNCTIONS]
-    there = [name for name in (f"{kind}_{n}" for n in outputs) if name in flight.names]
+    there = [name for name in FAMILIES[kind] if name in flight.names]
+    if kind == "pwm":  # 0: none said
+        functions = ((n, flight.parameters.get(f"SERVO{n[4:]}_FUNCTION", 0.0)) for n in there)
+        there = [name for name, use in functions if use == 0.0 or use in ARDUPILOT.motors]
     return [name for name in there if np.nanmax(np.abs(np.append(flight.column(name), 0.0))) > 0.0]
 
 
@@ -159,9 +159,9 @@ def motors_ran(flight: Flight) -> bool:
     """
     command = lift_command(flight)
     if command is None:
-        recorded = {n for n in flight.names if np.isfinite(flight.column(n)).any()}
-        known = [recorded & {f"{kind}_{n}" for n in range(1, size + 1)} for kind, size, *_ in ROTOR_KINDS[:2]]
-        still = all(not _moving(flight, kind, size) for kind, size, *_ in ROTOR_KINDS[:2])
+        every = [[n for n in FAMILIES[kind] if n in flight.names] for kind in ("motor", "rotor")]
+        known = [[n for n in own if np.isfinite(flight.column(n)).any()] for own in every]
+        still = all(not _moving(flight, kind) for kind in ("motor", "rotor"))
         return not still or max(map(len, known)) < FLYING.rotors
     return float(np.nanmax(np.append(command, 0.0))) > FLYING.command
 
@@ -200,7 +200,7 @@ def rotor_pulses(flight: Flight) -> list[str]:
     four or more take part in each, and what they add and take away is equal. No set of surfaces does that.
     """
     running: dict[str, float] = {}
-    for name in (f"pwm_{n}" for n in range(1, OUTPUT_PINS + 1)):
+    for name in FAMILIES["pwm"]:
         x = flight.column(name) if name in flight.names else np.empty(0)
         x = x[np.isfinite(x)]
         if x.size and np.ptp(x) > 0.0 and PULSES.running[0] < float(np.median(x)) < PULSES.running[1]:

@@ -13,7 +13,7 @@ from stoop import logs
 from stoop.base.arrays import FloatArray
 from stoop.base.notices import Notice, notice
 from stoop.base.text import likely
-from stoop.base.units import FACTORS, KINDS
+from stoop.base.units import UNITS
 from stoop.base.variables import EULER
 from stoop.errors import FlightError, LogError, listed
 from stoop.flight.alignment import align, suggest_alignments
@@ -144,7 +144,8 @@ def apply_mapping(mapping: FlightMapping, recording: Recording) -> Mapped:
             for unit, weights in zip(source.units, source.columns, strict=True):
                 for column in weights if unit and stated else ():
                     own, where = stated.get(column, ""), f"{source.stream}.{column}"
-                    if KINDS.get(own) == KINDS[unit] and FACTORS[own] != FACTORS[unit]:
+                    there, said = UNITS.get(own), UNITS[unit]
+                    if there is not None and there.kind == said.kind and there.factor != said.factor:
                         values = {"place": source.place, "unit": unit, "stated": own}
                         contradicted.append(notice("unit-contradicted", where, **values))
             first, *others = _instances(timed, source) or [""]

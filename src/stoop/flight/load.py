@@ -13,8 +13,8 @@ from typing import Any, Final
 import numpy as np
 
 from stoop.base.arrays import BoolArray, FloatArray
-from stoop.base.files import write_bytes_atomic
-from stoop.base.notices import Notice, attempt, from_dict, notice
+from stoop.base.files import write_file
+from stoop.base.notices import Notice, attempt, notice
 from stoop.base.numbers import MAX_NUMBER
 from stoop.base.packages import hooks
 from stoop.base.toml import parse_json
@@ -205,7 +205,7 @@ def save_flight(flight: Flight, path: str | Path) -> None:
     OutputError
         When it cannot be written; an older file of that name is then still whole.
     """
-    write_bytes_atomic(Path(path), flight_bytes(flight))
+    write_file(Path(path), flight_bytes(flight))
 
 
 def flight_bytes(flight: Flight) -> bytes:
@@ -300,5 +300,5 @@ def _source(entry: Mapping[str, Any]) -> gridding.SourceRate:
 def _notices(content: Mapping[str, Any]) -> tuple[Notice, ...]:
     """Read notices, or the sentences that older versions wrote."""
     if NOTICES in content:
-        return tuple(from_dict(entry) for entry in content[NOTICES])
+        return tuple(Notice.from_dict(entry) for entry in content[NOTICES])
     return tuple(notice("untyped-flight-note", text=str(sentence)) for sentence in content["notes"])

@@ -22,7 +22,7 @@ import numpy as np
 from stoop.base.arrays import BoolArray, FloatArray, run_slices
 from stoop.base.notices import Notice, attempt, notice
 from stoop.base.robust import robust_std
-from stoop.base.variables import MOTORS, OUTPUT_PINS, RATES, ROTORS, SERVOS, VARIABLES
+from stoop.base.variables import FAMILIES, RATES, VARIABLES
 from stoop.flight.airborne import carried_by_rotors, flying, motors_ran
 from stoop.flight.flight import Flight
 
@@ -183,8 +183,7 @@ def by_axis(found: list[Command]) -> Mapping[Axis, Command]:
 
 def output_families(flight: Flight) -> list[list[str]]:
     """Return the outputs that move, motors first, then servos, pulses and measured rotor speeds."""
-    families = (("motor", MOTORS), ("servo", SERVOS), ("pwm", OUTPUT_PINS), ("rotor", ROTORS))
-    every = ([f"{kind}_{n}" for n in range(1, size + 1)] for kind, size in families)
+    every = (FAMILIES[kind] for kind in ("motor", "servo", "pwm", "rotor"))
     moving = ([n for n in names if n in flight.names and moves(flight.column(n))] for names in every)
     return [names for names in moving if len(names) > 1]
 

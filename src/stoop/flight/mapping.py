@@ -21,7 +21,7 @@ from pydantic import Field, ValidationError, model_validator
 from stoop.base.schema_errors import first_complaint
 from stoop.base.text import nearest
 from stoop.base.toml import parse_source, read_source
-from stoop.base.units import FACTORS, KINDS, PULSE_FACTORS, ZEROS, written_units
+from stoop.base.units import FACTORS, UNITS, WRITTEN
 from stoop.base.variables import VARIABLES
 from stoop.errors import FlightError, LogError, listed
 from stoop.flight.alignment import Alignment
@@ -39,14 +39,9 @@ from stoop.flight.conversion import (
 from stoop.flight.flight import with_other_form
 
 READY: Final[dict[str, str]] = {
-    "ulog": "px4",
-    "px4-csv": "px4",
-    "dataflash": "ardupilot",
-    "dataflash-text": "ardupilot",
-    "crazyflie": "crazyflie",
-    "blackbox": "betaflight",
-    "blackbox-csv": "betaflight",
-}  #: format of a recording -> the mapping that comes with the package
+    "ulog": "px4", "px4-csv": "px4", "dataflash": "ardupilot", "dataflash-text": "ardupilot", "crazyflie": "crazyflie",
+    "blackbox": "betaflight", "blackbox-csv": "betaflight",
+}  #: format of a recording -> the mapping that comes with the package  # fmt: skip
 MAX_EXPANSION: Final = 64  #: names that one pair of braces may stand for
 _BRACES: Final = re.compile(r"\{(\d{1,3})\.\.(\d{1,3})\}")
 _Item = TypeVar("_Item")
@@ -308,7 +303,9 @@ def _source(at: str, table: SourceTable) -> Source:
         table.stream,
         tuple(columns),
         factors=tuple(factor * scale for factor, scale in zip(factors, scales, strict=True)),
-        offsets=tuple(ZEROS.get(unit, 0.0) + offset for unit, offset in zip(units, offsets, strict=True)),
+        offsets=tuple(
+            (UNITS[unit].zero if unit else 0.0) + offset for unit, offset in zip(units, offsets, strict=True)
+        ),
         units=units,
         valid=_each(at, "valid", table.valid, len(names)),
         stamp=table.stamp,
@@ -324,19 +321,15 @@ def _unit_factor(at: str, variable: str, unit: str) -> float:
     """Return the SI value of one, or us of a pulse; a unit of another quantity than the variable's is refused."""
     if not unit:
         return 1.0
-    factors = PULSE_FACTORS if variable.startswith("pwm_") else FACTORS
-    known = VARIABLES[variable].unit
-    if unit not in factors:
-        meant = written_units().get(unit.strip().lower())
-        alike = [u for u in factors if KINDS[u] == KINDS[known]]
-        advice = f'write "{meant}"' if meant in alike else nearest(unit, alike)
+    one = VARIABLES[variable]
+    if unit not in (one.units if variable.startswith("pwm_") else UNITS):
+        meant = WRITTEN.get(unit.strip().lower())
+        advice = f'write "{meant}"' if meant in one.units else nearest(unit, one.units)
         raise LogError(f"{at}.unit = '{unit}' is unknown; {advice}")
-    if unit != "1" and KINDS[unit] != KINDS[known]:
-        same = ", ".join(u for u in FACTORS if KINDS[u] == KINDS[known])
-        raise LogError(
-            f"{at}.unit = '{unit}' is {KINDS[unit]}, but {variable} is {KINDS[known]}; write one of {same}"
-        )
-    return factors[unit]
+    if unit != "1" and unit not in one.units:
+        kinds = f"{UNITS[unit].kind}, but {variable} is {UNITS[one.unit].kind}"
+        raise LogError(f"{at}.unit = '{unit}' is {kinds}; write one of {', '.join(one.units)}")
+    return one.units.get(unit, 1.0)
 
 
 def _expanded(at: str, text: str) -> list[str]:

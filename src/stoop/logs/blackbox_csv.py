@@ -21,7 +21,7 @@ import numpy as np
 import numpy.typing as npt
 
 from stoop.base.arrays import FloatArray
-from stoop.base.units import FACTORS, KINDS, MICROSECOND
+from stoop.base.units import FACTORS, MICROSECOND, UNITS
 from stoop.errors import LogError, one_line
 from stoop.logs.blackbox import INFO
 from stoop.logs.blackbox_units import Columns, Settings, physical
@@ -97,7 +97,7 @@ def _columns(
     columns, units, assumed = physical(own, settings, stream)
     for name, (values, unit) in stated.items():
         wanted = WANTED.get(name.partition("[")[0], unit)
-        if name.startswith("GPS_") == (stream == "gps") and KINDS[unit] == KINDS[wanted]:
+        if name.startswith("GPS_") == (stream == "gps") and UNITS[unit].kind == UNITS[wanted].kind:
             columns[name], units[name] = values[rows] * (FACTORS[unit] / FACTORS[wanted]), wanted
     return rows, columns, units, assumed
 

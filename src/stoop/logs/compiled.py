@@ -30,12 +30,12 @@ _ULOG: Final = {
 }  #: entry -> its arguments
 _DATAFLASH: Final = {
     "walk": f"(int64, int64, {_READ}, {_WIDE}, {_WIDE}, uint8[:, ::1], {_WIDE}, {_WIDE}, int64[:, ::1], {_WIDE}, {_WIDE}, "
-    f"{_WIDE}, {_BYTES})",
+    f"{_WIDE}, {_BYTES})"
 }
 _TABLE: Final = "int64[:, ::1]"
 _BLACKBOX: Final = {
     "walk": f"(int64, {_READ}, int64[:, :, ::1], {_WIDE}, {_WIDE}, {_TABLE}, {_WIDE}, {_READ}, {_TABLE}, {_WIDE}, "
-    "int64[:, :, ::1])",
+    "int64[:, :, ::1])"
 }
 _CALLED: Final = {
     "ulog": (

@@ -24,15 +24,7 @@ import numpy as np
 from stoop.base.extras import install
 from stoop.errors import LogError, StoopError
 from stoop.logs.formats import FORMATS, HDF5
-from stoop.logs.recording import (
-    Defect,
-    Recording,
-    Stream,
-    increasing,
-    log_size,
-    reason,
-    unreadable,
-)
+from stoop.logs.recording import Defect, Recording, Stream, increasing, log_size, reason, unreadable
 
 MAX_RESULT: Final = 2**32  #: bytes of all arrays of a result
 TASK, RESULT = "task.json", "result.json"

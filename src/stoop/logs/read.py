@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from pathlib import Path
 
 from stoop.base.files import note_input
@@ -81,8 +82,25 @@ def read_as(known: str, path: Path, topics: frozenset[str] | None = None) -> Rec
     return form.function()(path, *content, topics)
 
 
+def read_unmapped(path: Path) -> Recording:
+    """Read a log of any kind, or a folder of CSV files, without a mapping; see `read`."""
+    from stoop.logs.csv_tables import read_px4_folder, read_raw_csv
+
+    known = kind(path) if path.exists() else ""
+    if known:
+        return read_px4_folder(path) if known == "px4-csv" else read_as(known, path)
+    table = path.is_dir() or (path.is_file() and path.name.lower().endswith((".csv", ".csv.gz", ".txt")))
+    return read_raw_csv(path) if table else read(path)
+
+
 def kind(path: Path) -> str:
-    """Return the format of a file, a key of `FORMATS`; empty where it is a table of text, or unknown."""
+    """Return the format of a file or folder; empty where it is a table of text, several of them, or unknown."""
+    if path.is_dir():
+        from stoop.logs.csv_tables import topic_files
+
+        with suppress(LogError):
+            return "rosbag" if is_bag_folder(path) else "px4-csv" if topic_files(path) else ""
+        return ""
     head, name = _head(path), path.name.lower()
     if head.startswith((b"CDF\x01", b"CDF\x02")):
         return "netcdf" if b"stoop_format" in head else "foreign-netcdf"

@@ -21,7 +21,7 @@ from typing import Any, Final, Literal, Protocol, TypeVar, get_args, get_origin,
 import numpy as np
 
 from stoop.base.arrays import FloatArray
-from stoop.base.files import write_bytes_atomic
+from stoop.base.files import write_file
 from stoop.base.npz import read_arrays
 from stoop.base.toml import is_of_type, parse_json
 from stoop.errors import IdentificationError
@@ -154,7 +154,7 @@ def save_state(path: Path, state: State, tag: str = "") -> None:
     arrays[HEADER] = np.frombuffer(header.encode(), dtype=np.uint8)
     write: Callable[..., None] = np.savez
     write(content := io.BytesIO(), **arrays)
-    write_bytes_atomic(path, content.getvalue())
+    write_file(path, content.getvalue())
 
 
 def load_tagged(path: Path) -> tuple[State, str]:

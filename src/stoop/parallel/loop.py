@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections import Counter, deque
 from collections.abc import Callable
-from concurrent.futures import FIRST_COMPLETED, Future, wait
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,9 +14,9 @@ from typing import Final
 from stoop.base.interrupts import delayed_interrupts
 from stoop.errors import CampaignError, StoopError
 from stoop.parallel.plan import Json, Plan, Task, from_text, tasks
-from stoop.parallel.pools import Pool, Workers
+from stoop.parallel.pools import Given, LocalProcesses, Pool, Workers
 from stoop.parallel.store import Store, open_store
-from stoop.parallel.worker import Report, differences, environment, work_sources
+from stoop.parallel.worker import Report, differences, environment
 
 MAX_LOSSES: Final = 5  #: of the worker of one task while no other task ends
 
@@ -34,7 +34,7 @@ class Tally:
 
 
 def execute(
-    plan: Plan, path: Path, pool: Pool, watch: Callable[[Tally], None] | None = None
+    plan: Plan, path: Path, pool: Pool | Executor | None = None, watch: Callable[[Tally], None] | None = None
 ) -> dict[str, Json]:
     """Compute what of a plan is not yet done, and return the results of all of its runs.
 
@@ -46,8 +46,8 @@ def execute(
     plan : Plan
     path : Path
         The store; made if it is not there. Its folder is made, too.
-    pool : Pool
-        `LocalProcesses`, `Dask`, or `Given` for any executor. It is not opened when nothing is left to do.
+    pool : Pool or Executor
+        `LocalProcesses` (by default), `Dask`, or any executor. It is not opened when nothing is left to do.
     watch : callable, optional
         Called with a `Tally` at the start, after each task, and about twice a second meanwhile.
 
@@ -64,7 +64,7 @@ def execute(
     CampaignError
         A run failed, workers die over and over, or cannot be reached.
     """
-    here = {**environment(), **work_sources(run.work for run in plan.runs)}
+    here = environment(run.work for run in plan.runs)
     with open_store(path, plan, here) as store:
         missing, began = store.missing(plan.runs), time.monotonic()
         driver = _Driver(store, tasks(missing), len(missing), here)
@@ -78,7 +78,7 @@ def execute(
 
         report("")
         if missing:
-            with pool.open() as workers:
+            with (Given(pool) if isinstance(pool, Executor) else pool or LocalProcesses()).open() as workers:
                 driver.run(workers, report)
         return {key: from_text(text) for key, text in store.results(plan.runs).items()}
 

@@ -57,7 +57,7 @@ class Report(TypedDict):
 def perform(work: str, text: str, stops: Sequence[int | None]) -> Report:
     """Compute one task, "package.module:function" of the arguments in a text; an exception is a failure in the report."""
     name = f"process {os.getpid()} on {socket.gethostname()}"
-    here = {**environment(), **_own_sources((work,))}
+    here = {**_environment(), **_own_sources((work,))}
     report = Report(worker=name, environment=here, results=[], failure="", trace="")
 
     def first_line(error: BaseException) -> str:
@@ -78,9 +78,14 @@ def perform(work: str, text: str, stops: Sequence[int | None]) -> Report:
     return report
 
 
+def environment(works: Iterable[str] = ()) -> dict[str, str]:
+    """Return name and value of everything that results of some work functions depend on beside the plan."""
+    return {**_environment(), **work_sources(works)}
+
+
 @functools.cache
-def environment() -> Mapping[str, str]:
-    """Return name and value of everything that results depend on beside the plan.
+def _environment() -> Mapping[str, str]:
+    """Return what all results depend on.
 
     A library that is not installed is left out: runs that need it report this themselves.
     """

@@ -96,15 +96,17 @@ def flight_history(flight: Flight, found: Found) -> TimeHistory:
     return TimeHistory(panels, "--maneuver ", shades, wide=True, each=True)
 
 
-def channel_panels(flight: Flight, names: Sequence[str]) -> list[HistoryPanel]:
-    """Return panels of those of the channels that hold a value, those alike in one."""
-    names = [name for name in names if np.isfinite(flight.column(name)).any()]
+def channel_panels(flight: Flight, chosen: Sequence[str] | None = None) -> list[HistoryPanel]:
+    """Return panels of those of the chosen channels that hold a value, those alike in one; by default of `GROUPS`."""
+    given = flight.channels if chosen is None else chosen
+    names = [name for name in given if np.isfinite(flight.column(name)).any()]
     panels, shown = [], set[str]()
     for title, members in GROUPS:
         own = [n for n in names if (n.startswith(members) if isinstance(members, str) else n in members)]
         panels += [_panel(flight, title, own)] if own else []
         shown.update(own)
-    return [*panels, *(_panel(flight, name, [name]) for name in names if name not in shown)]
+    others = [name for name in names if name not in shown and chosen is not None]
+    return [*panels, *(_panel(flight, name, [name]) for name in others)]
 
 
 def _panel(flight: Flight, title: str, names: Sequence[str]) -> HistoryPanel:

@@ -12,8 +12,8 @@ from markupsafe import Markup
 
 from stoop.assessment.verdict import CONFIRMED
 from stoop.assessment.verdict import verdict as judge
-from stoop.base.numbers import NOTHING, count, listed, number, window
-from stoop.base.text import nearest
+from stoop.base.numbers import NOTHING, count, number, window
+from stoop.base.text import enumerated, nearest
 from stoop.errors import StoopError
 from stoop.report import sheet
 from stoop.report.charts import convergence_panel
@@ -33,7 +33,6 @@ from stoop.report.maneuvers import (
     air_section,
     comparison_table,
     maneuver_parts,
-    maneuver_title,
     overview_parts,
     prediction_verdict,
     residuals_section,
@@ -73,7 +72,7 @@ def render_validation(identification: Model) -> str:
     figures += [sheet.Bullets(result.basis, "notes")] if result.basis else []
     found, more = (sheet.Bullets(result.data_notices, "notes"),), result.warnings[REASONS:]
     pairs = zip(maneuvers, identification.traces, strict=True)
-    pages = [sheet.Section(maneuver_title(m), maneuver_parts(identification, m, own)) for m, own in pairs]
+    pages = [sheet.Section(m.title, maneuver_parts(identification, m, own)) for m, own in pairs]
     warned = (sheet.Bullets(more, "warnings"),)
     sections = (
         sheet.Section("Prediction", overview_parts(identification, "validation")),
@@ -110,7 +109,7 @@ def identification_sheet(identification: Model) -> sheet.Sheet:
     lead = f"{result.free_count} from {fitted}{predicted} · optimizer {result.optimizer}"
 
     # The maneuvers, what the figures rest on, the equations, and what was found in the data.
-    rows = [(maneuver_title(m), m.role, segments_text(m), ", ".join(m.channels)) for m in result.maneuvers]
+    rows = [(m.title, m.role, segments_text(m), ", ".join(m.channels)) for m in result.maneuvers]
     head, kinds = ("Maneuver", "Role", "Data used", "Channels"), ("", "", "wrap", "wrap")
     parts: list[sheet.Part] = [sheet.Table("", head, tuple(rows), kinds, label="Maneuvers")]
     parts += [sheet.Bullets(result.basis, "notes")] if result.basis else []
@@ -227,9 +226,11 @@ def _course(result: Result) -> tuple[str, str]:
     spent = f"{number(result.trajectories, 3)} simulated trajectories in {number(result.seconds, 2)} s"
     text = f"{count(len(parameters), 'parameter')} estimated"
     if unknown:
-        text += f"; {count(len(unknown), 'of them is', 'of them are')} not identifiable ({listed(unknown)})"
+        text += f"; {count(len(unknown), 'of them is', 'of them are')} not identifiable ({enumerated(unknown, 8)})"
     if bounded:
-        text += f"; {len(bounded)} {'lies' if len(bounded) == 1 else 'lie'} at a bound ({listed(bounded)})"
+        text += (
+            f"; {len(bounded)} {'lies' if len(bounded) == 1 else 'lie'} at a bound ({enumerated(bounded, 8)})"
+        )
     # An identifiable parameter is in doubt only where others can almost replace it.
     doubts = result.identifiability.parameters.items()
     together = sum(bool(one.doubt) and name not in unknown for name, one in doubts)
@@ -264,7 +265,7 @@ def _match(result: Result, role: Role) -> str:
         text = f"the model beats a trivial first-order lag in {better} of {comparisons}"
         drawn = len(compared) - better - len(lost)
         text += f" and leaves only noise in {drawn} more" if drawn else ""
-        parts.append(f"{text}, not in {listed(lost)}" if lost else text)
+        parts.append(f"{text}, not in {enumerated(lost, 8)}" if lost else text)
     opening = "In the maneuvers it was fitted to" if role == "fit" else "Where nothing was fitted"
     return f"{opening}, {'; '.join(parts)}." if parts else ""
 

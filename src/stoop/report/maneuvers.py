@@ -20,7 +20,7 @@ from stoop.report.charts import autocorrelation_panels
 from stoop.report.estimates import label, quantity_table
 from stoop.report.model import Model
 from stoop.report.series import Range, Series, Shade, Strip, spanning
-from stoop.report.time_history import HistoryPanel, TimeHistory, holes, with_residual
+from stoop.report.time_history import RESPONSE_HEIGHT, HistoryPanel, TimeHistory, holes, with_residual
 from stoop.results.result import (
     AirDataTrace,
     GoodnessOfFit,
@@ -97,11 +97,6 @@ AIR_GROUPS: Final = (
 )  #: curves that share a drawing: title, unit, name in the trace -> legend
 
 
-def maneuver_title(maneuver: ManeuverResult) -> str:
-    """Return e.g. ``flight2, 140–145 s``."""
-    return f"{maneuver.flight}, {window(maneuver.start, maneuver.stop)}"
-
-
 def segments_text(maneuver: ManeuverResult) -> str:
     """Return the stretches of a maneuver that were used."""
     return ", ".join(window(*segment) for segment in maneuver.segments)
@@ -112,7 +107,7 @@ def role_section(identification: Model, role: Role) -> sheet.Section | None:
     parts: list[sheet.Part] = [sheet.Prose(LEADS[role], muted=True)]
     for maneuver, trace in zip(identification.result.maneuvers, identification.traces, strict=True):
         if maneuver.role == role:
-            parts.append(sheet.Heading(maneuver_title(maneuver), role))
+            parts.append(sheet.Heading(maneuver.title, role))
             parts += maneuver_parts(identification, maneuver, trace)
     title, short = TITLES[role]
     return sheet.Section(title, parts, short) if len(parts) > 1 else None
@@ -165,7 +160,7 @@ def _goodness(identification: Model, maneuver: ManeuverResult, names: Sequence[s
     )  # fmt: skip
     kinds = ("", "n", "", "n", "n", "", "", *["n"] * (len(head) - 7))
     calm = tuple("unsure" if maneuver.channels[name].below_noise else "" for name in names)
-    return sheet.Table("", head, tuple(rows), kinds, calm, f"Goodness of fit, {maneuver_title(maneuver)}")
+    return sheet.Table("", head, tuple(rows), kinds, calm, f"Goodness of fit, {maneuver.title}")
 
 
 def _innovations(identification: Model, maneuver: ManeuverResult) -> sheet.Table:
@@ -176,7 +171,7 @@ def _innovations(identification: Model, maneuver: ManeuverResult) -> sheet.Table
             figures = number(one.rms, 3), share(one.inside), _decimals(one.whiteness.autocorrelation)
             rows.append((label(identification, name), *figures, *_whiteness(one.whiteness)))
     head = ("Channel", "RMS / expected", "Within 95 %", "Correlation of neighbors", "Q", "Innovations")
-    title = f"Predicted from sample to sample, {maneuver_title(maneuver)}"
+    title = f"Predicted from sample to sample, {maneuver.title}"
     return sheet.Table("", head, tuple(rows), ("", "n", "n", "n", "n", ""), label=title)
 
 
@@ -192,7 +187,7 @@ def _more_goodness(identification: Model, maneuver: ManeuverResult) -> sheet.Det
     figures = ("RMS error", "Left out", "Unit", "R²", "Offset / amplitude / rest", "Q", "Residuals")
     head = ("Channel", "Of", *figures)
     kinds = ("", "", "n", "n", "", "n", "n", "n", "")
-    table = sheet.Table("", head, tuple(rows), kinds, label=f"More figures, {maneuver_title(maneuver)}")
+    table = sheet.Table("", head, tuple(rows), kinds, label=f"More figures, {maneuver.title}")
     return sheet.Details("More figures, each beside the lag’s", (sheet.Prose(MORE_LEAD, muted=True), table))
 
 
@@ -227,7 +222,7 @@ def _channel(
     curves = _responses(identification, name, maneuver.role, trace)
     strips = with_residual(curves, "residual", curves[0].y - curves[-1].y, response_range(curves))
     description, note = f"{name}, {_meaning(name)}: measured, simulated and their difference", ""
-    description += f", {maneuver_title(maneuver)}"
+    description += f", {maneuver.title}"
     if one is not None:
         description += f"; Theil's coefficient {_decimals(one.theil)}"
         note = f"{_theil_note(one)} · R² {_decimals(one.r2)} · fit {number(one.fit_percent, 3)} %"
@@ -259,7 +254,7 @@ def overview_parts(identification: Model, role: Role) -> list[sheet.Part]:
     parts: list[sheet.Part] = []
     for maneuver, trace in zip(identification.result.maneuvers, identification.traces, strict=True):
         if maneuver.role == role and trace.channels:
-            title, history = maneuver_title(maneuver), _overview(identification, maneuver, trace)
+            title, history = maneuver.title, _overview(identification, maneuver, trace)
             parts += [sheet.Details(title, (history,))] if parts else [sheet.Heading(title, role), history]
     return parts
 
@@ -268,13 +263,18 @@ def _overview(identification: Model, maneuver: ManeuverResult, trace: ManeuverTr
     panels = []
     for name in trace.channels:
         curves = _responses(identification, name, maneuver.role, trace)
-        strip = Strip("", tuple(curves), height=OVERVIEW_HEIGHT, y_range=response_range(curves))
+        strip = response_strip(curves, OVERVIEW_HEIGHT)
         one, unit = maneuver.channels.get(name), _shown_unit(identification, name)[1]
         note = "" if one is None else NOT_JUDGED if one.below_noise else _theil_note(one)
-        text = f"{name}, {_meaning(name)}: measured and simulated, {maneuver_title(maneuver)}."
+        text = f"{name}, {_meaning(name)}: measured and simulated, {maneuver.title}."
         title = label(identification, name)
         panels.append(HistoryPanel(title, (strip,), unit, "", note, name, text))
     return TimeHistory(panels, _window_option(identification, maneuver), _holes(trace), compact=True)
+
+
+def response_strip(curves: Sequence[Series], height: float = RESPONSE_HEIGHT) -> Strip:
+    """Return a strip of responses, in the range of the first of them."""
+    return Strip("", tuple(curves), height=height, y_range=response_range(curves))
 
 
 def response_range(curves: Sequence[Series]) -> Range:
@@ -333,7 +333,7 @@ def comparison_table(maneuvers: Sequence[ManeuverResult]) -> sheet.Table:
         mark = Markup('<span class="{}">{}</span>')
         model = (mark.format(_against_lag(one), _decimals(one.theil)) if one else NOTHING for one in found)
         lag = (_decimals(one.baseline_theil) if one else NOTHING for one in found)
-        rows += [(maneuver_title(m), "model", *model), ("", "lag", *lag)]
+        rows += [(m.title, "model", *model), ("", "lag", *lag)]
     kinds = ("", "", *("n" for _ in channels))
     return sheet.Table("", ("Maneuver", "Of", *channels), tuple(rows), kinds, label="Theil's coefficients")
 

@@ -19,8 +19,10 @@ from markupsafe import Markup, escape
 from stoop.base.arrays import FloatArray
 from stoop.base.numbers import MAX_NUMBER, RAISED
 from stoop.base.text import printable
-from stoop.report.palette import as_variables, light
-from stoop.report.series import DASHES, Kind, Look, Range, Series, Shade, Strip, looks_of, spanning, thinned
+from stoop.report.palette import as_variables
+from stoop.report.palette import light as light
+from stoop.report.series import DASHES, Kind, Look, Range, Series, Shade, Strip, looks_of, thinned
+from stoop.report.series import spanning as spanning
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -181,6 +183,32 @@ def heat_maps(
             pictures.append(svg(figure, description))
             image.remove()
     return pictures
+
+
+def fan_panel(
+    x: FloatArray,
+    estimate: FloatArray,
+    bands: FloatArray,
+    x_label: str,
+    name: str,
+    shaded: Sequence[Range] = (),
+) -> Markup:
+    """Return a curve (n,) over its 50 % and 95 % bands, and the median dashed.
+
+    `bands` (5, n) are the percentiles 2.5, 25, 50, 75 and 97.5; `shaded` are stretches of the x axis that stand out.
+    """
+    with canvas(NARROW, [170.0], titles=False) as (figure, (axes,)):
+        for start, stop in shaded:
+            axes.axvspan(start, stop, color=light("fault"), linewidth=0.0, zorder=0.1)
+        axes.fill_between(x, bands[0], bands[4], color=light("band-fit"), linewidth=0.0)
+        axes.fill_between(x, bands[1], bands[3], color=light("band-half"), linewidth=0.0)
+        axes.plot(x, bands[2], color=light("lag"), linestyle=DASHES[1], linewidth=1.4)
+        axes.plot(x, estimate, color=light("fit"), linewidth=1.8)
+        axes.set_xlim(float(x[0]), float(x[-1]))
+        axes.set_ylim(*spanning([bands, estimate], 0.06))
+        axes.locator_params("y", nbins=5)
+        axes.set_xlabel(x_label, size=12.0)
+        return svg(figure, f"{name} with its 50 % and 95 % bands.")
 
 
 @contextmanager

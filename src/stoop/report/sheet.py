@@ -19,10 +19,14 @@ from xml.etree import ElementTree as ET
 
 from markupsafe import Markup, escape
 
-from stoop.base.files import write_text_atomic
+from stoop.base.files import write_file
 from stoop.base.text import printable
 from stoop.report.palette import COLORS, variables
-from stoop.report.time_history import TimeHistory
+from stoop.report.series import Series as Series
+from stoop.report.series import Shade as Shade
+from stoop.report.series import Strip as Strip
+from stoop.report.time_history import HistoryPanel as HistoryPanel
+from stoop.report.time_history import TimeHistory as TimeHistory
 from stoop.report.track import Track
 
 if TYPE_CHECKING:
@@ -269,7 +273,7 @@ class Page:
 
 def write_sheet(sheet: Sheet, path: Path) -> None:
     """Write the page whole or not at all; raises `OutputError`."""
-    write_text_atomic(path, render_sheet(sheet))
+    write_file(path, render_sheet(sheet))
 
 
 def render_sheet(sheet: Sheet, scripts: bool = True) -> str:

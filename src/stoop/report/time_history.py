@@ -131,8 +131,8 @@ class TimeHistory:
         for one in strip.series:
             x, y, half = stepped(one) if one.kind == "steps" else (one.x, one.y, one.half_width)
             starts, key, look = blocks(x, self.shades), x.tobytes(), self.looks[one.name]
-            table = tables.setdefault(key, {"t": _packed(in_blocks(x, starts), np.float64)})
-            y, half = coarse(y, starts), None if half is None else coarse(half, starts)
+            at, (y, *halves) = in_blocks(x, [y] if half is None else [y, half], starts)
+            table = tables.setdefault(key, {"t": _packed(at, np.float64)})
             column = f"{one.name} {panel.name or panel.title}{unit}"
             while column in table:
                 column += " "
@@ -144,7 +144,7 @@ class TimeHistory:
                 "marker": {"o": "circle", "s": "square"}[marker] if one.kind == "points" else "",
                 "filled": fill == "full",
             }  # fmt: skip
-            if half is not None:
+            for half in halves:
                 low, high = f"{column} low", f"{column} high"
                 table[low], table[high] = _packed(y - half, np.float32), _packed(y + half, np.float32)
                 curve |= {"low": low, "high": high, "band": light(band_role(one)), "band_name": BAND}
@@ -180,12 +180,18 @@ def stepped(one: Series) -> tuple[FloatArray, FloatArray, None]:
     return np.repeat(one.x, 2)[1:], np.repeat(one.y, 2)[:-1], None
 
 
-def in_blocks(x: FloatArray, starts: IntArray) -> FloatArray:
-    """Return the times (2 b,) at which `coarse` puts the two samples of a block: its first and its middle."""
+def in_blocks(
+    x: FloatArray, curves: Sequence[FloatArray], starts: IntArray
+) -> tuple[FloatArray, list[FloatArray]]:
+    """Return the times (2 b,) of first and middle of each block, and the least and greatest value of each curve there (2 b,).
+
+    The two stand in the order in which the curve passes them.
+    """
     if len(starts) == len(x):
-        return x
+        return x, [*curves]
     ends = np.append(starts[1:], len(x))
-    return np.asarray(x[np.column_stack([starts, (starts + ends) // 2]).ravel()])
+    at = np.asarray(x[np.column_stack([starts, (starts + ends) // 2]).ravel()])
+    return at, [_coarse(values, starts, ends) for values in curves]
 
 
 def blocks(x: FloatArray, shades: Sequence[Shade]) -> IntArray:
@@ -200,13 +206,9 @@ def blocks(x: FloatArray, shades: Sequence[Shade]) -> IntArray:
     return np.flatnonzero(full | np.roll(full, 1))
 
 
-def coarse(values: FloatArray, starts: IntArray) -> FloatArray:
-    """Return a curve of two samples a block (2 b,): its least and greatest value, in the order in which it passes them."""
-    if len(starts) == len(values):
-        return values
+def _coarse(values: FloatArray, starts: IntArray, ends: IntArray) -> FloatArray:
     low, high = np.fmin.reduceat(values, starts), np.fmax.reduceat(values, starts)
-    ends = np.append(starts[1:], len(values)) - 1
-    falling = values[starts] > values[ends]
+    falling = values[starts] > values[ends - 1]
     upper = np.tile([False, True], len(starts)) ^ np.repeat(falling, 2)
     return np.where(upper, np.repeat(high, 2), np.repeat(low, 2))
 

@@ -17,9 +17,9 @@ from typing import TYPE_CHECKING, Any, Final, Literal, TypeAlias, cast, get_args
 import numpy as np
 
 from stoop.base.arrays import FloatArray
-from stoop.base.files import write_text_atomic
-from stoop.base.notices import AS_SENTENCES, Notice, as_notice, from_dict, of_severity
-from stoop.base.numbers import count
+from stoop.base.files import write_file
+from stoop.base.notices import AS_SENTENCES, Notice, as_notice, of_severity
+from stoop.base.numbers import count, window
 from stoop.base.text import printable
 from stoop.base.toml import is_of_type, parse_json, read_source
 from stoop.errors import StoopError
@@ -299,6 +299,11 @@ class ManeuverResult:
         """``FLIGHT START:STOP``."""
         return f"{self.flight} {self.start:g}:{self.stop:g}"
 
+    @property
+    def title(self) -> str:
+        """Such as ``flight2, 140–145 s``."""
+        return f"{self.flight}, {window(self.start, self.stop)}"
+
 
 @dataclass(frozen=True, eq=False)
 class Result:
@@ -412,7 +417,7 @@ class Result:
         OutputError
             When the file cannot be written.
         """
-        write_text_atomic(path, to_json(self))
+        write_file(path, to_json(self))
 
 
 @dataclass(frozen=True, eq=False)
@@ -533,7 +538,7 @@ def _decode(kind: Any, value: Any, default: Any = NAN) -> Any:
     is the default, else NaN.
     """
     if kind is Notice:
-        return from_dict(value)
+        return Notice.from_dict(value)
     if is_dataclass(kind):
         hints = get_type_hints(kind)
         optional = {

@@ -13,7 +13,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Final
 
-from stoop.base.files import check_targets, make_folder, write_files
+from stoop.base.files import check_targets, write_files
 from stoop.base.text import nearest
 from stoop.errors import StoopError
 
@@ -89,6 +89,5 @@ def copy(one: Example, target: Path, overwrite: bool = False) -> tuple[Path, ...
         A file is there already, or the folder cannot be written.
     """
     check_targets(target, one.names, overwrite)
-    make_folder(target)
     write_files(target, {file: one.content(file) for file in one.names})
     return tuple(target / file for file in one.names)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import tomlkit
 
-from stoop.base.files import check_targets, make_folder, scratch, write_files
+from stoop.base.files import check_targets, scratch, write_files
 from stoop.base.numbers import MAX_NUMBER
 from stoop.errors import FlightError, OutputError
 from stoop.flight import Flight, flight_bytes
@@ -85,7 +85,6 @@ def place_outputs(model: FittedModel, folder: Path, overwrite: bool = False) -> 
         files[ESTIMATE] = archive
     files[CURVES] = packed_curves(Curves(model.traces, model.convergence, model.command))
     files |= {"report.html": render(model), RESULT: to_json(model.result)}
-    make_folder(folder)
     if not overwrite and any((folder / name).exists() for name in files):
         # Hours may lie in either: the result is put beside that of the other run.
         aside = folder / f"run-{uuid.uuid4().hex[:8]}"
@@ -159,7 +158,7 @@ def input_hashes(
 ) -> dict[str, str]:
     """Return the SHA-256 of the vehicle file, of every flight's files and of all others, by name."""
     own = {Path(vehicle.where).name: hashlib.sha256(vehicle.text.encode()).hexdigest()}
-    return own | file_hashes([*flight_files(flights.values()), *others], own)
+    return own | file_hashes([*flights.values(), *others], own)
 
 
 def flight_files(flights: Iterable[Flight]) -> list[Path]:
@@ -169,12 +168,13 @@ def flight_files(flights: Iterable[Flight]) -> list[Path]:
     return [path for path in [*logs, *mappings] if path.exists()]
 
 
-def file_hashes(paths: Iterable[Path], taken: Iterable[str] = ()) -> dict[str, str]:
-    """Return the SHA-256 of files by their names, by their paths where a name is taken.
+def file_hashes(inputs: Iterable[Flight | Path], taken: Iterable[str] = ()) -> dict[str, str]:
+    """Return the SHA-256 of files, and of those of flights, by their names, by their paths where a name is taken.
 
     Of a folder the sorted names and contents of its tables and mapping are hashed, not of results beside them.
     """
     out: dict[str, str] = {}
+    paths = [path for one in inputs for path in (flight_files([one]) if isinstance(one, Flight) else [one])]
     for path in dict.fromkeys(paths):
         digest, files = hashlib.sha256(), [path]
         if path.is_dir():

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
-from stoop.base.files import make_folder, write_files
+from stoop.base.files import write_files
 from stoop.flight import Flight, flight_bytes
 from stoop.reconstruction.compatibility import Compatibility
 from stoop.workflow.outputs import file_hashes, flight_files, versions
@@ -27,7 +27,6 @@ def write_compatibility(
     from stoop.report.reconstruction import compatibility_sheet
     from stoop.report.sheet import render_sheet
 
-    make_folder(folder)
     hashes = file_hashes([*flight_files([original]), *others])
     page = render_sheet(compatibility_sheet(result, command))
     contents = page, flight_bytes(corrected), result.document(versions(), hashes)

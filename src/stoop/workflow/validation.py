@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 
 from stoop.assessment.verdict import diverged
-from stoop.base.files import check_targets, make_folder, write_files
+from stoop.base.files import check_targets, write_files
 from stoop.base.notices import Notice, as_notice, notice, of_severity
 from stoop.base.numbers import count
 from stoop.base.packages import hooks
@@ -90,7 +90,6 @@ class Validated:
         from stoop.report.identification import render_validation
 
         check_targets(Path(folder), NAMES, overwrite)
-        make_folder(Path(folder))
         texts = render_validation(self.model), self.record.to_json()
         write_files(Path(folder), dict(zip(NAMES, texts, strict=True)))
 

@@ -6,7 +6,7 @@ import argparse
 import math
 from pathlib import Path
 
-from stoop.extend.verbs import LiveLine, numbers, options, page, shown_unit, words
+from stoop.extend.verbs import LiveLine, column, options, page
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -41,16 +41,17 @@ def run(arguments: argparse.Namespace) -> int:
         # What is zero by symmetry fills no line.
         kept = [i for i, x in enumerate(table.values.tolist()) if x]
         columns = [
-            words("", [table.names[i] for i in kept]),
-            numbers("value", [float(table.values[i]) for i in kept]),
+            column("", [table.names[i] for i in kept]),
+            column("value", [float(table.values[i]) for i in kept]),
         ]
         if table.known.names:
             errors = table.std_errors
             columns.append(
-                numbers("std error", [float(errors[i]) if table.identified[i] else math.nan for i in kept])
+                column("std error", [float(errors[i]) if table.identified[i] else math.nan for i in kept])
             )
-            columns.append(words("", ["" if table.identified[i] else "not identified" for i in kept]))
+            columns.append(column("", ["" if table.identified[i] else "not identified" for i in kept]))
         out.heading(table.form)
-        out.table(*columns[:2], words("", [shown_unit(table.units[i]) for i in kept]), *columns[2:])
+        units = ["" if table.units[i] == "1" else table.units[i] for i in kept]
+        out.table(*columns[:2], column("", units), *columns[2:])
     out.bullets(model.notes)
     return 0

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from stoop.extend.errors import FlightError, IdentificationError
 from stoop.extend.files import check_targets
 from stoop.extend.text import within_limits
-from stoop.extend.verbs import LiveLine, Watch, fixed, numbers, options, page, words
+from stoop.extend.verbs import LiveLine, column, options, page
 
 if TYPE_CHECKING:
     from stoop import Flight
@@ -42,13 +42,13 @@ def polar(arguments: argparse.Namespace) -> int:
     out, summary = page(), found.summary
     out.heading("Polar")
     values, errors = zip(*summary.values(), strict=True)
-    meanings = words("meaning", [MEANINGS[name] for name in summary])
-    out.table(words("", summary), numbers("estimate", values), numbers("std error", errors), meanings)
+    meanings = column("meaning", [MEANINGS[name] for name in summary])
+    out.table(column("", summary), column("estimate", values), column("std error", errors), meanings)
     CL = lift_grid(found)
     value, std = found.drag(CL)
     low, high = value - NORMAL_95 * std, value + NORMAL_95 * std
     out.heading("Drag coefficient, 95 % interval")
-    out.table(fixed("CL", CL, 1), fixed("CD", value, 4), fixed("from", low, 4), fixed("to", high, 4))
+    out.table(column("CL", CL, 1), column("CD", value, 4), column("from", low, 4), column("to", high, 4))
     out.bullets(notices, "What it rests on")
     if folder is not None:
         write_polar(found, notices, flight, folder, options.command_line(), others)
@@ -76,7 +76,7 @@ def rotors(arguments: argparse.Namespace) -> int:
     balance = effectiveness.Balance(load_vehicle(arguments.vehicle))
     flights: dict[str, Flight] = {}
 
-    def read_hover(paths: Sequence[Path], watch: Watch) -> tuple[Hover, ...]:
+    def read_hover(paths: Sequence[Path], watch: LiveLine) -> tuple[Hover, ...]:
         out = []
         for path in paths:
             flight = load_flight(path, arguments.mapping)
@@ -86,7 +86,7 @@ def rotors(arguments: argparse.Namespace) -> int:
                 watch.warn(str(found))
         return tuple(out)
 
-    with Watch("reading the logs") as watch:
+    with LiveLine("reading the logs") as watch:
         healthy = read_hover(arguments.healthy, watch)
         flown = read_hover(arguments.flight, watch)
     one = arguments.together and len(flown) > 1
@@ -108,11 +108,11 @@ def rotors(arguments: argparse.Namespace) -> int:
     for title, items in notes.items():
         out.bullets(items, title)
     if arguments.output is not None:
-        from stoop.extend.reports import write_sheet
+        from stoop.extend.reports import sheet
         from stoop_analysis.report.rotors import rotors_sheet
 
-        sheet = rotors_sheet(alike, found, flights, notes, chance, options.command_line())
-        write_sheet(sheet, arguments.output)
+        page_of_rotors = rotors_sheet(alike, found, flights, notes, chance, options.command_line())
+        sheet.write_sheet(page_of_rotors, arguments.output)
         out.line(f"wrote {arguments.output}")
     return 0
 
@@ -120,7 +120,7 @@ def rotors(arguments: argparse.Namespace) -> int:
 def structure(arguments: argparse.Namespace) -> int:
     """Choose, write, and print what was chosen."""
     from stoop import load_vehicle
-    from stoop.extend.files import by_name, read_source
+    from stoop.extend.files import by_name, toml
     from stoop.extend.fits import FrequencyDomain
     from stoop.extend.flights import load_several
     from stoop_analysis.structure import Press, orthogonal, parse_candidates, standard_candidates, stepwise
@@ -136,7 +136,7 @@ def structure(arguments: argparse.Namespace) -> int:
     for text in arguments.candidates:
         lines, where = [text], "--candidates"
         if ":" not in text or Path(text).exists():
-            lines, where = read_source(text, "candidates", IdentificationError).splitlines(), text
+            lines, where = toml.read_source(text, "candidates", IdentificationError).splitlines(), text
         for coefficient, terms in parse_candidates(lines, vehicle, where).items():
             candidates[coefficient] = (*candidates.get(coefficient, ()), *terms)
     flights = by_name(load_several(arguments.flight, arguments.mapping), "structure")
@@ -152,9 +152,9 @@ def structure(arguments: argparse.Namespace) -> int:
         out.heading(f"{coefficient}: {share}, R2 {chosen.selection.model.r2:.3f}")
         names = found.names[coefficient]
         values = [found.estimates.get(name, nothing) for name in names.values()]
-        estimates = numbers("estimate", [value for value, _ in values])
-        errors = numbers("std error", [error for _, error in values])
-        out.table(words("term", names), words("parameter", names.values()), estimates, errors)
+        estimates = column("estimate", [value for value, _ in values])
+        errors = column("std error", [error for _, error in values])
+        out.table(column("term", names), column("parameter", names.values()), estimates, errors)
     of_terms = [n for chosen in found.structure.chosen.values() for n in chosen.notices]
     out.bullets([*of_terms, *found.structure.notices], "notes")
     out.line()
@@ -174,12 +174,12 @@ def _compare(title: str, found: Sequence[Assessment], chance: float) -> None:
     out.heading(title)
     named = ["any" if len(n) == len(f.weak) else " or ".join(n) or "none" for f, n in names]
     out.table(
-        words("flight", [f.name for f in found]),
-        words("suspected", named),
-        fixed("factor", [1.0 - s.size for s in suspects], 3),
-        fixed("std error", [s.std for s in suspects], 3),
-        fixed("chance", [f.chance for f in found], 4),
-        words("verdict", [str(judge(f, chance).notice) for f in found], wraps=True),
+        column("flight", [f.name for f in found]),
+        column("suspected", named),
+        column("factor", [1.0 - s.size for s in suspects], 3),
+        column("std error", [s.std for s in suspects], 3),
+        column("chance", [f.chance for f in found], 4),
+        column("verdict", [str(judge(f, chance).notice) for f in found], wraps=True),
     )
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
-from stoop.extend.text import show
-from stoop.extend.verbs import LiveLine, fixed, numbers, options, page, points, to_json, words
+from stoop.extend.files import to_json
+from stoop.extend.verbs import LiveLine, column, options, page
 
 if TYPE_CHECKING:
     from stoop_analysis.frequency import FrequencyAnalysis
@@ -25,13 +25,13 @@ def run(arguments: argparse.Namespace) -> int:
             flights, arguments.maneuver, arguments.vehicle, arguments.input, arguments.channel, arguments.band
         )
     if target is not None:
-        from stoop.extend.reports import write_sheet
+        from stoop.extend.reports import sheet
         from stoop_analysis.report.frequency import frequency_sheet
 
         with LiveLine("drawing"):
-            write_sheet(frequency_sheet(found, options.command_line()), target)
+            sheet.write_sheet(frequency_sheet(found, options.command_line()), target)
     if arguments.json:
-        show(to_json(found.to_dict()))
+        page().text(to_json(found.to_dict()))
         return 0
     _print(found)
     if target is not None:
@@ -50,13 +50,15 @@ def _print(found: FrequencyAnalysis) -> None:
     rows = [(r, known(r)) for r in found.responses if known(r).any()]
     out.heading("Responses of the flight (coherence 0.6 and more)")
     out.table(
-        words("output", [r.output for r, _ in rows]),
-        words("input", [r.input for r, _ in rows]),
-        points("frequencies", [str(int(good.sum())) for _, good in rows]),
-        numbers("from rad/s", [float(r.frequency[good][0]) for r, good in rows]),
-        numbers("to rad/s", [float(r.frequency[good][-1]) for r, good in rows]),
-        fixed("mean coherence", [float(r.coherence[good].mean()) for r, good in rows], 2),
-        fixed("median error %", [100.0 * sorted(r.bound[good])[int(good.sum()) // 2] for r, good in rows], 0),
+        column("output", [r.output for r, _ in rows]),
+        column("input", [r.input for r, _ in rows]),
+        column("frequencies", [int(good.sum()) for _, good in rows], 0),
+        column("from rad/s", [float(r.frequency[good][0]) for r, good in rows]),
+        column("to rad/s", [float(r.frequency[good][-1]) for r, good in rows]),
+        column("mean coherence", [float(r.coherence[good].mean()) for r, good in rows], 2),
+        column(
+            "median error %", [100.0 * sorted(r.bound[good])[int(good.sum()) // 2] for r, good in rows], 0
+        ),
     )
     bands = [
         (one, one.bandwidth) for one in found.figures if one.bandwidth is not None and one.bandwidth.reached
@@ -64,12 +66,12 @@ def _print(found: FrequencyAnalysis) -> None:
     if bands:
         out.heading("Bandwidth (rad/s) and phase delay (s) of the attitude, 95 % intervals")
         out.table(
-            words("rate", [f"{one.output}/{one.input}" for one, _ in bands]),
-            words("of", [one.source for one, _ in bands]),
-            words("phase bandwidth", [interval(b.phase_bandwidth) for _, b in bands]),
-            words("gain bandwidth", [interval(b.gain_bandwidth) for _, b in bands]),
-            words("180 deg lag", [interval(b.crossover) for _, b in bands]),
-            words("phase delay", [interval(b.phase_delay) for _, b in bands]),
+            column("rate", [f"{one.output}/{one.input}" for one, _ in bands]),
+            column("of", [one.source for one, _ in bands]),
+            column("phase bandwidth", [interval(b.phase_bandwidth) for _, b in bands]),
+            column("gain bandwidth", [interval(b.gain_bandwidth) for _, b in bands]),
+            column("180 deg lag", [interval(b.crossover) for _, b in bands]),
+            column("phase delay", [interval(b.phase_delay) for _, b in bands]),
         )
     systems = [
         (one, one.system, name, value)
@@ -80,10 +82,10 @@ def _print(found: FrequencyAnalysis) -> None:
     if systems:
         out.heading("Low-order equivalent systems, 95 % intervals")
         out.table(
-            words("system", [f"{system.name}, {one.output}/{one.input}" for one, system, _, _ in systems]),
-            words("of", [one.source for one, _, _, _ in systems]),
-            words("parameter", [f"{name} {UNITS.get(name, '')}".strip() for _, _, name, _ in systems]),
-            words("estimate", [value for _, _, _, value in systems]),
-            fixed("cost", [system.cost for _, system, _, _ in systems], 1),
+            column("system", [f"{system.name}, {one.output}/{one.input}" for one, system, _, _ in systems]),
+            column("of", [one.source for one, _, _, _ in systems]),
+            column("parameter", [f"{name} {UNITS.get(name, '')}".strip() for _, _, name, _ in systems]),
+            column("estimate", [value for _, _, _, value in systems]),
+            column("cost", [system.cost for _, system, _, _ in systems], 1),
         )
     out.bullets(found.notices, "notes")

@@ -7,8 +7,8 @@ from itertools import groupby
 from pathlib import Path
 
 from stoop.extend.errors import StoopError
-from stoop.extend.text import show
-from stoop.extend.verbs import LiveLine, numbers, options, page, shown_unit, to_json, words
+from stoop.extend.files import to_json
+from stoop.extend.verbs import LiveLine, column, options, page
 
 
 def expressions_of(texts: list[str]) -> dict[str, str]:
@@ -44,7 +44,7 @@ def run(arguments: argparse.Namespace) -> int:
     if target is not None:
         found.page(options.command_line()).save(target)
     if arguments.json:
-        show(to_json(found.document()))
+        page().text(to_json(found.document()))
         return 0
     from stoop_analysis.report.propagation import shown
 
@@ -56,15 +56,15 @@ def run(arguments: argparse.Namespace) -> int:
         rows = list(some)
         scales = [shown(one) for one in rows]
         columns = [
-            numbers(head, [factor * getattr(one, key) for one, (factor, _) in zip(rows, scales, strict=True)])
+            column(head, [factor * getattr(one, key) for one, (factor, _) in zip(rows, scales, strict=True)])
             for head, key in (
                 ("estimate", "estimate"), ("std error", "std_error"), ("95 % from", "ci95_lower"), ("to", "ci95_upper"),
             )
         ]  # fmt: skip
-        units = words("", [shown_unit(unit) for _, unit in scales])
-        prior = words("", ["mostly priors" if one.rests_on_prior else "" for one in rows])
+        units = column("", ["" if unit == "1" else unit for _, unit in scales])
+        prior = column("", ["mostly priors" if one.rests_on_prior else "" for one in rows])
         out.heading(group)
-        out.table(words("", [one.name for one in rows]), *columns, units, prior)
+        out.table(column("", [one.name for one in rows]), *columns, units, prior)
     out.bullets(found.notices, "What they rest on")
     if target is not None:
         out.line()

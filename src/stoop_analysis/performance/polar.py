@@ -34,12 +34,13 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from stoop import Flight
-from stoop.extend.arrays import FloatArray, huber_weights, robust_std, run_slices
+from stoop.extend.arrays import FloatArray, robust_std, run_slices
 from stoop.extend.errors import FlightError
 from stoop.extend.fits import NORMAL_95, PieceEvidence, estimate_uncertainty
 from stoop.extend.flights import airborne
 from stoop.extend.units import STANDARD_GRAVITY, standard_density
 
+HUBER: Final = 1.345  #: standard deviations; 95 % efficient on Gaussian noise
 MIN_BLOCKS: Final = 12  #: below which no parabola is fitted
 SWITCHED_OFF: Final = 0.02  #: of full throttle
 NEEDED: Final = ("V", "alpha", "ax", "az", "altitude")
@@ -338,7 +339,7 @@ def fit_polar(
         values = np.asarray(least_squares(weighted, values, x_scale=np.where(known, std, 0.05)).x)
         left = balance.residual(values)
         sigma = robust_std(left) or 1.0
-        weights = huber_weights(left, sigma)
+        weights = np.minimum(1.0, HUBER * sigma / np.maximum(np.abs(left), 1e-12))
         if float(np.max(np.abs(values - before))) < 1e-8:
             break
     # the covariance is corrected for color, stretch by stretch

@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from stoop import Notice, Vehicle
-from stoop.extend.arrays import BoolArray, FloatArray, runs
+from stoop.extend.arrays import BoolArray, FloatArray, run_slices
 from stoop.extend.errors import SimulationError
 from stoop.extend.motion import THRUST, WING_ANGLES, OnWings
 from stoop.extend.notices import notice
@@ -286,7 +286,7 @@ def stretches(
 ) -> tuple[tuple[float, float], ...]:
     """Return the stretches of speeds (n,) where values (n,) lie outside of what was flown."""
     outside = (values < flown[0] - margin) | (values > flown[1] + margin)
-    return tuple((float(speeds[a]), float(speeds[b - 1])) for a, b in runs(outside).tolist())
+    return tuple((float(speeds[run.start]), float(speeds[run.stop - 1])) for run in run_slices(outside))
 
 
 def glide_ratio(climb: FloatArray) -> FloatArray:

@@ -6,10 +6,19 @@ import math
 from collections.abc import Sequence
 from typing import Final
 
-from stoop.extend import reports
 from stoop.extend.fits import DerivedValue
-from stoop.extend.text import NOTHING, listed, number
-from stoop_analysis.frequency import AXES, MAX_ERROR, MIN_COHERENCE, Figures, FrequencyAnalysis, known
+from stoop.extend.flights import FrequencyResponse
+from stoop.extend.reports import response_panels, sheet
+from stoop.extend.text import enumerated, number
+from stoop_analysis.frequency import (
+    AXES,
+    MAX_ERROR,
+    MIN_COHERENCE,
+    Figures,
+    FrequencyAnalysis,
+    ModelResponse,
+    known,
+)
 from stoop_analysis.handling import EquivalentSystem
 
 MIN_POINTS: Final = 3  #: known ones, of a response that is drawn
@@ -36,13 +45,13 @@ FORMS: Final = {
 UNITS: Final = {"zero": "1/s", "frequency": "rad/s", "time_constant": "s", "delay": "s"}
 
 
-def frequency_sheet(found: FrequencyAnalysis, command: str = "") -> reports.Sheet:
+def frequency_sheet(found: FrequencyAnalysis, command: str = "") -> sheet.Sheet:
     """Return the page."""
     parts = [w.flight + " " + f"{w.start:g}:{w.stop:g} s" for w in found.windows]
     lead = LEAD.format(
-        outputs=listed(list(found.outputs)),
-        inputs=listed(list(found.inputs)),
-        windows=listed(parts),
+        outputs=enumerated(found.outputs, 8),
+        inputs=enumerated(found.inputs, 8),
+        windows=enumerated(parts, 8),
         coherence=MIN_COHERENCE,
         error=100.0 * MAX_ERROR,
     )
@@ -53,21 +62,18 @@ def frequency_sheet(found: FrequencyAnalysis, command: str = "") -> reports.Shee
         sections += [_bandwidths(bands)] if bands else []
         systems = [one for one in found.figures if one.system is not None]
         sections += [_systems(systems)] if systems else []
-    sections += (
-        [reports.Section("Notes", (reports.Bullets(found.notices, "notes"),))] if found.notices else []
-    )
-    sections += [reports.Section("Made by", (reports.Code(command),))] if command else []
-    return reports.Sheet(f"Frequency responses: {listed(list(found.flights))}", lead, tuple(sections))
+    sections += [sheet.Section("Notes", (sheet.Bullets(found.notices, "notes"),))] if found.notices else []
+    sections += [sheet.Section("Made by", (sheet.Code(command),))] if command else []
+    return sheet.Sheet(f"Frequency responses: {enumerated(found.flights, 8)}", lead, tuple(sections))
 
 
-def shown_pairs(found: FrequencyAnalysis) -> list[reports.Pair]:
+def shown_pairs(found: FrequencyAnalysis) -> list[tuple[FrequencyResponse, ModelResponse | None]]:
     """Return the responses that are drawn: those known well enough, and of each rate that to its own control."""
-    pairs = list[reports.Pair]()
-    for one in found.responses:
-        own = one.input in AXES.get(one.output, ())
-        if own or int(known(one).sum()) >= MIN_POINTS:
-            pairs.append((one, found.model.get((one.input, one.output))))
-    return pairs
+    return [
+        (one, found.model.get((one.input, one.output)))
+        for one in found.responses
+        if one.input in AXES.get(one.output, ()) or int(known(one).sum()) >= MIN_POINTS
+    ]
 
 
 def condition_text(found: FrequencyAnalysis) -> str:
@@ -76,22 +82,20 @@ def condition_text(found: FrequencyAnalysis) -> str:
     return ", ".join(f"{name} {number(value)} {units[name]}" for name, value in found.condition.items())
 
 
-def _bode(found: FrequencyAnalysis, condition: str) -> reports.Section:
+def _bode(found: FrequencyAnalysis, condition: str) -> sheet.Section:
     pairs = shown_pairs(found)
     if not pairs:
-        return reports.Section(
-            "Bode plots", (reports.Bullets(["no response is known well enough to be drawn"]),)
-        )
-    parts: list[reports.Part] = []
+        return sheet.Section("Bode plots", (sheet.Bullets(["no response is known well enough to be drawn"]),))
+    parts: list[sheet.Part] = []
     if found.model:
         parts.append(
-            reports.Prose(
+            sheet.Prose(
                 f"The model is linearized about its steady straight flight at {condition}.", muted=True
             )
         )
-        parts.append(reports.Legend(LEGEND))
-    parts.append(reports.Panels(reports.response_panels(pairs, MAX_ERROR, MIN_COHERENCE), "large"))
-    return reports.Section("Bode plots", parts)
+        parts.append(sheet.Legend(LEGEND))
+    parts.append(sheet.Panels(response_panels(pairs, MAX_ERROR, MIN_COHERENCE), "large"))
+    return sheet.Section("Bode plots", parts)
 
 
 def estimates(system: EquivalentSystem) -> dict[str, str]:
@@ -108,14 +112,14 @@ def estimates(system: EquivalentSystem) -> dict[str, str]:
 def interval(one: DerivedValue, digits: int = 3) -> str:
     """Return a number with its 95 % interval, if it has one."""
     if math.isnan(one.estimate):
-        return NOTHING
+        return "–"
     value = number(one.estimate, digits)
     if math.isnan(one.ci95_lower):
         return value
     return f"{value} ({number(one.ci95_lower, digits)} to {number(one.ci95_upper, digits)})"
 
 
-def _bandwidths(figures: Sequence[Figures]) -> reports.Section:
+def _bandwidths(figures: Sequence[Figures]) -> sheet.Section:
     rows = []
     for one in figures:
         band = one.bandwidth
@@ -130,13 +134,13 @@ def _bandwidths(figures: Sequence[Figures]) -> reports.Section:
         "180 deg lag, rad/s",
         "phase delay, s",
     )
-    table = reports.Table("", head, tuple(rows), label="Bandwidth and phase delay")
-    return reports.Section(
-        "Bandwidth and phase delay", (reports.Prose(BANDWIDTH_LEAD, muted=True), table), "Bandwidth"
+    table = sheet.Table("", head, tuple(rows), label="Bandwidth and phase delay")
+    return sheet.Section(
+        "Bandwidth and phase delay", (sheet.Prose(BANDWIDTH_LEAD, muted=True), table), "Bandwidth"
     )
 
 
-def _systems(figures: Sequence[Figures]) -> reports.Section:
+def _systems(figures: Sequence[Figures]) -> sheet.Section:
     rows = []
     for one in figures:
         system = one.system
@@ -152,7 +156,7 @@ def _systems(figures: Sequence[Figures]) -> reports.Section:
                 )  # fmt: skip
     head = ("system", "of", "parameter", "estimate (95 % interval)", "rad/s", "cost")
     forms = dict.fromkeys(one.system.name for one in figures if one.system is not None)
-    texts = reports.Bullets([f"{name}: {FORMS[name]}" for name in forms])
-    table = reports.Table("", head, tuple(rows), label="Low-order equivalent systems")
-    parts = (reports.Prose(SYSTEM_LEAD, muted=True), texts, table)
-    return reports.Section("Low-order equivalent systems", parts, "Equivalent systems")
+    texts = sheet.Bullets([f"{name}: {FORMS[name]}" for name in forms])
+    table = sheet.Table("", head, tuple(rows), label="Low-order equivalent systems")
+    parts = (sheet.Prose(SYSTEM_LEAD, muted=True), texts, table)
+    return sheet.Section("Low-order equivalent systems", parts, "Equivalent systems")

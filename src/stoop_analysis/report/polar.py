@@ -10,9 +10,8 @@ import numpy as np
 from stoop import Notice
 from stoop.extend.arrays import FloatArray
 from stoop.extend.fits import NORMAL_95
-from stoop.extend.reports import Bullets, Code, Figure, Section, Series, Sheet, Table, plot
+from stoop.extend.reports import plots, sheet
 from stoop.extend.text import number, rounded_to_error
-from stoop.extend.units import DEGREE
 from stoop_analysis.performance.polar import Polar
 
 MEANINGS: Final = {
@@ -33,14 +32,14 @@ LIFT: Final = (
 )
 
 
-def polar_sheet(name: str, polar: Polar, notices: Sequence[Notice], command: str) -> Sheet:
+def polar_sheet(name: str, polar: Polar, notices: Sequence[Notice], command: str) -> sheet.Sheet:
     """Return the page of the polar of a flight of this name."""
     prior, rows = dict(zip(polar.names, polar.prior_std, strict=True)), []
     for unknown, (value, error) in polar.summary.items():
         known = number(prior.get(unknown, np.nan), 2)
         known = "log " + known if unknown == "diameter" else known
         rows.append((unknown, *rounded_to_error(value, error), known, MEANINGS[unknown]))
-    numbers = Table("Estimates", ("", "estimate", "std error", "prior std", "what it is"), tuple(rows))
+    numbers = sheet.Table("Estimates", ("", "estimate", "std error", "prior std", "what it is"), tuple(rows))
 
     CL = lift_grid(polar)
     drag, std = polar.drag(CL)
@@ -48,31 +47,33 @@ def polar_sheet(name: str, polar: Polar, notices: Sequence[Notice], command: str
         (number(c, 2), number(v, 3), number(v - NORMAL_95 * s, 3), number(v + NORMAL_95 * s, 3))
         for c, v, s in zip(CL, drag, std, strict=True)
     )
-    table = Table("Drag coefficient with 95 % intervals", ("CL", "CD", "from", "to"), cells)
+    table = sheet.Table("Drag coefficient with 95 % intervals", ("CL", "CD", "from", "to"), cells)
     found = polar.bins()
     medians = tuple((number(b.CL, 3), number(b.CD, 3), number(b.spread, 2), str(b.count)) for b in found)
-    bins = Table("Medians of blocks of similar lift", ("CL", "CD", "spread (68 %)", "blocks"), medians)
+    bins = sheet.Table("Medians of blocks of similar lift", ("CL", "CD", "spread (68 %)", "blocks"), medians)
 
     CL = np.linspace(*polar.valid, 61)
     drag, std = polar.drag(CL)
     series = [
-        Series("blocks", polar.CD, polar.CL, "points"),
-        Series("medians of bins", np.array([b.CD for b in found]), np.array([b.CL for b in found]), "points"),
-        Series("parabola", drag, CL),
-        Series("95 % interval, low", drag - NORMAL_95 * std, CL),
-        Series("95 % interval, high", drag + NORMAL_95 * std, CL),
+        sheet.Series("blocks", polar.CD, polar.CL, "points"),
+        sheet.Series(
+            "medians of bins", np.array([b.CD for b in found]), np.array([b.CL for b in found]), "points"
+        ),
+        sheet.Series("parabola", drag, CL),
+        sheet.Series("95 % interval, low", drag - NORMAL_95 * std, CL),
+        sheet.Series("95 % interval, high", drag + NORMAL_95 * std, CL),
     ]
     high = float(max(np.max(drag + NORMAL_95 * std), np.quantile(polar.CD, 0.9)))
     caption = "Lift coefficient over drag coefficient."
     axes = ("drag coefficient CD", "lift coefficient CL", caption)
-    figure = Figure(caption, plot(series, *axes, x_range=(0.0, 1.1 * high)))
-    blocks = [Series("blocks", polar.blocks.alpha / DEGREE, polar.CL, "points")]
-    lift = Figure(LIFT, plot(blocks, "angle of attack, deg", "lift coefficient CL", LIFT))
+    figure = sheet.Figure(caption, plots.plot(series, *axes, x_range=(0.0, 1.1 * high)))
+    blocks = [sheet.Series("blocks", np.degrees(polar.blocks.alpha), polar.CL, "points")]
+    lift = sheet.Figure(LIFT, plots.plot(blocks, "angle of attack, deg", "lift coefficient CL", LIFT))
     sections = [
-        Section("Drag", (numbers, table, figure, bins)),
-        Section("Lift against angle of attack", (lift,)),
-        Section("What it rests on", (Bullets(notices),)),
-        Section("Made by", (Code(command),)),
+        sheet.Section("Drag", (numbers, table, figure, bins)),
+        sheet.Section("Lift against angle of attack", (lift,)),
+        sheet.Section("What it rests on", (sheet.Bullets(notices),)),
+        sheet.Section("Made by", (sheet.Code(command),)),
     ]
     if polar.blocks.powered:
         low, high = np.quantile(polar.blocks.speed, [0.05, 0.95])
@@ -82,18 +83,18 @@ def polar_sheet(name: str, polar: Polar, notices: Sequence[Notice], command: str
         speed, power, std = speed[balanced], power[balanced], std[balanced]
     if polar.blocks.powered and power.size:
         series = [
-            Series("electric power", speed, power),
-            Series("95 % interval, low", speed, power - NORMAL_95 * std),
-            Series("95 % interval, high", speed, power + NORMAL_95 * std),
+            sheet.Series("electric power", speed, power),
+            sheet.Series("95 % interval, low", speed, power - NORMAL_95 * std),
+            sheet.Series("95 % interval, high", speed, power + NORMAL_95 * std),
         ]
         best, shown = int(np.argmin(power)), (0.0, 1.1 * float(np.max(power + std)))
         caption = (
             f"Least power {power[best]:.0f} ± {std[best]:.0f} W at {speed[best]:.1f} m/s (one standard error), from the "
             "parabola and the propulsion."
         )
-        drawing = plot(series, "true airspeed, m/s", "electric power, W", caption, y_range=shown)
-        sections.insert(1, Section("Power of steady level flight", (Figure(caption, drawing),)))
-    return Sheet(f"Drag polar of {name}", POLAR_LEAD, tuple(sections))
+        drawing = plots.plot(series, "true airspeed, m/s", "electric power, W", caption, y_range=shown)
+        sections.insert(1, sheet.Section("Power of steady level flight", (sheet.Figure(caption, drawing),)))
+    return sheet.Sheet(f"Drag polar of {name}", POLAR_LEAD, tuple(sections))
 
 
 def lift_grid(polar: Polar) -> FloatArray:

@@ -8,10 +8,9 @@ from typing import Final
 
 import numpy as np
 
-from stoop.extend import reports
-from stoop.extend.notices import of_severity
-from stoop.extend.text import NOTHING, factor_and_unit, number, readable_unit, rounded_to_error, share
-from stoop.extend.units import FACTORS
+from stoop.extend.reports import plots, sheet
+from stoop.extend.text import factor_and_unit, number, rounded_to_error
+from stoop.extend.units import UNITS
 from stoop_analysis.propagation.propagation import EXPRESSIONS, Propagation
 from stoop_analysis.propagation.quantities import Curve, Figure
 from stoop_analysis.propagation.rotor_figures import HOVER, ROTOR_COMMAND
@@ -39,46 +38,45 @@ def shown(figure: Figure) -> tuple[float, str]:
     """Return by what a figure is multiplied to be shown, and in which unit: angles in degrees, modes in rad/s, rotors in rpm."""
     if figure.group == HOVER:
         return rotor_unit(figure.unit)
-    return (1.0, figure.unit) if figure.group in (MODES, EXPRESSIONS) else factor_and_unit(figure.unit)
+    kept = figure.group in (MODES, EXPRESSIONS) and figure.unit != "1"
+    return (1.0, figure.unit) if kept else factor_and_unit(figure.unit)
 
 
 def rotor_unit(unit: str) -> tuple[float, str]:
     """Return by what a figure of rotors is multiplied to be shown, and in which unit: speeds in revolutions per minute."""
-    return (1.0 / FACTORS["rpm"], "rpm") if unit == "rad/s" else factor_and_unit(unit)
+    return (1.0 / UNITS["rpm"].factor, "rpm") if unit == "rad/s" else factor_and_unit(unit)
 
 
-def propagation_page(found: Propagation, command: str = "") -> reports.Page:
+def propagation_page(found: Propagation, command: str = "") -> sheet.Page:
     """Return the page."""
-    domain, sections = found.domain, list[reports.Section]()
+    domain, sections = found.domain, list[sheet.Section]()
     low, high = domain.airspeed
     where = f"{low:g} to {high:g} m/s at {domain.altitude:.0f} m ({domain.density:.3f} kg/m³)"
     lead = (
         f"{found.count} draws from {SOURCES[found.source]}, carried into what the model says. Curves: {where}; "
         + (f"numbers: at {domain.reference:g} m/s." if domain.reference else "numbers: in hover.")
     )
-    warnings, notes = of_severity(found.notices, "warning"), of_severity(found.notices, "info")
+    warnings, notes = ([n for n in found.notices if n.severity == kind] for kind in ("warning", "info"))
     if warnings:
-        sections.append(reports.Section("Cautions", (reports.Bullets(warnings, "warnings"),)))
+        sections.append(sheet.Section("Cautions", (sheet.Bullets(warnings, "warnings"),)))
     groups = groupby(found.figures, lambda one: one.group)
-    tables = [reports.Table(group, HEAD, tuple(_row(one) for one in some)) for group, some in groups]
-    sections.append(reports.Section("Figures", (reports.Prose(READ, muted=True), *tables)))
+    tables = [sheet.Table(group, HEAD, tuple(_row(one) for one in some)) for group, some in groups]
+    sections.append(sheet.Section("Figures", (sheet.Prose(READ, muted=True), *tables)))
     if found.curves:
-        fans = reports.Panels([_panel(found, c) for c in found.curves])
+        fans = sheet.Panels([_panel(found, c) for c in found.curves])
         sections.append(
-            reports.Section(
-                "Over the airspeed", (reports.Legend((*LEGEND, *[BEYOND] * bool(found.extrapolated))), fans)
+            sheet.Section(
+                "Over the airspeed", (sheet.Legend((*LEGEND, *[BEYOND] * bool(found.extrapolated))), fans)
             )
         )
     if notes:
-        sections.append(reports.Section("What they rest on", (reports.Bullets(notes),)))
+        sections.append(sheet.Section("What they rest on", (sheet.Bullets(notes),)))
     if found.expressions:
         rows = tuple(found.expressions.items())
-        sections.append(
-            reports.Section("Expressions", (reports.Table("Given", ("name", "expression"), rows),))
-        )
+        sections.append(sheet.Section("Expressions", (sheet.Table("Given", ("name", "expression"), rows),)))
     if command:
-        sections.append(reports.Section("Made by", (reports.Code(command),)))
-    return reports.Page(reports.Sheet(f"What the uncertainty means: {found.vehicle}", lead, tuple(sections)))
+        sections.append(sheet.Section("Made by", (sheet.Code(command),)))
+    return sheet.Page(sheet.Sheet(f"What the uncertainty means: {found.vehicle}", lead, tuple(sections)))
 
 
 def _row(one: Figure) -> tuple[str, ...]:
@@ -88,13 +86,13 @@ def _row(one: Figure) -> tuple[str, ...]:
     value, std = rounded_to_error(estimate, error)
     # two digits of the error
     digits = max(0, 1 - math.floor(math.log10(error))) if math.isfinite(error) and error > 0.0 else None
-    ends = tuple(NOTHING if not math.isfinite(v) else _fixed(v, digits) for v in (low, high))
-    sources = [f"{name} {share(part)}" for name, part in one.sources]
+    ends = tuple("–" if not math.isfinite(v) else _fixed(v, digits) for v in (low, high))
+    sources = [f"{name} {100.0 * part:.0f} %" for name, part in one.sources]
     if one.std_error == 0.0:
         sources.append("not estimated")
     if one.rests_on_prior:
         sources.append("mostly priors")
-    return (one.name, value, std, *ends, readable_unit(unit) or NOTHING, ", ".join(sources) or NOTHING)
+    return (one.name, value, std, *ends, unit or "–", ", ".join(sources) or "–")
 
 
 def _fixed(value: float, decimals: int | None) -> str:
@@ -102,11 +100,11 @@ def _fixed(value: float, decimals: int | None) -> str:
     return text.replace("-", "−")
 
 
-def _panel(found: Propagation, one: Curve) -> reports.Panel:
+def _panel(found: Propagation, one: Curve) -> sheet.Panel:
     factor, unit = rotor_unit(one.unit) if one.name == ROTOR_COMMAND else factor_and_unit(one.unit)
-    drawing = reports.fan_panel(
+    drawing = plots.fan_panel(
         one.airspeed, factor * one.estimate, factor * one.bands, "airspeed, m/s", one.name, found.extrapolated
     )
     lost = float(np.max(one.failed, initial=0.0))
-    note = f"no value for up to {share(lost)} of the draws" if lost > 0.0 else ""
-    return reports.Panel(one.name, drawing, readable_unit(unit), note=note)
+    note = f"no value for up to {100.0 * lost:.0f} % of the draws" if lost > 0.0 else ""
+    return sheet.Panel(one.name, drawing, unit, note=note)

@@ -8,9 +8,8 @@ from typing import Final
 import numpy as np
 
 from stoop import Vehicle
-from stoop.extend import reports
 from stoop.extend.fits import TimeDomain
-from stoop.extend.text import NOTHING
+from stoop.extend.reports import sheet, with_residual
 from stoop_analysis.structure import Structure
 
 STRUCTURE_LEAD: Final = """\
@@ -25,7 +24,7 @@ def structure_sheet(
     names: Mapping[str, Mapping[str, str]],
     estimates: Mapping[str, tuple[float, float]],
     command: str,
-) -> reports.Sheet:
+) -> sheet.Sheet:
     """Return the page: chosen terms, the steps to them, and the coefficients over time.
 
     `names` are parameters by coefficient and term; `estimates` are estimate and standard error by parameter.
@@ -37,9 +36,9 @@ def structure_sheet(
         rows = []
         for term, name in (*constants, *names[coefficient].items()):
             value, std = estimates.get(name, (np.nan, np.nan))
-            shown = [f"{v:.4g}".replace("-", "−") if np.isfinite(value) else NOTHING for v in (value, std)]
+            shown = [f"{v:.4g}".replace("-", "−") if np.isfinite(value) else "–" for v in (value, std)]
             rows.append((term, name, *shown))
-        table = reports.Table("Chosen terms", ("term", "parameter", "estimate", "std. error"), tuple(rows))
+        table = sheet.Table("Chosen terms", ("term", "parameter", "estimate", "std. error"), tuple(rows))
         share = 100.0 * chosen.selection.model.r2
         summary = f"{len(chosen.terms)} of {len(chosen.candidates)} candidates; they explain {share:.1f} % of the variation."
         steps = tuple(
@@ -58,22 +57,22 @@ def structure_sheet(
             measured, modeled, time = smooth.rows(columns, history.dt).T
             if len(time):
                 curves = (
-                    reports.Series("measured", time, measured, role="measured", width=2.8),
-                    reports.Series("chosen terms", time, modeled, role="fit"),
+                    sheet.Series("measured", time, measured, role="measured", width=2.8),
+                    sheet.Series("chosen terms", time, modeled, role="fit"),
                 )
-                strips = reports.with_residual(curves, "measured − chosen terms", measured - modeled)
-                panels.append(reports.HistoryPanel(coefficient, strips, meaning=f"stretch {number}"))
+                strips = with_residual(curves, "measured − chosen terms", measured - modeled)
+                panels.append(sheet.HistoryPanel(coefficient, strips, meaning=f"stretch {number}"))
         title = f"{coefficient} as it was flown, smoothed over {smooth.span:g} s, and the chosen terms, against time in s."
-        drawn = [reports.TimeHistory([panel]) for panel in panels]
-        parts: list[reports.Part] = [
-            reports.Prose(summary),
+        drawn = [sheet.TimeHistory([panel]) for panel in panels]
+        parts: list[sheet.Part] = [
+            sheet.Prose(summary),
             table,
-            reports.Prose(title),
+            sheet.Prose(title),
             *drawn,
-            reports.Table(caption, steps_head, steps),
+            sheet.Table(caption, steps_head, steps),
         ]
-        sections.append(reports.Section(coefficient, parts))
+        sections.append(sheet.Section(coefficient, parts))
     notes = [n for chosen in structure.chosen.values() for n in chosen.notices] + list(structure.notices)
-    first = [reports.Section("Notes", (reports.Bullets(notes),))] if notes else []
-    made = reports.Section("Made by", (reports.Code(command),))
-    return reports.Sheet(f"Model structure of {vehicle.name}", STRUCTURE_LEAD, (*first, *sections, made))
+    first = [sheet.Section("Notes", (sheet.Bullets(notes),))] if notes else []
+    made = sheet.Section("Made by", (sheet.Code(command),))
+    return sheet.Sheet(f"Model structure of {vehicle.name}", STRUCTURE_LEAD, (*first, *sections, made))

@@ -12,9 +12,9 @@ import numpy as np
 
 from stoop import FittedModel, Vehicle
 from stoop.extend.errors import OutputError
-from stoop.extend.files import csv_text, write_text_atomic
+from stoop.extend.files import csv_text, write_file
 from stoop.extend.fits import takes_model_or_vehicle
-from stoop.extend.text import finite_or_none, printable_lines
+from stoop.extend.text import finite_or_none, printable
 from stoop_analysis.derivatives import LOADS, Derivatives, Table
 from stoop_analysis.derivatives import derivatives as about
 from stoop_analysis.known_model import Condition, KnownModel, known_model
@@ -50,7 +50,7 @@ class DerivativeTables:
         lines.append("  " + "".join(f"{by:>{w}}" for by, w in zip(motions, widths, strict=True)))
         for (load, _), row in zip(names[:: len(names) // len(LOADS)], matrix.tolist(), strict=True):
             lines.append(f"{load:<2}" + "".join(f"{x:>{w}.3g}" for x, w in zip(row, widths, strict=True)))
-        return printable_lines("\n".join([*lines, "units and standard errors: to_dataframe()"]))
+        return "\n".join(map(printable, [*lines, "units and standard errors: to_dataframe()"]))
 
     def to_dataframe(self) -> pd.DataFrame:
         """Return one row for each derivative; the standard error is infinite where the flight does not determine it."""
@@ -115,7 +115,7 @@ def save_derivatives(reported: DerivativeTables, target: Path) -> None:
     """Write derivatives as CSV, one a row, or as JSON, with their covariance."""
     check_ending(target)
     text = as_csv(reported) if target.suffix.lower() == ".csv" else as_json(reported)
-    write_text_atomic(target, text)
+    write_file(target, text)
 
 
 def as_csv(reported: DerivativeTables) -> str:

@@ -35,7 +35,7 @@ from stoop.extend.flights import (
 )
 from stoop.extend.notices import notice
 from stoop.extend.text import nearest, within_limits
-from stoop.extend.variables import EULER, VARIABLES, WRAPPED
+from stoop.extend.variables import FAMILIES, VARIABLES
 from stoop_analysis.frequency import (
     AXES,
     MIN_COHERENCE,
@@ -269,7 +269,7 @@ def _stretch(
     def output(name: str) -> FloatArray:
         values = flight.column(name)[part].copy()
         good = np.isfinite(values)
-        if name in (*WRAPPED, *EULER) and good.any():
+        if name in (*FAMILIES["circular"], *FAMILIES["euler"]) and good.any():
             values[good] = np.unwrap(values[good])
         return values
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final
@@ -11,11 +10,10 @@ import numpy as np
 
 from stoop import Flight, Notice
 from stoop.extend.errors import FlightError
-from stoop.extend.files import file_hashes, flight_files, make_folder, versions, write_files
+from stoop.extend.files import file_hashes, to_json, versions, write_files
 from stoop.extend.fits import NORMAL_95, data_notices
 from stoop.extend.flights import RECONSTRUCTED
 from stoop.extend.notices import notice
-from stoop.extend.text import finite_or_none
 from stoop_analysis.performance.polar import DISC, DISC_SPREAD, Polar, Propulsion, blocks, fit_polar
 
 POLAR: Final = ("polar.html", "polar.json")
@@ -93,10 +91,9 @@ def write_polar(
     others: Sequence[Path] = (),
 ) -> None:
     """Write page and result into a folder, both or none; what is not a finite number is null."""
-    from stoop.extend.reports import render_sheet
+    from stoop.extend.reports import sheet
     from stoop_analysis.report.polar import polar_sheet
 
-    make_folder(folder)
     CL = np.linspace(*polar.valid, 25)
     value, std = polar.drag(CL)
     columns = {"time": polar.blocks.time, "CL": polar.CL, "CD": polar.CD, "alpha": polar.blocks.alpha}
@@ -106,10 +103,7 @@ def write_polar(
         "flight": flight.name,
         "mass": polar.mass,
         "area": polar.area,
-        "summary": {
-            n: {"estimate": finite_or_none(v), "std_error": finite_or_none(s)}
-            for n, (v, s) in polar.summary.items()
-        },
+        "summary": {n: {"estimate": v, "std_error": s} for n, (v, s) in polar.summary.items()},
         "unknowns": list(polar.names),
         "values": polar.values.tolist(),
         "covariance": polar.covariance.tolist(),
@@ -117,8 +111,8 @@ def write_polar(
         "blocks": {name: values.tolist() for name, values in columns.items()},
         "notes": [str(one) for one in notices],
         "versions": versions(),
-        "inputs": file_hashes([*flight_files([flight]), *others]),
+        "inputs": file_hashes([flight, *others]),
     }
-    page = render_sheet(polar_sheet(flight.name, polar, notices, command))
-    texts = page, json.dumps(content, indent=1, allow_nan=False) + "\n"
+    page = sheet.render_sheet(polar_sheet(flight.name, polar, notices, command))
+    texts = page, to_json(content, 1) + "\n"
     write_files(folder, dict(zip(POLAR, texts, strict=True)))

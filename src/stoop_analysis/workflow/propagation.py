@@ -11,10 +11,10 @@ from stoop import FittedModel
 from stoop.extend.arrays import FloatArray
 from stoop.extend.errors import StoopError
 from stoop.extend.fits import at_center_of_gravity, refusal, takes_model, true_values
-from stoop.extend.reports import Page
+from stoop.extend.reports import sheet
 from stoop.extend.text import within_limits
 from stoop.extend.units import standard_density
-from stoop.extend.variables import EULER, RATES, VELOCITY
+from stoop.extend.variables import FAMILIES
 from stoop_analysis.draws import POSTERIOR_FILE, Source, draws_of
 from stoop_analysis.propagation.propagation import Propagation, propagate_draws
 from stoop_analysis.propagation.wing_figures import Domain
@@ -25,7 +25,7 @@ RANGE: Final = (1.0, 99.0)  #: percentiles of the samples between which a model 
 ALTITUDE: Final = 200.0  #: m, where the flight has none
 MIN_SPEEDS: Final = 0.1  #: of the airspeed flown; a narrower range is widened to this share about it
 READ: Final = frozenset(
-    {"V", "alpha", "beta", *EULER, *RATES}
+    {"V", "alpha", "beta", *FAMILIES["euler"], *FAMILIES["rates"]}
 )  #: by what a model's airspeed follows from the one measured
 HOVER_SPEEDS: Final = 2.0  #: m/s, least range over ground of a vehicle with rotors
 
@@ -33,7 +33,7 @@ HOVER_SPEEDS: Final = 2.0  #: m/s, least range over ground of a vehicle with rot
 class Propagated(Propagation):
     """Quantities with their uncertainty, and the page of them."""
 
-    def page(self, command: str = "") -> Page:
+    def page(self, command: str = "") -> sheet.Page:
         """Return the page, which a notebook shows; ``save(path)`` writes it."""
         return propagation_page(self, command)
 
@@ -100,7 +100,7 @@ def flown_domain(
         read = at_center_of_gravity(vehicle, true_values(vehicle, read))
     speed, alpha = (x[np.isfinite(x)] for x in (read.get(n, np.empty(0)) for n in ("V", "alpha")))
     if vehicle.rotors:
-        over_ground = [v[np.isfinite(v)] for v in (read.get(n, np.empty(0)) for n in VELOCITY)]
+        over_ground = [v[np.isfinite(v)] for v in (read.get(n, np.empty(0)) for n in FAMILIES["velocity"])]
         speed = np.sqrt(sum((v**2 for v in over_ground if v.size == over_ground[0].size), np.zeros(1)))
     height = [piece.start["h"] for piece in pieces if "h" in piece.start]
     usual = float(np.mean(height)) if height else ALTITUDE

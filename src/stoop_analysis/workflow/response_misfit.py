@@ -30,7 +30,7 @@ from stoop import Flight, Vehicle
 from stoop.extend.errors import FlightError
 from stoop.extend.fits import ManeuverResult, ManeuverTrace, ResponseMisfit
 from stoop.extend.flights import CYCLES, FrequencyResponse, Stretch, Window, estimate_responses, within
-from stoop.extend.variables import RATES
+from stoop.extend.variables import FAMILIES
 from stoop_analysis.frequency import known
 from stoop_analysis.workflow.frequency import control_inputs, moving_inputs, steady_model
 
@@ -44,7 +44,7 @@ def model_misfits(
     traces: Sequence[ManeuverTrace],
 ) -> tuple[ResponseMisfit, ...]:
     """Return what a model leaves of the responses of the rates to the inputs, in maneuvers fitted and held back."""
-    outputs = [name for name in RATES if all(name in trace.channels for trace in traces)]
+    outputs = [name for name in FAMILIES["rates"] if all(name in trace.channels for trace in traces)]
     if not outputs:
         return ()
     axes = None

@@ -12,7 +12,7 @@ import tomlkit
 
 from stoop import Flight, Vehicle
 from stoop.extend.errors import IdentificationError
-from stoop.extend.files import csv_text, make_folder, write_files
+from stoop.extend.files import csv_text, write_files
 from stoop.extend.fits import AircraftEquations, Domain, Layout, estimate, kind_of
 from stoop.extend.flights import parse_window
 from stoop.extend.vehicles import EQUATION_1, parameter_name, parse_vehicle
@@ -131,10 +131,9 @@ def _put(table: Any, name: str, term: str, value: float | None) -> None:
 
 def write_structure(found: Determined, folder: Path, command: str) -> None:
     """Write vehicle, table of steps and page into a folder; all or none."""
-    from stoop.extend.reports import render_sheet
+    from stoop.extend.reports import sheet
     from stoop_analysis.report.structure import structure_sheet
 
-    make_folder(folder)
     rows = [
         (
             c, i, s.action, chosen.candidates[s.column], s.f, s.threshold, len(s.model.columns), s.model.r2,
@@ -143,7 +142,7 @@ def write_structure(found: Determined, folder: Path, command: str) -> None:
         for c, chosen in found.structure.chosen.items()
         for i, s in enumerate(chosen.selection.steps, 1)
     ]  # fmt: skip
-    page = render_sheet(
+    page = sheet.render_sheet(
         structure_sheet(found.structure, found.vehicle, found.names, found.estimates, command)
     )
     texts = {

@@ -6,15 +6,15 @@ velocity over ground, lift must grow with alpha and side force fall with beta.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
-from stoop.extend.arrays import FloatArray, robust_std, to_body, to_ground
-from stoop.extend.units import DEGREE
-from stoop.extend.variables import EULER, VELOCITY
+from stoop.extend.arrays import FloatArray, robust_std, rotations
+from stoop.extend.variables import FAMILIES
 from stoop_draft.checks.engine import Evidence, Key, Penalty, Range, Residual, Residuals
 from stoop_draft.checks.kinematics import LIMITS as AGREEMENT
 from stoop_draft.checks.kinematics import Columns, Motion
@@ -33,8 +33,11 @@ class AirLimits:
     span: float = 3.0  #: s between independent gusts
     iterations: int = 6
     #: standard deviations of offsets, and floors of residuals
-    offset: tuple[float, float] = (1.0, 3.0 * DEGREE)  #: m/s, rad; those of flight.instrument_errors or less
-    floor: tuple[float, float] = (0.5, 1.0 * DEGREE)  #: m/s, rad
+    offset: tuple[float, float] = (
+        1.0,
+        math.radians(3.0),
+    )  #: m/s, rad; those of flight.instrument_errors or less
+    floor: tuple[float, float] = (0.5, math.radians(1.0))  #: m/s, rad
     likeness: float = 0.8  #: correlation from which a slope of lift or side force means something
     #: slope of lift over lift, 1/rad: CLalpha of 2 to 7 over CL of 0.1 to 1.5
     slope: tuple[float, float] = (1.5, 80.0)
@@ -53,7 +56,7 @@ class Air:
         self.data, self.rate = {name: x[::step] for name, x in data.items()}, rate / step
         self.motion = Motion(self.data, self.rate)
         there = data.keys()
-        ground = {*EULER, *VELOCITY} <= there
+        ground = {*FAMILIES["euler"], *FAMILIES["velocity"]} <= there
         names = (*AIRSPEEDS, *VANES) if ground else ()
         self.names = [n for n in names if n in there and np.isfinite(self.data[n]).sum() >= LIMITS.least]
         if "airspeed_equivalent" in there and "airspeed_pitot" in self.names:
@@ -68,7 +71,7 @@ class Air:
     def __call__(self, state: Assignment, changed: Collection[str] | None) -> Residuals:
         """Return what air data disagree, where some of those that changed take part."""
         out: dict[Key, Evidence] = {}
-        every = {*self.names, *EULER, *VELOCITY}
+        every = {*self.names, *FAMILIES["euler"], *FAMILIES["velocity"]}
         if self.names and (changed is None or every & set(changed)):
             out.update(self._levels(state))
         if changed is None or {*VANES, "az", "ay", *AIRSPEEDS} & set(changed):
@@ -103,10 +106,12 @@ class Air:
         theta = (w_n, w_e, an offset of each channel), and a scale of one channel last where one is named.
         """
         q = self.motion.attitude(state)
-        velocity = np.column_stack([self._column(state, name) for name in VELOCITY])
+        velocity = np.column_stack([self._column(state, name) for name in FAMILIES["velocity"]])
         unit = np.zeros_like(velocity)
-        axes = [to_body(q, unit + row) for row in np.eye(3)[:2]]  # north and east along the body axes
-        body = to_body(q, velocity)
+        axes = [
+            rotations.to_body(q, unit + row) for row in np.eye(3)[:2]
+        ]  # north and east along the body axes
+        body = rotations.to_body(q, velocity)
         measured = np.array([self._column(state, name) for name in self.names])
         theta, count = np.zeros(2 + len(self.names)), len(self.names)
         theta[:2] = self._start(state, q, velocity)
@@ -173,7 +178,7 @@ class Air:
             return np.zeros(2)
         ahead = np.zeros_like(velocity)
         ahead[:, 0] = self._column(state, name)
-        apart = (velocity - to_ground(q, ahead))[:, :2]
+        apart = (velocity - rotations.to_ground(q, ahead))[:, :2]
         apart = apart[np.isfinite(apart).all(axis=1)]
         middle = np.median(apart, axis=0) if apart.size else np.zeros(2)
         return np.asarray(np.clip(middle, -LIMITS.wind, LIMITS.wind))

@@ -11,11 +11,11 @@ from typing import Final
 
 import numpy as np
 
-from stoop.extend.arrays import FloatArray, runs
-from stoop.extend.variables import EFFECTS, RATES
+from stoop.extend.arrays import FloatArray, run_slices
+from stoop.extend.variables import EFFECTS
 from stoop_draft.checks.engine import Evidence, Key, Residual, Residuals
 from stoop_draft.checks.kinematics import Columns
-from stoop_draft.checks.lines import Assignment, reading
+from stoop_draft.checks.lines import RATES, Assignment, reading
 
 #: of what moments depend on besides rates and controls, or readings that follow it (Klein and Morelli, section 5.1)
 FLOW: Final = ("alpha", "beta", "ay", "az")
@@ -110,10 +110,10 @@ class Controls:
         sos = butter(LIMITS.order, LIMITS.band, "bandpass", fs=rate, output="sos")
         step, delays = max(1, int(rate / LIMITS.rate)), [round(x * rate) for x in LIMITS.delays]
         parts: list[list[FloatArray]] = []
-        for start, stop in runs(np.asarray(np.isfinite(table).all(axis=1))):
-            if stop - start < LIMITS.stretch * rate:
+        for run in run_slices(np.asarray(np.isfinite(table).all(axis=1))):
+            if run.stop - run.start < LIMITS.stretch * rate:
                 continue
-            slow = sosfiltfilt(sos, table[start:stop], axis=0)
+            slow = sosfiltfilt(sos, table[run], axis=0)
             turn = np.gradient(slow[:, : len(self.beside)], 1.0 / rate, axis=0)
             own = slow[:, len(self.beside) : len(self.beside) + len(names)]
             late = [np.roll(own, delay, axis=0) for delay in delays]

@@ -20,7 +20,7 @@ from typing import Final, Generic, Protocol, TypeAlias, TypeVar
 
 import numpy as np
 
-from stoop.extend.arrays import FloatArray, IntArray, white_noise
+from stoop.extend.arrays import FloatArray, IntArray, robust_std
 from stoop_draft.checks.entries import Change, Lines, where
 
 State = TypeVar("State")
@@ -124,7 +124,11 @@ class Residual:
         changed = float(np.mean(apart[most] ** 2))
         if changed < max(self.floor, limits.visible * min(was, now)):
             return 0.0, False
-        if changed < limits.motion * white_noise(change):  # what an edit changes is noise
+        apart = np.diff(change, 2)
+        noise = (
+            robust_std(apart[np.isfinite(apart)]) ** 2 / 6.0
+        )  # second differences of white noise have six times its variance
+        if changed < limits.motion * noise:  # what an edit changes is noise
             return 0.0, False
         # relative to the channel: an edit that multiplies it changes the density of what was recorded
         was, now = (

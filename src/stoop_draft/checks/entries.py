@@ -10,10 +10,10 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final, NamedTuple, TypeAlias
 
-from stoop.extend.files import quoted, utf8_text
+from stoop.extend.files import toml
 from stoop.extend.flights import Source
 from stoop.extend.text import enumerated
-from stoop.extend.units import FACTORS, MICROSECOND, PULSE_FACTORS, ZEROS
+from stoop.extend.units import UNITS
 from stoop.extend.variables import VARIABLES
 
 TABLE: Final = "the table"  #: file of lines that are columns in memory
@@ -107,7 +107,7 @@ def read_lines(places: Mapping[str, str]) -> dict[str, Line]:
             content[file] = None
             if file and Path(file).is_file():
                 with suppress(OSError, ValueError):  # no mapping: it has no lines
-                    content[file] = tomllib.loads(utf8_text(Path(file).read_bytes()))
+                    content[file] = tomllib.loads(Path(file).read_text("utf-8-sig"))
         table = content[file]
         if table is not None:
             lines[name] = _line(file, key, name, table)
@@ -134,16 +134,18 @@ def ready_line(source: Source, stream: str, name: str) -> Line:
     i, unit = source.variables.index(name), VARIABLES[name].unit
     column, *others = source.columns[i]
     entry: dict[str, Any] = {"stream": stream, "column": column, "unit": source.units[i] or unit}
-    factors = PULSE_FACTORS if name.startswith("pwm_") else FACTORS
-    scale, offset = (
-        source.factors[i] / factors[entry["unit"]],
-        source.offsets[i] - ZEROS.get(entry["unit"], 0.0),
-    )
+    scale = source.factors[i] / VARIABLES[name].units.get(entry["unit"], 1.0)
+    offset = source.offsets[i] - UNITS[entry["unit"]].zero
     entry |= {"scale": scale} if scale != 1.0 else {}
     entry |= {"offset": offset} if offset != 0.0 else {}
     entry |= {"valid": source.valid[i]} if source.valid[i] else {}
     entry |= {"stamp": source.stamp} if source.stamp else {}
-    if others or source.columns[i][column] != 1.0 or source.frame or source.stamp_factor != MICROSECOND:
+    if (
+        others
+        or source.columns[i][column] != 1.0
+        or source.frame
+        or source.stamp_factor != UNITS["us"].factor
+    ):
         entry["column"] = dict(source.columns[i])  # advice that is no line
     place = f'a mapping that says extends = "{source.place.partition(":")[0]}"'
     return Line(place, f"variables.{name}", entry["unit"], entry, ready=True)
@@ -155,7 +157,7 @@ def written(value: Any) -> str:
         return str(value).lower()
     if isinstance(value, list):
         return f"[{', '.join(map(written, value))}]"
-    return f"{value:.12g}" if isinstance(value, int | float) else quoted(value)
+    return f"{value:.12g}" if isinstance(value, int | float) else toml.quoted(value)
 
 
 def told(changes: Sequence[Change], lines: Lines) -> str:

@@ -14,11 +14,10 @@ import numpy as np
 
 from stoop.extend.arrays import FloatArray
 from stoop.extend.units import STANDARD_GRAVITY
-from stoop.extend.variables import EULER, POSITION, SPECIFIC_FORCE, VELOCITY
 from stoop_draft.checks.engine import Evidence, Key, Range, Residual, Residuals
 from stoop_draft.checks.kinematics import LIMITS as AGREEMENT
 from stoop_draft.checks.kinematics import Columns
-from stoop_draft.checks.lines import Assignment, reading
+from stoop_draft.checks.lines import EULER, POSITION, SPECIFIC_FORCE, VELOCITY, Assignment, reading
 
 
 @dataclass(frozen=True)

@@ -11,12 +11,15 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from typing import Final, TypeAlias
 
-from stoop.extend.variables import EULER, POSITION, RATES, SPECIFIC_FORCE, VELOCITY
+from stoop.extend.variables import FAMILIES
 from stoop_draft.checks.engine import Edit
 from stoop_draft.checks.entries import Lines
 from stoop_draft.checks.lines import ODDS, Assignment, LineEdit, counted_from_east, exchanged, multiplied
 
 Apply: TypeAlias = Callable[[Assignment], Assignment]
+RATES, EULER, SPECIFIC_FORCE, VELOCITY, POSITION = (
+    FAMILIES[name] for name in ("rates", "euler", "specific force", "velocity", "position")
+)
 _BODY: Final = (RATES, SPECIFIC_FORCE)
 _GROUND: Final = (VELOCITY, POSITION)
 #: sensors whose axes may be wrong together: those of one instrument or estimator, and all

@@ -16,13 +16,17 @@ import numpy as np
 
 from stoop import Notice
 from stoop.extend import arrays
+from stoop.extend.arrays import rotations
 from stoop.extend.notices import notice
-from stoop.extend.units import DEGREE, STANDARD_GRAVITY
-from stoop.extend.variables import EULER, QUATERNION, RATES, SPECIFIC_FORCE, VELOCITY
+from stoop.extend.units import STANDARD_GRAVITY
+from stoop.extend.variables import FAMILIES
 from stoop_draft.checks.engine import Evidence, Key, Range, Residual, Residuals
 from stoop_draft.checks.entries import Lines, where
 from stoop_draft.checks.lines import AIRSPEEDS, VANES, Assignment, reading
 
+EULER, QUATERNION, RATES, SPECIFIC_FORCE, VELOCITY = (
+    FAMILIES[name] for name in ("euler", "quaternion", "rates", "specific force", "velocity")
+)
 MOVED_BY: Final = {"pn": "vn", "pe": "ve", "pd": "vd", "altitude": "vd"}  #: position <- its rate of change
 
 
@@ -39,7 +43,7 @@ class Agreement:
         default_factory=lambda: {"turn": 0.01, "force": 0.05, "place": 0.1, "air": 0.3}
     )
     samples: int = 200  #: spans that are compared, at least
-    turning: float = 3.0 * DEGREE  #: rad/s rms; less turning shows nothing
+    turning: float = math.radians(3.0)  #: rad/s rms; less turning shows nothing
     followed: float = 0.8  #: share of the turning that a matching pair of channels explains
     gain: float = 0.15  #: departure from one that calibrated sensors do not have
     calibration: float = 0.03  #: departure of the gain of rates from one that no calibrated gyros have
@@ -63,7 +67,7 @@ def thinned(data: Columns, rate: float) -> tuple[Columns, float]:
     first = starts[int(np.argmax(motions))]
     thin = {name: x[first : first + many : step] for name, x in data.items()}
     if set(QUATERNION) <= thin.keys() and not set(EULER) & thin.keys():
-        angles = arrays.euler_angles(np.column_stack([thin[name] for name in QUATERNION]))
+        angles = rotations.euler_angles(np.column_stack([thin[name] for name in QUATERNION]))
         thin |= dict(zip(EULER, angles.T, strict=True))
     return thin, rate / step
 
@@ -133,7 +137,7 @@ class Motion:
         if set(QUATERNION) <= self.data.keys() and columns == tuple((name, 1.0) for name in EULER):
             return self._keep("q", lambda: np.column_stack([self.data[name] for name in QUATERNION]))
         angles = (factor * self.data[column] for column, factor in columns)
-        return self._keep(("q", columns), lambda: arrays.quaternions_of(np.column_stack([*angles])))
+        return self._keep(("q", columns), lambda: rotations.quaternions_of(np.column_stack([*angles])))
 
     def _keep(self, key: Hashable, make: Callable[[], arrays.FloatArray]) -> arrays.FloatArray:
         if key not in self._kept:
@@ -157,9 +161,7 @@ class Motion:
         steps, q = self.turn, self.attitude(state)
         return self._keep(
             ("implied", *self._readings(state, EULER)),
-            lambda: (
-                arrays.vectors_of(arrays.product(arrays.conjugate(q[:-steps]), q[steps:])) * self.rate / steps
-            ),
+            lambda: rotations.between(q[:-steps], q[steps:]) * self.rate / steps,
         )
 
     def _gains(self, state: Assignment) -> dict[tuple[str, ...], tuple[float, float]]:
@@ -190,7 +192,7 @@ class Motion:
 
         def make() -> arrays.FloatArray:
             body = np.column_stack([factor * self.data[column] for column, factor in columns])
-            felt = arrays.to_ground(self.attitude(state), body)
+            felt = rotations.to_ground(self.attitude(state), body)
             felt[:, 2] += STANDARD_GRAVITY
             return np.column_stack([_means(x, self.steps) for x in felt.T])
 
@@ -204,7 +206,7 @@ class Motion:
             speed, alpha, beta = (self._column(state, name) for name in measured)
             side, ahead = speed * np.sin(beta), speed * np.cos(beta)
             body = np.column_stack([ahead * np.cos(alpha), side, ahead * np.sin(alpha)])
-            through = arrays.to_ground(self.attitude(state), body)
+            through = rotations.to_ground(self.attitude(state), body)
             return np.asarray((through[steps:] - through[:-steps]) * self.rate / steps)
 
         return self._keep(("air", *self._readings(state, (*EULER, *measured))), make)
@@ -269,7 +271,7 @@ def _mean_rates(
     first = np.arange(len(attitude) - steps)
     first = first[gone[first + steps + 1] == gone[first]]
     mean = (running[first + steps + 1] - running[first] - 0.5 * (rates[first] + rates[first + steps])) / steps
-    turned = arrays.vectors_of(arrays.product(arrays.conjugate(attitude[first]), attitude[first + steps]))
+    turned = rotations.between(attitude[first], attitude[first + steps])
     return turned * rate / steps, mean, first
 
 
@@ -291,7 +293,7 @@ def check_rates(data: Columns, rate: float, lines: Lines) -> list[Notice]:
     left[at] = (close - rates) * max(2, steps) / rate
     jumps = left[steps:] - left[:-steps]
     known = jumps[np.isfinite(jumps).all(axis=1)]
-    noise = arrays.MAD * np.median(np.abs(known), axis=0) / np.sqrt(6.0) if len(known) else np.zeros(3)
+    noise = 1.4826 * np.median(np.abs(known), axis=0) / np.sqrt(6.0) if len(known) else np.zeros(3)
     noise = noise * np.sqrt(2.0) * rate / max(2, round(LIMITS.turn * rate))
     implied, measured = implied - implied.mean(axis=0), measured - measured.mean(axis=0)
     out = []

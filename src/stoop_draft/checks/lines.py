@@ -5,27 +5,16 @@ The state of the search says which column each variable takes and by what that i
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final, TypeAlias
 
 import numpy as np
 
-from stoop.extend.arrays import FloatArray, quaternions_of
-from stoop.extend.units import DEGREE, FACTORS, KINDS, PULSE_FACTORS, ZERO_CELSIUS
-from stoop.extend.variables import (
-    EULER,
-    MOTORS,
-    OUTPUT_PINS,
-    POSITION,
-    QUATERNION,
-    RATES,
-    ROTORS,
-    SERVOS,
-    SPECIFIC_FORCE,
-    VARIABLES,
-    VELOCITY,
-)
+from stoop.extend.arrays import FloatArray, rotations
+from stoop.extend.units import UNITS
+from stoop.extend.variables import FAMILIES, VARIABLES
 from stoop_draft.checks.engine import Edit
 from stoop_draft.checks.entries import TABLE, Change, Lines, told, where
 
@@ -37,7 +26,13 @@ AIRSPEEDS: Final = ("V", "airspeed_pitot", "airspeed_equivalent")
 VANES: Final = ("alpha", "beta")
 EAST: Final = "psi from east"  #: column of headings that were counted from east to north
 SURFACES: Final = ("elevator", "aileron", "rudder")
-TWICE: Final = (DEGREE, 1.0 / DEGREE)  #: factors of what was converted twice: no numbers that are fitted
+RATES, EULER, QUATERNION, SPECIFIC_FORCE, VELOCITY, POSITION = (
+    FAMILIES[n] for n in ("rates", "euler", "quaternion", "specific force", "velocity", "position")
+)
+TWICE: Final = (
+    math.radians(1.0),
+    math.degrees(1.0),
+)  #: factors of what was converted twice: no numbers that are fitted
 SENSORS: Final = (EULER, RATES, SPECIFIC_FORCE, VELOCITY, POSITION, VANES, SURFACES)  #: what shares a unit
 #: whose sign the residuals can show
 SIGNED: Final[tuple[str, ...]] = (
@@ -80,12 +75,11 @@ USUAL: Final[Mapping[str, tuple[str, ...]]] = {
 }
 OF_VARIABLES: Final[Mapping[str, tuple[str, ...]]] = {
     "vd": ("m/s", "kt km/h ft/s ft/min", "cm/s", "mm/s"),
-    **{f"rotor_{n}": ("rad/s", "rpm") for n in range(1, ROTORS + 1)},
-    **{f"pwm_{n}": ("us", "s", "ms") for n in range(1, OUTPUT_PINS + 1)},
+    **dict.fromkeys(FAMILIES["rotor"], ("rad/s", "rpm")),
+    **dict.fromkeys(FAMILIES["pwm"], ("us", "s", "ms")),
     **dict.fromkeys(
-        ("throttle", "control_throttle", *(f"motor_{n}" for n in range(1, MOTORS + 1))), ("1", "percent")
+        ("throttle", "control_throttle", *FAMILIES["motor"], *FAMILIES["servo"]), ("1", "percent")
     ),
-    **{f"servo_{n}": ("1", "percent") for n in range(1, SERVOS + 1)},
 }  #: the same of variables whose kind does not tell
 
 
@@ -147,7 +141,7 @@ def corrected(state: Assignment, data: Mapping[str, FloatArray]) -> dict[str, Fl
             out[name] = factor * columns[column]
     if set(EULER) <= data.keys() and set(EULER) & state.keys():
         angles = np.column_stack([out[name] for name in EULER])
-        out.update(zip(QUATERNION, quaternions_of(angles).T, strict=True))
+        out.update(zip(QUATERNION, rotations.quaternions_of(angles).T, strict=True))
     return out
 
 
@@ -329,12 +323,12 @@ def _units(
 ) -> Iterator[Edit[Assignment]]:
     """Yield the edits that give columns another unit, the most usual first."""
     si = VARIABLES[names[0]].unit
-    usual = OF_VARIABLES.get(names[0], USUAL.get(KINDS.get(si, ""), ()))
+    usual = OF_VARIABLES.get(names[0], USUAL.get(UNITS[si].kind, ()))
     now = _factor(names[0], unit or si)
     known = np.empty(0) if signal is None else signal[1][np.isfinite(signal[1])]
     level = float(np.median(known)) if known.size else 0.0  # of a sensor that reads nothing
     if "degC" in usual and unit != "degC" and level != 0.0:
-        warmer = multiplied(names, 1.0 + ZERO_CELSIUS / level)
+        warmer = multiplied(names, 1.0 + UNITS["degC"].zero / level)
         yield LineEdit("unit", names, 'write unit = "degC"', warmer, True, prior, "degC", ("degC",))
     others = [[u for u in units.split() if u != "degC" and _factor(names[0], u) != now] for units in usual]
     for rank, units in enumerate(units for units in others if units):
@@ -343,7 +337,7 @@ def _units(
 
 
 def _factor(name: str, unit: str) -> float:
-    return (PULSE_FACTORS if name.startswith("pwm_") else FACTORS).get(unit, 1.0)
+    return VARIABLES[name].units.get(unit, 1.0)
 
 
 def _unit(names: tuple[str, ...], unit: str, other: str, prior: float) -> Edit[Assignment]:

@@ -12,8 +12,8 @@ from stoop import Flight, Notice
 from stoop.extend import flights
 from stoop.extend.arrays import BoolArray, FloatArray
 from stoop.extend.errors import FlightError
-from stoop.extend.notices import Value, attempt, notice
-from stoop.extend.variables import EULER, RATES, VARIABLES
+from stoop.extend.notices import attempt, notice
+from stoop.extend.variables import FAMILIES, VARIABLES
 from stoop_draft.checks.air import Air
 from stoop_draft.checks.controls import Controls
 from stoop_draft.checks.engine import Edit, Finding, Range, Residuals, empty_columns, search
@@ -206,7 +206,7 @@ def judge_mapping(
     empty = empty_columns(in_air) | empty_columns({name: x for name, (_, x) in signals.items()})
     in_air = {name: x for name, x in in_air.items() if name not in empty}
     signals = {name: one for name, one in signals.items() if name not in empty}
-    angles = signals.keys() & set(EULER)
+    angles = signals.keys() & set(FAMILIES["euler"])
     # the grid took other units than radians for turns, and those of one angle of an attitude turned all of them
     strange = any(full_turn(name, signals[name][1]) != 2.0 * np.pi for name in angles)
     for name in angles if strange else ():
@@ -215,7 +215,9 @@ def judge_mapping(
     judged: dict[str, FloatArray] = {}
     # slower body rates are those of a wrong clock
     if not any(
-        0.0 < flight.sources[name].rate < flights.SUSPECT_CLOCK for name in RATES if name in flight.sources
+        0.0 < flight.sources[name].rate < flights.SUSPECT_CLOCK
+        for name in FAMILIES["rates"]
+        if name in flight.sources
     ):
         judged = {
             name: flights.without_faulty(time, x, [fault for fault in faults if fault.variable == name])
@@ -223,7 +225,7 @@ def judge_mapping(
         }
     found = attempt(failed, Judgment((), (), {}), check_mapping, signals, judged, rate, lines)
     of_rates = attempt(failed, [], check_rates, found.corrected(in_air), rate, lines)
-    named: set[Value] = {one.subject for one in found.notices}
+    named: set[object] = {one.subject for one in found.notices}
     named.update(*(own for one in found.notices if isinstance(own := one.values.get("lines"), tuple)))
     of_rates = [one for one in of_rates if one.subject not in named]
     if found.refused:

@@ -18,14 +18,14 @@ from typing import Final, TypeAlias
 import numpy as np
 
 from stoop import Flight, Notice, Vehicle
-from stoop.extend.arrays import BoolArray, FloatArray, runs
+from stoop.extend.arrays import BoolArray, FloatArray, run_slices
 from stoop.extend.flights import Window, flying, within
 from stoop.extend.motion import Range, channel_range, delayed, effects, first_order_lag
 from stoop.extend.notices import notice
 from stoop.extend.text import enumerated
-from stoop.extend.variables import RATES
 from stoop.extend.vehicles import GROUND_FRAME
 from stoop_draft.checks.engine import Edit, Evidence, Key, Residual, Residuals, search
+from stoop_draft.checks.lines import RATES
 
 AXES: Final = ("roll", "pitch", "yaw")
 #: Hz, by axis: slower is the air's doing, quicker is noise
@@ -236,13 +236,13 @@ def _motions(vehicle: Vehicle, flight: Flight, windows: Sequence[Window], area: 
     stated = [getattr(vehicle.file.sensors, name).sigma for name in RATES]
     parts: list[tuple[list[FloatArray], list[FloatArray]]] = []
     variance, count = np.zeros(len(AXES)), 0
-    for start, stop in runs(good):
-        if stop - start < MIN_STRETCH * flight.rate:
+    for run in run_slices(good):
+        if run.stop - run.start < MIN_STRETCH * flight.rate:
             continue
-        turned = columns[start:stop, : -len(RATES)]
+        turned = columns[run, : -len(RATES)]
         if lag > 0.0:
             turned = np.column_stack([first_order_lag(c, lag, 1.0 / flight.rate) for c in turned.T])
-        rates = columns[start:stop, -len(RATES) :]
+        rates = columns[run, -len(RATES) :]
         commands = [sosfiltfilt(sos, turned, axis=0) for sos in filters]
         # slopes of what is filtered: slopes first would let noise in at the ends
         slow = [sosfiltfilt(sos, own) for sos, own in zip(filters, rates.T, strict=True)]
@@ -251,8 +251,8 @@ def _motions(vehicle: Vehicle, flight: Flight, windows: Sequence[Window], area: 
         recorded = np.std(np.diff(rates, 2, axis=0), axis=0) / np.sqrt(6.0)
         cubes = np.array([high**3 - low**3 for low, high in BANDS])
         noise = np.maximum(stated, recorded) ** 2 * 8.0 * np.pi**2 * cubes / (3.0 * flight.rate)
-        variance += (stop - start) * noise
-        count += stop - start
+        variance += (run.stop - run.start) * noise
+        count += run.stop - run.start
     if not parts:
         return None
     accelerations = [np.concatenate(own) for own in zip(*(slopes for _, slopes in parts), strict=True)]

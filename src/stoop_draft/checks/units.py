@@ -13,10 +13,9 @@ from typing import Final
 import numpy as np
 
 from stoop.extend.arrays import FloatArray
-from stoop.extend.units import DEGREE
-from stoop.extend.variables import EULER, SPECIFIC_FORCE, VARIABLES, WRAPPED
+from stoop.extend.variables import FAMILIES, VARIABLES
 from stoop_draft.checks.engine import Key, Range, Residuals
-from stoop_draft.checks.lines import EAST, TWICE, Assignment, Signal, reading
+from stoop_draft.checks.lines import EAST, EULER, SPECIFIC_FORCE, TWICE, Assignment, Signal, reading
 
 #: rad, rad/s: sizes that no flight exceeds; gyros of drones end at 35 rad/s
 LARGEST: Final = {
@@ -24,7 +23,7 @@ LARGEST: Final = {
     "elevator": 0.5 * math.pi, "aileron": 0.5 * math.pi, "rudder": 0.5 * math.pi, "flap": 0.5 * math.pi,
     "p": 40.0, "q": 40.0, "r": 40.0,
 }  # fmt: skip
-MIN_ANGLE: Final = 3.0 * DEGREE  #: rad; hardly any flight stays below
+MIN_ANGLE: Final = math.radians(3.0)  #: rad; hardly any flight stays below
 #: angle, and nearly its derivative
 PAIRS: Final[tuple[tuple[str, str], ...]] = (("phi", "p"), ("theta", "q"), ("psi", "r"), ("alpha", "q"))
 #: registry variable -> its median sizes in use, SI
@@ -50,7 +49,7 @@ class Statistics:
     spans: tuple[float, ...] = (0.1, 0.5)
     likeness: float = 0.8  #: correlation from which the factor between an angle and a rate means something
     #: of a factor between them that is that of a degree, less a factor of two
-    far: float = math.log(0.5 / DEGREE)
+    far: float = math.log(math.degrees(0.5))
     noise_band: float = 4.0  #: ratio of the noise of axes of one sensor and one unit
     upright: float = 0.5  #: least share of the specific force along the vertical axis, in the median
     size: float = 30.0  #: odds of a size
@@ -221,7 +220,7 @@ def growth(angle: Signal, rate: Signal) -> tuple[float, float]:
 
 def without_jumps(name: str, x: FloatArray) -> FloatArray:
     """Return an angle (n,) in radians, or in another unit than it is mapped, that is counted on through whole turns."""
-    if name not in WRAPPED:
+    if name not in FAMILIES["circular"]:
         return x
     out, known = x.copy(), np.isfinite(x)
     out[known] = np.unwrap(x[known], period=full_turn(name, x))
@@ -232,7 +231,7 @@ def full_turn(name: str, x: FloatArray) -> float:
     """Return by how much an angle (n,) jumps after a turn: in radians, still in degrees, or converted twice."""
     if largest_size(x) > LARGEST[name]:
         return 360.0
-    small, known = 2.0 * np.pi * DEGREE, x[np.isfinite(x)]
+    small, known = math.radians(2.0 * math.pi), x[np.isfinite(x)]
     steps = np.abs(np.diff(known))
     twice = known.size > 1 and np.ptp(known) < 1.01 * small and float(steps.max()) > 0.9 * small
     return small if twice else 2.0 * np.pi

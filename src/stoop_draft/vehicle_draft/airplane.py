@@ -9,7 +9,7 @@ from typing import Final
 
 from stoop import Flight, Notice
 from stoop.extend.notices import notice
-from stoop.extend.units import DEGREE, SEA_LEVEL_DENSITY, STANDARD_GRAVITY
+from stoop.extend.units import SEA_LEVEL_DENSITY, STANDARD_GRAVITY
 from stoop.extend.vehicles import COEFFICIENTS, EQUATION_1, MOMENT_ARMS, STANDARD_CONTROLS
 from stoop.extend.vehicles import USUAL as ASSUMED
 from stoop_draft.vehicle_draft import inertia, plausibility
@@ -113,7 +113,7 @@ class Airplane(FileText):
             said = f"m/s, level flight at CL = {CRUISE_LIFT:g}: no log shows it"
         sheet.entry("airspeed", plain(self.airspeed), f"V*: {said}")
         if math.isfinite(self.alpha):
-            said = f"alpha*: rad ({self.alpha / DEGREE:.1f} deg), median of the same flight"
+            said = f"alpha*: rad ({math.degrees(self.alpha):.1f} deg), median of the same flight"
             sheet.entry("alpha", plain(self.alpha), said)
         guess = ", ".join(plain(self.moments[axis].value) for axis in ("xx", "yy", "zz"))
         sheet.entry(

@@ -17,12 +17,14 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
-from typing import Final
+from typing import Final, Literal
 
 from stoop.extend import variables
 from stoop_draft.mapping_draft import RANGES
 
-UP: Final[variables.Point] = (0.0, 0.0, -1.0)
+Point = tuple[float, float, float]
+Spin = Literal["ccw", "cw"]
+UP: Final[Point] = (0.0, 0.0, -1.0)
 PULSE_RANGE: Final = (500.0, 2500.0)  #: us, that a servo or a motor controller may understand
 DEFAULT_PULSES: Final = (1000.0, 1500.0, 2000.0)  #: us, ends and middle
 MAX_POSITION: Final = 20.0  #: m
@@ -46,7 +48,7 @@ class Surface:
     """An output that moves a surface."""
 
     name: str  #: as the autopilot calls it
-    shares: variables.Point  #: of roll, pitch and yaw
+    shares: Point  #: of roll, pitch and yaw
     channels: Mapping[str, Scale]  #: by which a log may hold it
 
 
@@ -56,9 +58,9 @@ class Motor:
 
     number: int
     channels: Mapping[str, Scale]
-    position: variables.Point | None = None  #: m, from the center of gravity as the autopilot knows it
-    axis: variables.Point = UP  #: direction of the thrust
-    spin: variables.Spin | None = None
+    position: Point | None = None  #: m, from the center of gravity as the autopilot knows it
+    axis: Point = UP  #: direction of the thrust
+    spin: Spin | None = None
 
     @property
     def lifts(self) -> bool:
@@ -121,14 +123,14 @@ def _pulses(
 def _px4(parameters: Mapping[str, float], moving: Collection[str]) -> Setup:
     outputs = _px4_outputs(parameters, moving)
     surfaces, others = list[Surface](), dict[str, str]()
-    for i in range(min(_whole(parameters, "CA_SV_CS_COUNT"), variables.SERVOS)):
+    for i in range(min(_whole(parameters, "CA_SV_CS_COUNT"), len(variables.FAMILIES["servo"]))):
         kind = _whole(parameters, f"CA_SV_CS{i}_TYPE")
         channels = {f"servo_{i + 1}": Scale(), **outputs.get(201 + i, {})}
         if kind in PX4_OTHERS:
             others |= dict.fromkeys(channels, PX4_OTHERS[kind])
-        if kind not in variables.PX4_SURFACES:
+        if kind not in variables.PX4.surfaces:
             continue
-        name, usual = variables.PX4_SURFACES[kind]
+        name, usual = variables.PX4.surfaces[kind]
         given = tuple(_number(parameters, f"CA_SV_CS{i}_TRQ_{axis}", 0.0, 10.0) for axis in "RPY")
         # a surface of a known kind turns about its own axes; what else is set there makes up for adverse yaw
         known = any(usual)
@@ -137,7 +139,7 @@ def _px4(parameters: Mapping[str, float], moving: Collection[str]) -> Setup:
         surfaces.append(Surface(name, (roll, pitch, yaw), channels))
     motors = [
         _px4_motor(parameters, i, outputs.get(101 + i, {}))
-        for i in range(min(_whole(parameters, "CA_ROTOR_COUNT"), variables.MOTORS))
+        for i in range(min(_whole(parameters, "CA_ROTOR_COUNT"), len(variables.FAMILIES["motor"])))
     ]
     rotors = tuple(m for m in motors if m.lifts) if _whole(parameters, "CA_AIRFRAME") != 1 else ()
     pushers = tuple(m for m in motors if m not in rotors)
@@ -151,7 +153,7 @@ def _px4_motor(parameters: Mapping[str, float], i: int, pulses: Mapping[str, Sca
         for axis, default in zip("XYZ", UP, strict=True)
     )
     axis = (forward, right, down) if math.hypot(forward, right, down) > MIN_MOMENT else UP
-    spin: variables.Spin = "ccw" if _number(parameters, f"CA_ROTOR{i}_KM", 0.05) >= 0.0 else "cw"
+    spin: Spin = "ccw" if _number(parameters, f"CA_ROTOR{i}_KM", 0.05) >= 0.0 else "cw"
     return Motor(i + 1, {f"motor_{i + 1}": Scale(), **pulses}, (x, y, z), axis, spin)
 
 
@@ -162,18 +164,18 @@ def _px4_outputs(parameters: Mapping[str, float], moving: Collection[str]) -> di
     for group in ("MAIN", "AUX"):
         head, found, matches = f"PWM_{group}", dict[int, dict[str, Scale]](), 0
         reversed_bits = _whole(parameters, f"{head}_REV")
-        for n in range(1, variables.OUTPUT_PINS + 1):
+        for n, pulse in enumerate(variables.FAMILIES["pwm"], 1):
             function = _whole(parameters, f"{head}_FUNC{n}")
             low, middle, high = _pulses(parameters, f"{head}_MIN{n}", f"{head}_MAX{n}")
             back = bool(max(reversed_bits, 0) >> (n - 1) & 1)
-            if 101 <= function < 101 + variables.MOTORS:
-                found[function] = {f"pwm_{n}": Scale(high, low - high) if back else Scale(low, high - low)}
-            elif 201 <= function < 201 + variables.SERVOS:
+            if 101 <= function < 101 + len(variables.FAMILIES["motor"]):
+                found[function] = {pulse: Scale(high, low - high) if back else Scale(low, high - low)}
+            elif 201 <= function < 201 + len(variables.FAMILIES["servo"]):
                 half = 0.5 * (high - low)
-                found[function] = {f"pwm_{n}": Scale(middle, -half if back else half)}
+                found[function] = {pulse: Scale(middle, -half if back else half)}
             else:
                 continue
-            matches += f"pwm_{n}" in moving
+            matches += pulse in moving
         if matches > most and found:
             best, most = found, matches
     return best
@@ -182,28 +184,28 @@ def _px4_outputs(parameters: Mapping[str, float], moving: Collection[str]) -> di
 def _ardupilot(parameters: Mapping[str, float]) -> Setup:
     surfaces, others = list[Surface](), dict[str, str]()
     pushers, motors = list[Motor](), dict[int, Mapping[str, Scale]]()
-    for n in range(1, variables.OUTPUT_PINS + 1):
-        head, pulse = f"SERVO{n}", f"pwm_{n}"
+    for n, pulse in enumerate(variables.FAMILIES["pwm"], 1):
+        head = f"SERVO{n}"
         function = _whole(parameters, f"{head}_FUNCTION")
         low, middle, high = _pulses(parameters, f"{head}_MIN", f"{head}_MAX", f"{head}_TRIM")
         sign = -1.0 if _number(parameters, f"{head}_REVERSED") > 0.5 else 1.0
-        if function in variables.ARDUPILOT_SURFACES:
-            name, shares = variables.ARDUPILOT_SURFACES[function]
+        if function in variables.ARDUPILOT.surfaces:
+            name, shares = variables.ARDUPILOT.surfaces[function]
             surfaces.append(Surface(name, shares, {pulse: Scale(middle, sign * 0.5 * (high - low))}))
         elif function in ARDUPILOT_OTHERS:
             others[pulse] = ARDUPILOT_OTHERS[function]
-        elif function in variables.THROTTLES:
+        elif function in variables.ARDUPILOT.throttles:
             scale = Scale(low, high - low) if sign > 0.0 else Scale(high, low - high)
             pushers.append(Motor(len(pushers) + 1, {pulse: scale}, axis=(1.0, 0.0, 0.0)))
-        elif function in variables.MOTOR_FUNCTIONS:
-            number = variables.MOTOR_FUNCTIONS[function]
+        elif function in variables.ARDUPILOT.motors:
+            number = variables.ARDUPILOT.motors[function]
             for first, last in RANGES:
                 if PULSE_RANGE[0] <= _number(parameters, first) < _number(parameters, last) <= PULSE_RANGE[1]:
                     low, high = parameters[first], parameters[last]
             motors[number] = {f"motor_{number}": Scale(), pulse: Scale(low, high - low)}
     heads = ("Q_FRAME", "FRAME") if _number(parameters, "Q_ENABLE") > 0.0 else ("FRAME", "Q_FRAME")
     frame = next((h for h in heads if f"{h}_CLASS" in parameters), "FRAME")
-    places = variables.FRAMES.get(
+    places = variables.ARDUPILOT.frames.get(
         (_whole(parameters, f"{frame}_CLASS"), _whole(parameters, f"{frame}_TYPE")), ()
     )
     rotors = []

@@ -7,6 +7,7 @@ of :mod:`stoop_draft.vehicle_draft`: elevator trailing edge down, aileron right 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Final
@@ -16,7 +17,6 @@ import numpy as np
 from stoop import Flight
 from stoop.extend.arrays import FloatArray
 from stoop.extend.flights import directions, output_families
-from stoop.extend.units import DEGREE
 from stoop_draft.vehicle_draft.autopilot import Scale, Setup
 from stoop_draft.vehicle_draft.steady import STEADY, turning
 
@@ -27,7 +27,7 @@ AXES: Final[Mapping[str, tuple[int, str, str, float]]] = {
     "rudder": (2, "control_yaw", "r", -1.0),
 }
 THROW: Final = 0.35  #: rad, of a full command
-THROW_TEXT: Final = f"{THROW:g} rad ({THROW / DEGREE:.0f} deg)"
+THROW_TEXT: Final = f"{THROW:g} rad ({math.degrees(THROW):.0f} deg)"
 ENOUGH: Final = 0.6  #: of the fastest rate: at half of it commands are aliased
 SMALL_WEIGHT: Final = 0.25  #: of the largest weight of outputs; less takes no part in an axis
 

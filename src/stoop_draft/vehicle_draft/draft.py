@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 from stoop import Flight, Notice, Vehicle
 from stoop.extend.errors import VehicleError
-from stoop.extend.notices import distinct
 from stoop.extend.text import Summarized
 from stoop.extend.vehicles import parse_vehicle
 from stoop_draft.vehicle_draft import inertia, plausibility
@@ -84,5 +83,5 @@ def draft(request: Request, flights: Sequence[Flight] = (), where: str = "vehicl
     text = file.text()
     vehicle = parse_vehicle(text, where)
     of_template = plausibility.of_template(str(request.template), given, seen)
-    notices = distinct([*of_template, *file.notices()])
+    notices = tuple(dict.fromkeys([*of_template, *file.notices()]))
     return Drafted(text, vehicle, notices)

@@ -14,7 +14,7 @@ from typing import Annotated, Any, Final, Literal, get_args
 from pydantic import Field, ValidationError
 
 from stoop.extend.errors import VehicleError
-from stoop.extend.files import first_complaint, parse_source, read_source
+from stoop.extend.files import first_complaint, toml
 from stoop.extend.vehicles import Number
 from stoop_draft.vehicle_draft import proportions
 from stoop_draft.vehicle_draft.parts import NOWHERE, Fin, Fuselage, Part, Point, Tail, Wing
@@ -43,12 +43,12 @@ class Geometry(Part):
     @classmethod
     def load(cls, path: Path | str) -> Geometry:
         """Read a geometry file; a `VehicleError` names the file, the key and what to write instead."""
-        return cls.parse(read_source(path, "geometry", VehicleError), str(path))
+        return cls.parse(toml.read_source(path, "geometry", VehicleError), str(path))
 
     @classmethod
     def parse(cls, text: str, where: str) -> Geometry:
         """Read a geometry from TOML text; ``where`` names it in messages."""
-        return cls.of(parse_source(text, where, VehicleError), where)
+        return cls.of(toml.parse_source(text, where, VehicleError), where)
 
     @classmethod
     def typical(

@@ -12,8 +12,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from stoop.extend.units import FOOT, POUND_FORCE, SLUG, STANDARD_GRAVITY
-from stoop.extend.variables import Point
+from stoop.extend.units import STANDARD_GRAVITY, UNITS
 from stoop_draft.vehicle_draft.apriori import Apriori
 
 
@@ -32,9 +31,9 @@ class Measured:
     @classmethod
     def in_feet(cls, weight: float, span: float, chord: float, *moments: float) -> Measured:
         """Return those of a conventional airplane in lbf, ft and slug ft2."""
-        mass = weight * POUND_FORCE / STANDARD_GRAVITY
-        xx, yy, zz = (i * SLUG * FOOT**2 for i in moments)
-        return cls("conventional", mass, span * FOOT, chord * FOOT, xx, yy, zz)
+        mass = weight * UNITS["lbf"].factor / STANDARD_GRAVITY
+        xx, yy, zz = (i * UNITS["slug"].factor * UNITS["ft"].factor ** 2 for i in moments)
+        return cls("conventional", mass, span * UNITS["ft"].factor, chord * UNITS["ft"].factor, xx, yy, zz)
 
 
 #: Aerosonde and Zagi: Beard and McLain, Small Unmanned Aircraft, appendix E; X8: Gryte et al., ICUAS 2018; twin boom:
@@ -92,7 +91,7 @@ def of_airplane(template: str, mass: float, span: float, chord: float) -> dict[s
     return {**found, "xz": Apriori(0.0, PRODUCT_SPREAD * math.sqrt(xx * zz), "usually small")}
 
 
-def of_multirotor(mass: float, positions: Sequence[Point]) -> dict[str, Apriori]:
+def of_multirotor(mass: float, positions: Sequence[tuple[float, float, float]]) -> dict[str, Apriori]:
     """Return xx, yy and zz of a vehicle whose rotors stand at `positions` [m], kg m2."""
     count = max(len(positions), 1)
     squares = [sum(p[k] ** 2 for p in positions) / count for k in (0, 1)]

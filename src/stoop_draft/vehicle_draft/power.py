@@ -13,9 +13,9 @@ import numpy as np
 from stoop import Flight, load_vehicle
 from stoop.extend.flights import FLYING, flying, rotor_pulses
 from stoop.extend.units import STANDARD_GRAVITY
-from stoop.extend.variables import MOTORS, OUTPUT_PINS, ROTORS, Point, Spin
+from stoop.extend.variables import FAMILIES
 from stoop_draft.vehicle_draft.apriori import Apriori
-from stoop_draft.vehicle_draft.autopilot import DEFAULT_PULSES, Motor, Scale, Setup
+from stoop_draft.vehicle_draft.autopilot import DEFAULT_PULSES, Motor, Point, Scale, Setup, Spin
 from stoop_draft.vehicle_draft.controls import ENOUGH, recorded
 from stoop_draft.vehicle_draft.steady import Steady
 
@@ -132,7 +132,7 @@ def find_drive(flight: Flight, setup: Setup, lifting: Sequence[str] = ()) -> Dri
     if not (lifting and setup.pushers):
         options += [Drive(n, Scale(), "the recorded command") for n in ("throttle", "control_throttle")]
     if not setup.pushers:
-        options += [Drive(f"motor_{n}", Scale(), "the recorded command") for n in range(1, MOTORS + 1)]
+        options += [Drive(n, Scale(), "the recorded command") for n in FAMILIES["motor"]]
     there = [
         o
         for o in options
@@ -240,12 +240,11 @@ def _of_template(flight: Flight | None, count: int, name: str) -> Lift | None:
 
 def running_rotors(flight: Flight) -> tuple[list[str], Scale]:
     """Return the channels of motors that run in flight, and their scale."""
-    for kind, size in (("motor", MOTORS), ("rotor", ROTORS)):
-        names = [f"{kind}_{n}" for n in range(1, size + 1)]
-        run = [n for n in names if n in flight.names and _mean_in_flight(flight, n) > FLYING.command]
+    for kind in ("motor", "rotor"):
+        run = [n for n in FAMILIES[kind] if n in flight.names and _mean_in_flight(flight, n) > FLYING.command]
         if len(run) > FLYING.rotors:
             return run, Scale()
-    names = [n for n in rotor_pulses(flight) if n in (f"pwm_{k}" for k in range(1, OUTPUT_PINS + 1))]
+    names = [n for n in rotor_pulses(flight) if n in FAMILIES["pwm"]]
     return names, Scale(DEFAULT_PULSES[0], DEFAULT_PULSES[2] - DEFAULT_PULSES[0])
 
 

@@ -13,8 +13,7 @@ from stoop import Flight
 from stoop.extend.arrays import BoolArray, FloatArray
 from stoop.extend.flights import FLYING, PLAUSIBLE, airborne, band_pass, density_of, flying
 from stoop.extend.units import SEA_LEVEL_DENSITY, STANDARD_GRAVITY
-from stoop.extend.variables import RATES, VELOCITY
-from stoop_draft.checks.lines import AIRSPEEDS
+from stoop_draft.checks.lines import AIRSPEEDS, RATES, VELOCITY
 
 
 @dataclass(frozen=True)

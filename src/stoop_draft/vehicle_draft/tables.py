@@ -10,11 +10,12 @@ from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
+import tomlkit
 
-from stoop.extend.errors import one_line
-from stoop.extend.files import quoted, quoted_key
-from stoop.extend.variables import POSITION, SPECIFIC_FORCE
+from stoop.extend.files import toml
+from stoop.extend.text import printable
 from stoop.extend.vehicles import USUAL as ASSUMED
+from stoop_draft.checks.lines import POSITION, SPECIFIC_FORCE
 from stoop_draft.vehicle_draft.apriori import Apriori
 from stoop_draft.vehicle_draft.controls import Controls, recorded
 from stoop_draft.vehicle_draft.power import USUAL, Lift, hover_level, thrust_law
@@ -57,7 +58,11 @@ def known(one: Apriori, free: bool = True) -> str:
 
 def mixture(gains: Mapping[str, float]) -> str:
     """Return channels and numbers as an inline table."""
-    return "{ " + ", ".join(f"{quoted_key(name)} = {plain(gain)}" for name, gain in gains.items()) + " }"
+    return (
+        "{ "
+        + ", ".join(f"{tomlkit.key(name).as_string()} = {plain(gain)}" for name, gain in gains.items())
+        + " }"
+    )
 
 
 def point(parts: Sequence[str]) -> str:
@@ -73,21 +78,21 @@ class Sheet:
 
     def remark(self, *texts: str) -> None:
         """Add comments on lines of their own."""
-        self.lines += [f"# {one_line(text)}" for text in texts]
+        self.lines += [f"# {printable(text)}" for text in texts]
 
     def table(self, name: str, comment: str = "") -> None:
         """Begin a table."""
-        tail = f" # {one_line(comment)}" if comment else ""
+        tail = f" # {printable(comment)}" if comment else ""
         self.lines += ["", f"[{name}]{tail}"]
 
     def entry(self, key: str, value: str, comment: str = "") -> None:
         """Add a number or a list that is written as TOML."""
-        tail = f" # {one_line(comment)}" if comment else ""
+        tail = f" # {printable(comment)}" if comment else ""
         self.lines.append(f"{key} = {value}{tail}")
 
     def word(self, key: str, value: str, comment: str = "") -> None:
         """Add a text."""
-        self.entry(key, quoted(value), comment)
+        self.entry(key, toml.quoted(value), comment)
 
     def text(self) -> str:
         """Return the file."""
@@ -285,7 +290,7 @@ def rotor_tables(sheet: Sheet, lift: Lift, mass: float, steady: Steady) -> None:
         x, y, z = map(plain, rotor.position)
         if alike:
             free = quantity(heights[0], PRIORS.frame * lift.size())
-            z = free if number == 1 else quoted("=rotor.m1.position.z")
+            z = free if number == 1 else toml.quoted("=rotor.m1.position.z")
         sheet.entry("position", point([x, y, z]), "one height for all" * (alike and number == 1))
         if rotor.axis is not None:
             sheet.entry("axis", point([plain(x) for x in rotor.axis]))

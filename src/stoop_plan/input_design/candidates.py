@@ -12,7 +12,7 @@ import numpy as np
 from stoop import Flight
 from stoop.extend import flights
 from stoop.extend.arrays import BoolArray, FloatArray, run_slices
-from stoop.extend.variables import RATES
+from stoop.extend.variables import FAMILIES
 
 if TYPE_CHECKING:
     from stoop import Vehicle
@@ -100,7 +100,7 @@ def usable(flight: Flight, channels: Sequence[str]) -> BoolArray:
     """Tell at which samples (n,) a window may lie: flying, commands there, nothing stuck or at its limit."""
     up = flights.flying(flight)
     good = up.copy()
-    for name in (*channels, *(rate for rate in RATES if rate in flight.names)):
+    for name in (*channels, *(rate for rate in FAMILIES["rates"] if rate in flight.names)):
         good &= np.isfinite(flight.column(name))
     for name in channels:
         if name.startswith(LIMITED):
@@ -181,7 +181,9 @@ class Excitation:
         """Return those of a flight; None where no command or no rate was recorded."""
         by_command = flights.by_axis(flights.commands(flight))
         rates = {
-            axis: name for axis, name in flights.MOTION.items() if name in RATES and name in flight.names
+            axis: name
+            for axis, name in flights.MOTION.items()
+            if name in FAMILIES["rates"] and name in flight.names
         }
         if not by_command or not rates:
             return None

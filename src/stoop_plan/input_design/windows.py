@@ -35,7 +35,7 @@ from stoop.extend.flights import (
 )
 from stoop.extend.notices import notice
 from stoop.extend.text import remaining
-from stoop.extend.variables import RATES
+from stoop.extend.variables import FAMILIES
 from stoop_plan.input_design.candidates import Candidate, Excitation, candidates, with_motors
 
 if TYPE_CHECKING:  # fits are imported where a vehicle is given: without one nothing is fitted
@@ -405,7 +405,9 @@ class _Report:
 
 def _check_inputs(flight: Flight, vehicle: Vehicle | None) -> None:
     """Refuse a flight that lacks an input of the vehicle's equations; without a vehicle, rates or commands of any kind."""
-    missing = [r for r in RATES if r not in flight.names or not np.isfinite(flight.column(r)).any()]
+    missing = [
+        r for r in FAMILIES["rates"] if r not in flight.names or not np.isfinite(flight.column(r)).any()
+    ]
     if vehicle is not None:
         from stoop.extend.vehicles import KINDS, require_channels
 

@@ -8,8 +8,9 @@ from typing import Final, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from stoop.extend.errors import FlightError, one_line
-from stoop.extend.files import first_complaint, parse_source, quoted, read_source
+from stoop.extend.errors import FlightError
+from stoop.extend.files import first_complaint, toml
+from stoop.extend.text import printable
 
 FORMAT: Final = "stoop-windows/1"
 NAME: Final = "windows.toml"
@@ -66,19 +67,19 @@ class WindowsFile(BaseModel):
 
 def written(entries: Sequence[Entry], command: str, notes: Sequence[str] = ()) -> str:
     """Return the text of a file for the `command` that takes it; `notes` are more comments, one line each."""
-    lines = [*(f"# {one_line(note)}" for note in notes), f"format = {quoted(FORMAT)}"]
+    lines = [*(f"# {printable(note)}" for note in notes), f"format = {toml.quoted(FORMAT)}"]
     for entry in entries:
         lines += ["", "[[window]]"]
         for key, value in entry:
             if isinstance(value, bool):
                 text = str(value).lower()
             elif isinstance(value, str):
-                text = quoted(value)
+                text = toml.quoted(value)
             else:
                 text = f"{value:.3f}" if key in ("information", "gain") else f"{value:.13g}"
             if key != "loading" or value:
                 lines.append(f"{key} = {text}")
-    return HEAD.format(command=one_line(command)) + "\n".join([*lines, ""])
+    return HEAD.format(command=printable(command)) + "\n".join([*lines, ""])
 
 
 def read_windows(path: Path) -> tuple[Entry, ...]:
@@ -89,13 +90,13 @@ def read_windows(path: Path) -> tuple[Entry, ...]:
     FlightError
         In one line: which window, what is wrong, what to write.
     """
-    document = parse_source(read_source(path, "windows", FlightError), str(path), FlightError)
+    document = toml.parse_source(toml.read_source(path, "windows", FlightError), str(path), FlightError)
     if document.get("format") != FORMAT:
         raise FlightError(f'{path}: format is not "{FORMAT}"; write that line, or run stoop maneuvers again')
     try:
         return WindowsFile.model_validate(document).window
     except ValidationError as error:
-        raise FlightError(f"{path}: {one_line(first_complaint(error, document, WindowsFile))}") from None
+        raise FlightError(f"{path}: {printable(first_complaint(error, document, WindowsFile))}") from None
 
 
 def expanded(maneuvers: Sequence[str], validate: Sequence[str]) -> tuple[list[str], list[str]]:

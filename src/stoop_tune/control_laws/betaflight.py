@@ -29,8 +29,6 @@ from scipy.optimize import brentq
 
 from stoop.extend.arrays import FloatArray
 from stoop.extend.errors import StoopError
-from stoop.extend.recordings import DSHOT, is_digital
-from stoop.extend.units import DEGREE
 from stoop_tune.control_laws.filters import (
     PASS,
     Filter,
@@ -48,6 +46,8 @@ P_SCALE, I_SCALE, D_SCALE, FF_SCALE = 0.032029, 0.244381, 0.000529, 0.013754e-2
 YAW_INTEGRAL: Final = 2.5  #: times the gain of I about yaw
 FULL: Final = 1000.0  #: sum of one
 INTEGRAL_LIMIT: Final = 400.0  #: before 2025.12, which has a percentage of the limit of the sum
+DSHOT: Final = (48.0, 2047.0)  #: commands of the digital protocol, from stop to full
+PULSES: Final = (500.0, 2000.0)  #: us, the shortest and the longest that a motor understands
 BUTTERWORTH: Final = 1  #: type of a low-pass; others are one, two or three of first order in series
 ORDERS: Final = {0: 1, 2: 2, 3: 3}
 #: names of 4.2 -> of 4.3 and later
@@ -112,7 +112,7 @@ class Header(Parameters):
         low, high = ((n, self.number(n)) for n in ("motorOutput[0]", "motorOutput[1]"))
         self.rising(low, high)
         stop, full = DSHOT
-        if not is_digital(low[1], high[1]):
+        if not (low[1] < PULSES[0] or high[1] > PULSES[1]):  # no commands of the digital protocol
             stop, full = self.rising(*((n, self.number(n)) for n in ("minthrottle", "maxthrottle")))
         return (low[1] - stop) / (full - stop), (high[1] - stop) / (full - stop)
 
@@ -174,7 +174,7 @@ def header(values: Mapping[str, float]) -> Header:
 def rate_pid(values: Mapping[str, float], axis: str) -> RateLaw:
     """Return the rate law of Betaflight about an axis, from the settings in the header of a blackbox log."""
     own, k = header(values), AXES.index(axis)
-    per_radian = 1.0 / (FULL * DEGREE)
+    per_radian = 1.0 / (math.radians(FULL))
     p, i, d = (own.number(f"{axis}PID[{n}]") * per_radian for n in range(3))
     least = own.number(f"d_min[{k}]", 0.0) * per_radian
     d = least if 0.0 < least < d else d  # at rest

@@ -20,7 +20,6 @@ from collections.abc import Mapping
 from typing import Final
 
 from stoop.extend.arrays import FloatArray
-from stoop.extend.units import DEGREE
 from stoop_tune.control_laws.filters import PASS, Filter, butterworth, difference, series
 from stoop_tune.control_laws.mixing import by_place
 from stoop_tune.control_laws.parameters import Parameters
@@ -48,7 +47,7 @@ def cascade(values: Mapping[str, float], axis: str) -> RateLaw:
     """Return the rate law of a Crazyflie about an axis, from its parameters."""
     own = Parameters(values, "Crazyflie")
     defaults, limit, cutoff = AXES[axis]
-    per_radian = 1.0 / (FULL * DEGREE)
+    per_radian = 1.0 / (math.radians(FULL))
     gains = {n: x * per_radian for n, x in own.named(f"pid_rate.{axis}_{{}}", defaults).items()}
     smooth = PASS
     if own.number("pid_rate.rateFiltEn", 0.0):

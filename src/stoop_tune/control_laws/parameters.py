@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import Final
 
 from stoop.extend.errors import StoopError
-from stoop.extend.recordings import log_content, read
+from stoop.extend.files import read_bounded
+from stoop.extend.recordings import read
 from stoop_tune.control_laws.rate_law import AXES
 
 ENDINGS: Final = frozenset({".params", ".parm", ".param", ".config"})
@@ -94,7 +95,12 @@ def read_parameters(*sources: str | Path | Mapping[str, float]) -> Mapping[str, 
 
 def _parameters(path: Path) -> Mapping[str, float]:
     if not is_log(path):
-        text = log_content(path, MOST, "save the parameters again").decode("utf-8", "replace")
+        try:
+            text = read_bounded(path, MOST).decode("utf-8", "replace")
+        except OSError as error:
+            raise StoopError(f"{path}: cannot be read ({error.strerror or error}); check the file") from None
+        if not text:
+            raise StoopError(f"{path}: the file is empty; save the parameters again")
         values: dict[str, float] = {}
         for line in text.splitlines():
             if (found := _parameter(line)) is None:

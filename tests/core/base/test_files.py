@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from stoop.base import files
-from stoop.base.files import read_bounded, recorded_inputs, scratch, write_files, write_text_atomic
+from stoop.base.files import read_bounded, recorded_inputs, scratch, write_file, write_files
 from stoop.base.npz import read_arrays
 from stoop.errors import OutputError
 
@@ -47,7 +47,7 @@ def test_none_is_replaced_on_a_full_disk(tmp_path: Path, monkeypatch: pytest.Mon
 
 
 def test_a_folder_in_the_way_is_seen_before_anything_is_replaced_or_removed(tmp_path: Path) -> None:
-    write_text_atomic(tmp_path / "a", "old")
+    write_file(tmp_path / "a", "old")
     (tmp_path / "b").mkdir()
     with pytest.raises(OutputError, match="b: this is a folder"):
         write_files(tmp_path, {"a": "new", "b": "new"})
@@ -94,7 +94,7 @@ def test_folders_of_others_stay(tmp_path: Path) -> None:
         (tmp_path / name).mkdir()
         (tmp_path / name / "file").write_text("mine")
     (tmp_path / f"{files.SCRATCH}link").symlink_to(tmp_path / "mine")
-    write_text_atomic(tmp_path / "a", "new")
+    write_file(tmp_path / "a", "new")
     assert len(list(tmp_path.glob(".stoop*/file"))) >= 3
     assert (tmp_path / "mine" / "file").read_text() == "mine", "nothing is swept through a link"
 
@@ -117,15 +117,15 @@ def test_what_appears_while_a_command_works_is_not_replaced(tmp_path: Path) -> N
         files.check_target(target, overwrite=False)
         target.write_text("of another process")
         with pytest.raises(OutputError, match=r"out\.txt: appeared during this run"):
-            write_text_atomic(target, "ours")
+            write_file(target, "ours")
         assert target.read_text() == "of another process"
         target.unlink()
         for text in ("a progress", "a whole result"):
-            write_text_atomic(target, text)
+            write_file(target, text)
         assert target.read_text() == "a whole result"
     with recorded_inputs():
         files.check_target(target, overwrite=True)
-        write_text_atomic(target, "asked for")
+        write_file(target, "asked for")
 
 
 def test_a_number_of_a_file_that_is_gone_is_no_input(tmp_path: Path) -> None:
@@ -136,7 +136,7 @@ def test_a_number_of_a_file_that_is_gone_is_no_input(tmp_path: Path) -> None:
             read.write_text("x")
             files.note_input(read)
             read.unlink()
-            write_text_atomic(tmp_path / "own", str(i))
+            write_file(tmp_path / "own", str(i))
     assert contents(tmp_path) == {"own": "19"}
 
 

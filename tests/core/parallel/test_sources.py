@@ -102,9 +102,9 @@ def test_a_worker_or_a_store_of_other_sources_is_refused(herd: Path) -> None:
 
 def test_functions_that_stoop_calls_by_name_count(herd: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(worker, "tables", lambda _: [("stoop_herd", {"graze": WORK})])
-    before = environment.__wrapped__()
+    before = worker._environment.__wrapped__()
     (herd / "grass.py").write_text("GREEN = 2\n")
-    assert differences(before, environment.__wrapped__()) == "sources of hooks"
+    assert differences(before, worker._environment.__wrapped__()) == "sources of hooks"
 
 
 def test_differences_name_what_both_have() -> None:

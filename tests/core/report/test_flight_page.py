@@ -15,7 +15,7 @@ from stoop.flight.windows import overview
 from stoop.report.flight import flight_history, flight_sheet
 from stoop.report.series import Shade
 from stoop.report.sheet import render_sheet
-from stoop.report.time_history import MAX_SAMPLES, blocks, coarse, in_blocks
+from stoop.report.time_history import MAX_SAMPLES, blocks, in_blocks
 from stoop.report.track import Track, projected
 
 
@@ -67,7 +67,7 @@ def test_a_long_record_keeps_every_peak_and_all_samples_of_its_windows() -> None
     y[777:1888] = np.nan
     y[54321] = 50.0
     starts = blocks(x, [Shade(300.0, 310.0, "1", "fitted")])
-    time, values = in_blocks(x, starts), coarse(y, starts)
+    time, (values,) = in_blocks(x, [y], starts)
     assert len(time) == len(values) < MAX_SAMPLES
     assert np.nanmax(values) == 50.0
     assert np.nanmin(values) == np.nanmin(y)

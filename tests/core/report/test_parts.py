@@ -15,7 +15,8 @@ from naive.identification import example
 from stoop.assessment.goodness_of_fit import join
 from stoop.base import numbers
 from stoop.base.notices import as_notice, notice
-from stoop.base.numbers import clock, compact, count, factor_and_unit, listed, number, rounded_to_error
+from stoop.base.numbers import clock, compact, count, factor_and_unit, number, rounded_to_error
+from stoop.base.text import enumerated
 from stoop.report.estimates import TITLES
 from stoop.report.extensions import as_toml
 from stoop.report.identification import reasons, verdict
@@ -55,8 +56,8 @@ def test_any_number_can_be_written(value: float, error: float) -> None:
 def test_small_words() -> None:
     assert numbers.window(140.0, 168.3) == "140–168.3 s"
     assert [count(n, "parameter") for n in (1, 2)] == ["1 parameter", "2 parameters"]
-    assert [listed(names) for names in ([], ["a"], ["a", "b", "c"])] == ["none", "a", "a, b and c"]
-    assert listed([str(n) for n in range(12)], most=2) == "0, 1 and 10 more"
+    assert [enumerated(names) for names in ([], ["a"], ["a", "b", "c"])] == ["none", "a", "a, b and c"]
+    assert enumerated([str(n) for n in range(12)], most=2) == "0, 1 and 10 more"
     for unit, found in {"rad/s": (pytest.approx(57.29578), "deg/s"), "m/s2": (1.0, "m/s²"),
                         "1/rad2": (1.0, "1/rad²"), "1": (1.0, "")}.items():  # fmt: skip
         assert factor_and_unit(unit) == found

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from stoop.base.autopilots import FRAMES
+from stoop.base.autopilots import ARDUPILOT
 from stoop_draft.vehicle_draft.autopilot import Scale, read_setup
 
 VTAIL_PX4 = {
@@ -76,7 +76,7 @@ def test_ardupilot_frames() -> None:
         signs = [tuple(math.copysign(1, x) for x in r.position[:2]) for r in rotors if r.position]
         assert (signs[0], signs[2]) == ((1, 1), (1, -1))
         assert rotors[0].channels["pwm_1"] == Scale(1050.0, 900.0)
-    for frame, places in FRAMES.items():
+    for frame, places in ARDUPILOT.frames.items():
         for part in (math.cos, math.sin):
             assert sum(part(math.radians(a)) for a, _ in places) == pytest.approx(0.0, abs=1e-9), frame
         assert sum(spin == "ccw" for _, spin in places) == len(places) / 2

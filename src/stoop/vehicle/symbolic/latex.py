@@ -12,13 +12,7 @@ import sympy as sp
 
 from stoop.vehicle import terms
 from stoop.vehicle.notation import BODY_DRAG, EACH_ROTOR, SURFACES, coefficient_symbol, plain, symbols
-from stoop.vehicle.symbolic.forces import (
-    blade_loads,
-    body_resistance,
-    lift_gain,
-    rotor_commands,
-    thrust_gain,
-)
+from stoop.vehicle.symbolic.forces import blade_loads, body_resistance, lift_gain, rotor_commands, thrust_gain
 from stoop.vehicle.symbolic.frames import Numbers, scale
 from stoop.vehicle.vehicle import Vehicle
 
