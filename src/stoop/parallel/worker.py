@@ -115,9 +115,8 @@ def _sources(folder: Path) -> list[Path]:
 def differences(here: Mapping[str, str], there: Mapping[str, str]) -> str:
     """Return where two environments differ in what both have, long values by name only; empty if they agree."""
     unlike = [(name, a, there[name]) for name, a in here.items() if there.get(name, a) != a]
-    return ", ".join(
-        name if max(len(a), len(b)) > 40 else f"{name} {a} here, {b} there" for name, a, b in unlike
-    )
+    shown = (n if max(len(a), len(b)) > 40 else f"{n} {a} here, {b} there" for n, a, b in unlike)
+    return ", ".join(shown)
 
 
 def work_sources(works: Iterable[str]) -> dict[str, str]:

@@ -67,9 +67,8 @@ def simulate(
         channels[:, vehicle.recorded.index(channel)] = columns[channel]
     gusts = np.random.default_rng([seed, GUSTS])
     begun = replace(point, start={**point.start, **(initial_state or {})})
-    flown = _finite(
-        vehicle, _open_loop(vehicle, time, channels, begun, gusts, windy=False), "reduce the inputs"
-    )
+    moved_alone = _open_loop(vehicle, time, channels, begun, gusts, windy=False)
+    flown = _finite(vehicle, moved_alone, "reduce the inputs")
     if isinstance(flown, SimulationError):
         raise flown
     sigma = np.array([getattr(vehicle.file.sensors, c).sigma for c in vehicle.outputs]) * float(noise)

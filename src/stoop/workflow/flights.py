@@ -117,7 +117,6 @@ def as_flights(given: Any) -> list[Flight]:
     """Return one or several flights, see :func:`as_flight`; logs are read onto grids of one rate."""
     several = given if isinstance(given, Sequence) and not isinstance(given, str) else [given]
     made = [None if isinstance(one, str | Path) else as_flight(one) for one in several]
-    logs = iter(
-        load_several([one for one in several if isinstance(one, str | Path)], beside=[*filter(None, made)])
-    )
+    paths = [one for one in several if isinstance(one, str | Path)]
+    logs = iter(load_several(paths, beside=[*filter(None, made)]))
     return [next(logs) if flight is None else flight for flight in made]
