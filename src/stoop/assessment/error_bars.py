@@ -324,12 +324,8 @@ def scaled_singular_values(information: FloatArray) -> FloatArray:
 
 def worst_pairs(names: Sequence[str], correlation: FloatArray) -> tuple[CorrelatedPair, ...]:
     """Return the twenty most correlated pairs of a matrix (k, k) at most, the worst first."""
-    found = [
-        CorrelatedPair(names[j], names[i], float(correlation[i, j]))
-        for i in range(len(names))
-        for j in range(i)
-        if np.isfinite(correlation[i, j]) and abs(correlation[i, j]) >= Limits.strong_correlation
-    ]
+    strong = np.tril(np.abs(correlation) >= Limits.strong_correlation, -1)  # not where it is unknown
+    found = [CorrelatedPair(names[j], names[i], float(correlation[i, j])) for i, j in np.argwhere(strong)]
     return tuple(sorted(found, key=lambda pair: -abs(pair.correlation))[:20])
 
 

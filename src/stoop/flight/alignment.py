@@ -212,11 +212,8 @@ def _is_evident(lag: Lag | None) -> TypeGuard[Lag]:
 
 def quantities(channels: Sequence[Channels]) -> dict[str, Signal]:
     """Return the motion that channels of one stream show, by the names of `QUANTITIES`."""
-    signals = {
-        name: (group.time, np.where(np.abs(x) < MAX_VALUE, x, np.nan))
-        for group in channels
-        for name, x in group.values.items()
-    }
+    each = ((group.time, *column) for group in channels for column in group.values.items())
+    signals = {name: (time, np.where(np.abs(x) < MAX_VALUE, x, np.nan)) for time, name, x in each}
     found = _attitude_rates(signals)
     if "psi" in signals and "psi_dot" not in found:
         t, x = finite(*signals["psi"])

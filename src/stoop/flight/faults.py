@@ -14,13 +14,12 @@ import numpy as np
 from stoop.base.arrays import BoolArray, FloatArray, runs
 from stoop.base.notices import Notice, notice
 from stoop.base.units import STANDARD_GRAVITY
-from stoop.base.variables import RATES, SPECIFIC_FORCE, VARIABLES, VELOCITY
+from stoop.base.variables import EULER, QUATERNION, RATES, SPECIFIC_FORCE, VARIABLES, VELOCITY
 from stoop.flight.gridding import Channels, finite, stretches
 
 #: channels that move whenever the vehicle does
-WATCHED: Final = frozenset(
-    "V alpha beta p q r phi theta psi ax ay az vn ve vd q0 q1 q2 q3 airspeed_pitot airspeed_equivalent".split()  # noqa: SIM905
-)
+_AIR = ("V", "alpha", "beta", "airspeed_pitot", "airspeed_equivalent")
+WATCHED: Final = frozenset({*_AIR, *RATES, *EULER, *QUATERNION, *SPECIFIC_FORCE, *VELOCITY})
 #: codes of what contradicts a mapping as a whole begin so
 INCONSISTENT: Final = ("mapping-", "rate-", "attitude-")
 REST_OFFSETS: Final = {"airspeed_pitot": 1.0, "p": 0.02, "q": 0.02, "r": 0.02}  #: SI; less is usual

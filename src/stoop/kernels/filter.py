@@ -15,11 +15,8 @@ from stoop.kernels.instructions import Function, Rows
 
 def _filter(code: Function, model: loops.Model) -> None:
     sizes = model.sizes
-    block, gains, kept = (
-        loops.Block(code, model),
-        code.rows(sizes.moves * sizes.outputs),
-        code.rows(sizes.outputs),
-    )
+    block = loops.Block(code, model)
+    gains, kept = code.rows(sizes.moves * sizes.outputs), code.rows(sizes.outputs)
     with code.loop("%first", "%last", code.lanes) as first:
         block.begin(first, block.shared_inputs("0")[0])
         with code.loop(0, "%samples") as k:
@@ -91,10 +88,9 @@ _FILTER = (
     f"{loops.pointers('P X0 K G U')}, i64 %rows, {loops.pointers('Z M')}, double %dt, i64 %samples, {loops.pointers('V X')}, "
     f"i64 %states, {loops.BLOCKS}"
 )
+_STEP = f"{loops.pointers('P X0 U N')}, double %dt, {loops.pointers('D')}, i64 %count"
 ENTRIES = {
     "filter": loops.Entry(_FILTER, _filter),
-    "step": loops.Entry(
-        f"{loops.pointers('P X0 U N')}, double %dt, {loops.pointers('D')}, i64 %count", _step
-    ),
+    "step": loops.Entry(_STEP, _step),
     "move": loops.Entry(f"{loops.pointers('X E D')}, i64 %count", _move),
 }

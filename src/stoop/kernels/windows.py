@@ -113,9 +113,5 @@ def _keep_last(code: Function, state: Rows, first: str, k: str) -> None:
             code.store(code.load(state.name, state.place(i, lane)), "%X", place)
 
 
-ENTRIES = {
-    "windows": Entry(
-        f"{pointers('P X0 U begin behind steps')}, double %dt, i64 %samples, {pointers('Y X')}, {BLOCKS}",
-        _windows,
-    )
-}
+_RECORDS = f"{pointers('P X0 U begin behind steps')}, double %dt, i64 %samples, {pointers('Y X')}, {BLOCKS}"
+ENTRIES = {"windows": Entry(_RECORDS, _windows)}

@@ -36,9 +36,8 @@ ROOMS: Final = (
     "vehicle",
 )  # fmt: skip
 #: of stoop, what every environment has, or what computes no numbers
-EXCLUDED: Final = frozenset(
-    f"stoop.{name}" for name in (*ROOMS, "parallel", "cli", "report", "errors", "base.files")
-)
+_OTHERS: Final = ("parallel", "cli", "report", "errors", "base.files")
+EXCLUDED: Final = frozenset(f"stoop.{name}" for name in (*ROOMS, *_OTHERS))
 PARSER: Final = threading.Lock()  #: Python 3.11 parses for one thread at a time
 BLOCKS: Final = ("body", "orelse", "finalbody", "handlers", "cases")  #: of statements in a statement
 Roots = Mapping[str, list[Path]]  #: top-level package or module -> its folders, or its file

@@ -176,11 +176,8 @@ def flown_trim(vehicle: Vehicle, maneuver: Maneuver) -> Trim:
 
 def numbers_set(vehicle: Vehicle, point: Trim) -> dict[str, float]:
     """Return the numbers that a trim set to a value other than the vehicle file's (by 0.1 %), less the wind."""
-    return {
-        name: value
-        for name, value in point.changes.items()
-        if name not in WIND_NUMBERS and abs(value - vehicle.value(name)) > 1e-3 * abs(vehicle.value(name))
-    }
+    changed = [(n, x, vehicle.value(n)) for n, x in point.changes.items() if n not in WIND_NUMBERS]
+    return {name: value for name, value, own in changed if abs(value - own) > 1e-3 * abs(own)}
 
 
 def _columns(

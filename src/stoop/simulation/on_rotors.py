@@ -234,9 +234,8 @@ class _Commands:
             batteries = [f.maneuver.battery or Battery() for f in flights]
             self.nominal = np.array([f.vehicle.value("rotors.nominal_voltage") for f in flights])
             each = zip(batteries, self.nominal, flights, strict=True)
-            self.voltage = np.array(
-                [(v if b.start is None else b.start) - b.fall * f.maneuver.time for b, v, f in each]
-            )
+            full = ((v if b.start is None else b.start, b, f.maneuver.time) for b, v, f in each)
+            self.voltage = np.array([v - b.fall * time for v, b, time in full])
             self.sag = np.array([b.sag for b in batteries])
             self.column = vehicle.inputs.index("voltage")
 
