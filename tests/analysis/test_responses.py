@@ -10,7 +10,7 @@ from scipy import signal
 from scipy.signal import lfilter
 
 from stoop import load_vehicle, trim
-from stoop.assessment.verdict import LIMITS
+from stoop.assessment.verdict import Limits
 from stoop.base.arrays import ComplexArray, FloatArray
 from stoop.flight.frequency_responses import Stretch
 from stoop.results.extensions import ResponseMisfit
@@ -211,7 +211,7 @@ def test_a_gain_that_is_wrong_by_a_share_leaves_that_share(modeled: float) -> No
 def test_of_a_right_model_little_more_than_noise_is_left(noise: float) -> None:
     found = [one.least for seed in range(100) for one in flown(seed, noise, 1.0)]
     assert np.mean(np.array(found) > 0.0) < 0.06
-    assert max(found) < LIMITS.error
+    assert max(found) < Limits.error
 
 
 PULSE = "duration = 40.0\nrate = 50.0\n" + (

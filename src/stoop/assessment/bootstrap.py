@@ -128,9 +128,8 @@ class ColoredBlocks:
 def whitened(segments: Sequence[FloatArray], order: int) -> list[FloatArray]:
     """Return the innovations of a series, (n_i - order,) for segments (n_i,); NaN where unknown."""
     coefficients, rows = least_squares_autoregression(segments, order)
-    known = (
-        np.append(1.0, -coefficients) if rows >= MIN_INNOVATIONS + 2 * order else np.full(order + 1, np.nan)
-    )
+    enough = rows >= MIN_INNOVATIONS + 2 * order
+    known = np.append(1.0, -coefficients) if enough else np.full(order + 1, np.nan)
     return [np.convolve(s, known, "valid") if len(s) > order else s[:0] for s in segments]
 
 

@@ -46,25 +46,21 @@ from stoop.assessment.covariance import NORMAL_95
 from stoop.base.arrays import FloatArray
 
 
-@dataclass(frozen=True)
-class ClusterLimits:
+class Limits:
     """Thresholds and grids of the comparison of clusters; verified by ``stoop verify misspecified``."""
 
     #: least share of a parameter's variance that is expected between clusters; below it one cluster alone determines the
     #: parameter
-    min_share: float = 0.1
+    min_share: Final = 0.1
     #: largest share of the priors in a variance: maneuvers cannot disagree about priors
-    max_prior: float = 0.5
+    max_prior: Final = 0.5
     #: grid of the degrees of freedom d of the population; infinite: the same excess for all parameters
-    degrees: tuple[float, ...] = (1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0, 24.0, 32.0, 64.0, np.inf)
-    excess: tuple[float, float, int] = (-2.3, 4.6, 70)  #: grid of log s^2
+    degrees: Final = (1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0, 24.0, 32.0, 64.0, np.inf)
+    excess: Final = (-2.3, 4.6, 70)  #: grid of log s^2
     #: prior standard deviation of log s^2, which dominates in a fit of few parameters
-    prior: float = 2.0
+    prior: Final = 2.0
     #: prior probability that the model is right: no excess in any parameter
-    right: float = 0.8
-
-
-LIMITS: Final = ClusterLimits()
+    right: Final = 0.8
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,7 +139,7 @@ def cluster_influence(
     squares = np.sum(covariance**2, axis=(1, 2))
     variance = np.einsum("rj,rs,sj->j", direction, coloring.spread(total), direction)
     prior_share = np.einsum("kj,kl,lj->j", row, priors, row) / variance
-    seen_enough = (prior_share < LIMITS.max_prior) & (expected > LIMITS.min_share * variance)
+    seen_enough = (prior_share < Limits.max_prior) & (expected > Limits.min_share * variance)
     compared = inverse.determined[:count] & seen_enough
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio, degrees = np.sum((score @ row) ** 2, axis=0) / expected, expected**2 / squares
@@ -154,7 +150,7 @@ def cluster_influence(
 def moderated_scatter(influence: Influence, clusters: int) -> Scatter:
     """Return the scatter of clusters, each parameter's own ratio moderated by that of all."""
     compared = influence.degrees > 0.0
-    degrees, logs = np.array(LIMITS.degrees), np.linspace(*LIMITS.excess)
+    degrees, logs = np.array(Limits.degrees), np.linspace(*Limits.excess)
     weights, right = _weights(influence.ratio[compared], influence.degrees[compared], degrees, logs)
     widths = np.full(len(compared), right)
     for d, row in zip(degrees, weights, strict=True):
@@ -183,8 +179,8 @@ def _weights(
     likelihood = np.array([chances(scaled, d) - len(ratio) * logs for d in degrees])
     right = float(chances(ratio, np.inf))
     top = max(float(likelihood.max()), right)
-    prior = np.exp(-0.5 * (logs / LIMITS.prior) ** 2)
-    weights = (1.0 - LIMITS.right) * prior / prior.sum() / len(degrees) * np.exp(likelihood - top)
-    chance = LIMITS.right * float(np.exp(right - top))
+    prior = np.exp(-0.5 * (logs / Limits.prior) ** 2)
+    weights = (1.0 - Limits.right) * prior / prior.sum() / len(degrees) * np.exp(likelihood - top)
+    chance = Limits.right * float(np.exp(right - top))
     total = float(weights.sum()) + chance
     return weights / total, chance / total

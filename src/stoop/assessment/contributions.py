@@ -40,18 +40,14 @@ from stoop.vehicle import Vehicle, terms
 INPUTS: Final = {"alpha": "pitch", "beta": "yaw", "p": "roll", "q": "pitch", "r": "yaw"}
 
 
-@dataclass(frozen=True)
 class Limits:
     """Limits of excitation, calibrated on simulated flights (`tests/core/assessment/test_contributions.py`)."""
 
     #: noise and systematic residuals over a contribution, from which it is in doubt: derivatives were wrong by 0.2 to 2.2 of
     #: their values there, in gusts that a method ignores; in calm air, and with gusts in the model, both stay below 0.2
-    doubt: float = 0.5
-    refused: float = 1.0  #: systematic residuals over a contribution, from which no interval is given
-    aim: float = 0.1  #: standard error over the value that the advised amplitude is for
-
-
-LIMITS: Final = Limits()
+    doubt: Final = 0.5
+    refused: Final = 1.0  #: systematic residuals over a contribution, from which no interval is given
+    aim: Final = 0.1  #: standard error over the value that the advised amplitude is for
 
 
 @dataclass(frozen=True)
@@ -67,12 +63,12 @@ class Contribution:
     @property
     def doubtful(self) -> bool:
         """Whether noise and systematic residuals are more than a half of it."""
-        return float(np.hypot(self.systematic, self.noise)) > LIMITS.doubt
+        return float(np.hypot(self.systematic, self.noise)) > Limits.doubt
 
     @property
     def factor(self) -> float:
         """By how much more motion leaves no doubt, with the standard error aimed at."""
-        return max(self.noise / LIMITS.aim, self.systematic / LIMITS.doubt)
+        return max(self.noise / Limits.aim, self.systematic / Limits.doubt)
 
 
 def contributions(
@@ -148,7 +144,7 @@ def contribution_notices(fit: Estimate, found: Sequence[Contribution]) -> list[N
     names = tuple(dict.fromkeys(name for one in doubtful for name in one.parameters))
     variables = tuple(one.variable for one in doubtful)
     values: dict[str, Any] = {"effects": tuple(told), "parameters": names, "variables": variables}
-    return [notice("contribution-in-doubt", **values, aim=LIMITS.aim)]
+    return [notice("contribution-in-doubt", **values, aim=Limits.aim)]
 
 
 def _groups(vehicle: Vehicle, free: Mapping[str, int]) -> dict[str, list[str]]:

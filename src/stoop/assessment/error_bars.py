@@ -25,8 +25,8 @@ from stoop.assessment.components import (
     of_scatter,
     within_priors,
 )
-from stoop.assessment.contributions import LIMITS as EXCITATION
 from stoop.assessment.contributions import Contribution, contributions
+from stoop.assessment.contributions import Limits as ExcitationLimits
 from stoop.assessment.covariance import (
     data_information,
     inverse_information,
@@ -45,24 +45,20 @@ GIVEN_MODEL: Final = ("noise", "color", "windows")  #: components that hold if t
 CORRELATION_LAGS: Final = 200  #: samples over which the residual autocorrelation is shown
 
 
-@dataclass(frozen=True)
-class IdentifiabilityLimits:
+class Limits:
     """Thresholds of identifiability."""
 
-    conditional_ratio: float = 2.0  #: of error bars, from which one is conditional on parameters at a bound
+    conditional_ratio: Final = 2.0  #: of error bars, from which one is conditional on parameters at a bound
     #: of the prior's standard deviation left by the fit: the data added next to nothing
-    prior_share: float = 0.95
-    box_share: float = 0.25  #: of the box's width; a value thrown into the box blindly would have 0.29
-    size_share: float = 3.0  #: of the size of the parameter, where there is neither prior nor box
-    collinear: float = 30.0  #: marginal over conditional standard error; multiple correlation above 0.999
-    strong_correlation: float = 0.9  #: from which a pair is named
-    partner_correlation: float = 0.7  #: from which another parameter counts as able to stand in
-    max_directions: int = 6
+    prior_share: Final = 0.95
+    box_share: Final = 0.25  #: of the box's width; a value thrown into the box blindly would have 0.29
+    size_share: Final = 3.0  #: of the size of the parameter, where there is neither prior nor box
+    collinear: Final = 30.0  #: marginal over conditional standard error; multiple correlation above 0.999
+    strong_correlation: Final = 0.9  #: from which a pair is named
+    partner_correlation: Final = 0.7  #: from which another parameter counts as able to stand in
+    max_directions: Final = 6
     #: of its standard error, by which a parameter must move along a direction to be named
-    min_component: float = 0.3
-
-
-LIMITS: Final = IdentifiabilityLimits()
+    min_component: Final = 0.3
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,7 +133,7 @@ class ErrorBars:
         """Identifiability of each parameter that is not at a bound, by its standard error."""
         free, total = [self.unknowns[i] for i in self.free], self.of_free(*COMPONENTS)
         own = identifiability(free, self.uncertainty.information, total)
-        refused = [c for c in self.contributions if c.systematic > EXCITATION.refused]
+        refused = [c for c in self.contributions if c.systematic > ExcitationLimits.refused]
         doubts = {n: notice("systematic-residuals", c.variable) for c in refused for n in c.parameters}
         pairs = [(u.name, one) for u, one in zip(free, own, strict=True) if u.kind == "parameter"]
         known = {name: one.doubted(doubts.get(name) or self.refused) for name, one in pairs}
@@ -212,9 +208,8 @@ def error_bars(fit: Estimate) -> ErrorBars:
     if fit.white_evidence is not evidence:
         plain = estimate_uncertainty([piece.of(free) for piece in fit.white_evidence.pieces], prior)
         apart = beyond_chance(apart, plain.colored, uncertainty.colored)
-    contributed = contributions(
-        fit.problem.layout.vehicle, fit.white_evidence, plain.information, plain.noise
-    )
+    vehicle = fit.problem.layout.vehicle
+    contributed = contributions(vehicle, fit.white_evidence, plain.information, plain.noise)
     k = sum(u.kind != "noise" for u in unknowns)
     bars = ErrorBars(
         components=(*given, *maneuvers, *held),
@@ -254,7 +249,7 @@ def _conditional(evidence: Evidence, std: FloatArray) -> tuple[str, ...]:
     every = np.flatnonzero([u.fixed != "method" for u in unknowns])
     whole = inverse_information([p.of(every) for p in evidence.pieces], evidence.prior[np.ix_(every, every)])
     wide = standard_errors(marked(whole.matrix, whole.determined))[np.isin(every, free)]
-    leaning = free[wide > LIMITS.conditional_ratio * std]
+    leaning = free[wide > Limits.conditional_ratio * std]
     return tuple(unknowns[i].name for i in leaning if unknowns[i].kind == "parameter")
 
 
@@ -306,14 +301,14 @@ def identifiability(
         reason = None
         if not (inverse.determined[i] and np.isfinite(std)):
             reason, std = notice("not-seen"), np.inf
-        elif std > LIMITS.prior_share * one.prior:
+        elif std > Limits.prior_share * one.prior:
             reason = notice("prior-only")
-        elif std > LIMITS.box_share * one.width:
+        elif std > Limits.box_share * one.width:
             reason = notice("error-as-box")
-        elif not np.isfinite(min(one.prior, one.width)) and std > LIMITS.size_share * one.size:
-            reason = notice("error-beyond-size", times=LIMITS.size_share)
+        elif not np.isfinite(min(one.prior, one.width)) and std > Limits.size_share * one.size:
+            reason = notice("error-beyond-size", times=Limits.size_share)
         identifiable = reason is None
-        if identifiable and multiple[i] > np.sqrt(1.0 - LIMITS.collinear**-2):
+        if identifiable and multiple[i] > np.sqrt(1.0 - Limits.collinear**-2):
             reason = notice("known-in-combination")
         out.append(Identifiability(one.name, identifiable, reason, float(alone[i]), std, float(multiple[i])))
     return tuple(out)
@@ -329,12 +324,8 @@ def scaled_singular_values(information: FloatArray) -> FloatArray:
 
 def worst_pairs(names: Sequence[str], correlation: FloatArray) -> tuple[CorrelatedPair, ...]:
     """Return the twenty most correlated pairs of a matrix (k, k) at most, the worst first."""
-    found = [
-        CorrelatedPair(names[j], names[i], float(correlation[i, j]))
-        for i in range(len(names))
-        for j in range(i)
-        if np.isfinite(correlation[i, j]) and abs(correlation[i, j]) >= LIMITS.strong_correlation
-    ]
+    strong = np.tril(np.abs(correlation) >= Limits.strong_correlation, -1)  # not where it is unknown
+    found = [CorrelatedPair(names[j], names[i], float(correlation[i, j])) for i, j in np.argwhere(strong)]
     return tuple(sorted(found, key=lambda pair: -abs(pair.correlation))[:20])
 
 
@@ -343,7 +334,7 @@ def partners(names: Sequence[str], correlation: FloatArray, index: int) -> tuple
     strength = np.abs(np.nan_to_num(correlation[index]))
     strength[index] = 0.0
     order = np.argsort(-strength, kind="stable")[:4]
-    return tuple(names[i] for i in order if strength[i] >= LIMITS.partner_correlation)
+    return tuple(names[i] for i in order if strength[i] >= Limits.partner_correlation)
 
 
 def marginal_information(information: FloatArray, count: int) -> FloatArray:
@@ -372,17 +363,16 @@ def near_null_directions(
         values, vectors = np.linalg.eigh(information[np.ix_(seen, seen)] / np.outer(scale, scale))
         singular = np.sqrt(np.maximum(values, np.finfo(np.float64).eps * values[-1]))
         sigma = np.sqrt(np.sum((vectors / singular) ** 2, axis=1))
-        for i in np.flatnonzero(singular < 1.0 / LIMITS.collinear)[: LIMITS.max_directions]:
+        for i in np.flatnonzero(singular < 1.0 / Limits.collinear)[: Limits.max_directions]:
             step = vectors[:, i] / singular[i]
             share, step = step / sigma, step / scale
             step = step / max(1.0, float(np.max(np.abs(step) / size)))
             # the parameters that matter, the most moved first and upward
-            order = [
-                j for j in np.argsort(-np.abs(share), kind="stable") if abs(share[j]) >= LIMITS.min_component
-            ]
+            moved = np.abs(share)
+            order = [j for j in np.argsort(-moved, kind="stable") if moved[j] >= Limits.min_component]
             sign = np.sign(step[order[0]]) if order else 1.0
             parts = {names[int(seen[j])]: float(sign * step[j]) for j in order[:6]}
             moves = ", ".join(f"{name} by {value:+.3g}" for name, value in parts.items())
             code = {0: "direction-of-many", 1: "direction-of-one"}.get(len(parts), "direction-together")
             out.append(NearNullDirection(float(singular[i]), parts, notice(code, moves=moves)))
-    return tuple(out[: LIMITS.max_directions])
+    return tuple(out[: Limits.max_directions])

@@ -34,7 +34,7 @@ from stoop.assessment.coloring import ColoredNoise, Coloring
 from stoop.assessment.covariance import MIN_WINDOWS, by_window, leave_windows_out, widened, window_scatter
 from stoop.assessment.error_bars import ErrorBars
 from stoop.assessment.verdict import CONFIRMED
-from stoop.assessment.verdict import LIMITS as VERDICT
+from stoop.assessment.verdict import Limits as VerdictLimits
 from stoop.base.arrays import BoolArray, FloatArray, IntArray
 from stoop.base.blas import on_one_blas_thread
 from stoop.base.notices import Notice, notice
@@ -44,26 +44,24 @@ from stoop.results.extensions import ExtensionTest, ExtensionTests
 from stoop.vehicle.extensions import Extension
 
 
-@dataclass(frozen=True)
 class Limits:
     """Limits of the tests."""
 
-    level: float = 0.01  #: of all tests of a fit together (Bonferroni)
+    level: Final = 0.01  #: of all tests of a fit together (Bonferroni)
     #: share of its response that is orthogonal to the unknowns, below which nothing is tested
-    distinct: float = 1e-4
+    distinct: Final = 1e-4
     #: share of the information on it that is the priors', from which nothing is tested: without them no flight shows the mass,
     #: which scales all forces and moments
-    max_prior: float = 0.5
-    alike: float = 0.8  #: correlation of two responses from which only a fit distinguishes extensions
+    max_prior: Final = 0.5
+    alike: Final = 0.8  #: correlation of two responses from which only a fit distinguishes extensions
     #: difference of log-likelihood below which no extension is preferred: odds of ten to one
-    tie: float = 2.3
-    shown: int = 12  #: extensions that are listed
-    leaders: int = 4  #: extensions whose statistics are weighed against each other once more
-    moves: int = 5  #: parameters that are listed for each
-    least_move: float = 0.5  #: of its standard error, by which a parameter must move to be listed
+    tie: Final = 2.3
+    shown: Final = 12  #: extensions that are listed
+    leaders: Final = 4  #: extensions whose statistics are weighed against each other once more
+    moves: Final = 5  #: parameters that are listed for each
+    least_move: Final = 0.5  #: of its standard error, by which a parameter must move to be listed
 
 
-LIMITS: Final = Limits()
 GIVEN: Final = ("number", "gain")  #: kinds of extensions that are fixed numbers of the file
 
 
@@ -125,8 +123,8 @@ def scores(
     of_prior = shifts.T @ prior @ shifts
     covariance = of_prior + _noise_covariance(segments, parts, inverse, coloring.noise)
     variance = np.diag(covariance).copy()
-    by_readings = np.diag(of_prior) < LIMITS.max_prior * alone
-    tested = (alone > LIMITS.distinct * total) & (variance > 0.0) & by_readings
+    by_readings = np.diag(of_prior) < Limits.max_prior * alone
+    tested = (alone > Limits.distinct * total) & (variance > 0.0) & by_readings
 
     def found() -> Scores:
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -197,7 +195,7 @@ def scored(fit: Estimate, bars: ErrorBars) -> Scored | None:
     responses = [replace(s, jacobian=readings, gap_jacobian=gap) for s, readings, gap in rows]
 
     def leaders(of: Scores) -> list[int]:
-        return _strongest(found.extensions, of)[: LIMITS.leaders]
+        return _strongest(found.extensions, of)[: Limits.leaders]
 
     first = scores(bars.uncertainty.coloring, responses, leaders)
     return Scored(tuple(found.extensions), tuple(responses), first)
@@ -222,9 +220,9 @@ def tests_of(known: Scored, fit: Estimate, bars: ErrorBars) -> ExtensionTests:
     free = evidence.free
     coloring = bars.uncertainty.coloring
     segments = coloring.segments
-    order = [j for j in _strongest(known.extensions, first) if first.p_value[j] < LIMITS.level]
+    order = [j for j in _strongest(known.extensions, first) if first.p_value[j] < Limits.level]
     each = list(zip(known.extensions, first.change.tolist(), strict=True))
-    beside, others = np.full(len(each), np.nan), order[1 : LIMITS.shown]
+    beside, others = np.full(len(each), np.nan), order[1 : Limits.shown]
     if others:
         parts = zip(segments, responses, first.own, strict=True)
         joined = [_joined(segment, one, v, first, order[0]) for segment, one, v in parts]
@@ -232,7 +230,7 @@ def tests_of(known: Scored, fit: Estimate, bars: ErrorBars) -> ExtensionTests:
         again = Coloring.of(joined, np.pad(prior, (0, 1)) + sum(one.gap_information for one in joined))
         beside[others] = scores(again, [one.of(np.array(others)) for one in responses]).statistic
     tests = []
-    for j in order[: LIMITS.shown]:
+    for j in order[: Limits.shown]:
         (one, change), std = each[j], float(first.std[j])
         error = std / change**2 if one.reciprocal else std
         tests.append(
@@ -253,8 +251,8 @@ def tests_of(known: Scored, fit: Estimate, bars: ErrorBars) -> ExtensionTests:
             )
         )
     pairs = [(e, std) for e, std in zip(known.extensions, first.std.tolist(), strict=True) if e.kind in GIVEN]
-    unresolved = tuple(e.name for e, std in pairs if 0.0 < VERDICT.moved_share * abs(e.null) < std)
-    return ExtensionTests(int(first.tested.sum()), LIMITS.level, tuple(tests), unresolved)
+    unresolved = tuple(e.name for e, std in pairs if 0.0 < VerdictLimits.moved_share * abs(e.null) < std)
+    return ExtensionTests(int(first.tested.sum()), Limits.level, tuple(tests), unresolved)
 
 
 def _left(segment: PieceEvidence, own: FloatArray, change: float) -> PieceEvidence:
@@ -277,8 +275,8 @@ def _rivals(
     found: Scores, extensions: Sequence[Extension], index: int, significant: Sequence[int]
 ) -> tuple[str, ...]:
     """Return the significant extensions with a similar response or a similar gain."""
-    alike = np.abs(found.correlation(index)) >= LIMITS.alike
-    near = np.abs(found.gain - found.gain[index]) < LIMITS.tie
+    alike = np.abs(found.correlation(index)) >= Limits.alike
+    near = np.abs(found.gain - found.gain[index]) < Limits.tie
     others = (j for j in significant if j != index and (alike[j] or near[j]))
     return tuple(extensions[j].name for j in others)
 
@@ -290,8 +288,8 @@ def _moves(
     shift = found.shifts[:, index] * found.change[index]
     rows = [(row, unknowns[i], bars.std[i]) for row, i in enumerate(free) if 0.0 < bars.std[i] < np.inf]
     moved = {u.name: float(shift[row] / std) for row, u, std in rows if u.kind == "parameter"}
-    largest = sorted(moved, key=lambda name: -abs(moved[name]))[: LIMITS.moves]
-    return {name: moved[name] for name in largest if abs(moved[name]) >= LIMITS.least_move}
+    largest = sorted(moved, key=lambda name: -abs(moved[name]))[: Limits.moves]
+    return {name: moved[name] for name in largest if abs(moved[name]) >= Limits.least_move}
 
 
 def extension_notices(found: ExtensionTests) -> tuple[Notice, ...]:

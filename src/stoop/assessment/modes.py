@@ -310,6 +310,5 @@ def _at(
         return nothing
     measure = hooks("measured_modes")
     recorded = (replace(m, measured=tuple(y for f in measure for y in f(fit, condition, m))) for m in found)
-    return replace(
-        nothing, about=about, alpha=point.start["alpha"], modes=tuple(recorded), remark=remark, linear=linear
-    )
+    known = replace(nothing, about=about, alpha=point.start["alpha"], remark=remark, linear=linear)
+    return replace(known, modes=tuple(recorded))

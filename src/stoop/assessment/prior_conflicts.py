@@ -27,13 +27,13 @@ from typing import Final
 import numpy as np
 from scipy.stats import chi2, norm
 
-from stoop.assessment.error_bars import GIVEN_MODEL, LIMITS, ErrorBars
-from stoop.assessment.verdict import LIMITS as VERDICT
+from stoop.assessment.error_bars import GIVEN_MODEL, ErrorBars, Limits
+from stoop.assessment.verdict import Limits as VerdictLimits
 from stoop.base.arrays import BoolArray, FloatArray, IntArray
 from stoop.estimate.estimate import Estimate
 
 #: probability that right priors are said to contradict the flight
-LEVEL: Final = VERDICT.chance
+LEVEL: Final = VerdictLimits.chance
 
 
 @dataclass(frozen=True)
@@ -79,7 +79,7 @@ class _Linearized:
         V = np.diag(self.prior**2) + K - 2.0 * C
         at_least = self.prior**2 - np.diag(C)  # noise is not less than it was weighted for
         np.fill_diagonal(V, np.maximum(np.diag(V), at_least))
-        seen: BoolArray = np.sqrt(np.diag(C)) < LIMITS.prior_share * self.prior
+        seen: BoolArray = np.sqrt(np.diag(C)) < Limits.prior_share * self.prior
         return C, V, seen
 
     def worst(self, names: list[str], means: FloatArray, level: float) -> tuple[int, PriorConflict] | None:
@@ -92,12 +92,10 @@ class _Linearized:
             return None
         rest = 1.0 - C[i, i] / self.prior[i] ** 2  # of the information, without this prior
         apart, spread = float(e[i]) / rest, float(variance[i]) / rest**2
-        std = math.sqrt(max(spread - self.prior[i] ** 2, 0.0))
-        wide = math.sqrt(max(apart**2 - std**2, self.prior[i] ** 2))
-        estimate = float(means[i] + apart)
-        return i, PriorConflict(
-            names[i], float(means[i]), float(self.prior[i]), estimate, std, float(z[i]), wide
-        )
+        mean, prior = float(means[i]), float(self.prior[i])
+        std = math.sqrt(max(spread - prior**2, 0.0))
+        wide = math.sqrt(max(apart**2 - std**2, prior**2))
+        return i, PriorConflict(names[i], mean, prior, float(means[i] + apart), std, float(z[i]), wide)
 
     def widen(self, i: int, std: float) -> None:
         """Widen a prior: the estimates move to where the rest has them."""
@@ -136,7 +134,7 @@ def prior_tests(fit: Estimate, bars: ErrorBars) -> PriorTests:
     if not seen.any():
         return PriorTests(tuple(conflicts))
     values, axes = np.linalg.eigh(V[np.ix_(seen, seen)] / np.outer(one.prior[seen], one.prior[seen]))
-    kept = values > 1.0 - LIMITS.prior_share**2  # of other directions the data say next to nothing
+    kept = values > 1.0 - Limits.prior_share**2  # of other directions the data say next to nothing
     along = axes[:, kept].T @ (one.error[own] / one.prior)[seen]
     total, degrees = float(np.sum(along**2 / values[kept])), int(kept.sum())
     return PriorTests(tuple(conflicts), total, degrees, float(chi2.sf(total, degrees)) if degrees else 1.0)

@@ -14,7 +14,7 @@ from __future__ import annotations
 import ast
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -28,29 +28,27 @@ from stoop.results.verdict import Grade, Need, Use, Verdict
 from stoop.vehicle import Vehicle, terms
 
 
-@dataclass(frozen=True)
 class Limits:
     """Limits of the verdict; `docs/validation.md` shows them."""
 
-    moved_errors: float = 3.0  #: standard errors by which an extension moves a needed parameter, and ...
-    moved_share: float = 0.05  #: ... share of its size, from which the form of the model is contradicted
-    error: float = 0.2  #: standard error of a needed parameter that a use allows, over its size
-    minor: float = 0.1  #: share of the largest effect on its axis, which is the least size of a parameter
+    moved_errors: Final = 3.0  #: standard errors by which an extension moves a needed parameter, and ...
+    moved_share: Final = 0.05  #: ... share of its size, from which the form of the model is contradicted
+    error: Final = 0.2  #: standard error of a needed parameter that a use allows, over its size
+    minor: Final = 0.1  #: share of the largest effect on its axis, which is the least size of a parameter
     #: of the error of a ratio by the priors alone, below which the flight has shown it
-    prior_share: float = 0.5
-    unknown: float = 0.5  #: share of parameters at a bound or not identifiable that a result may have
-    not_predicted: float = 0.5  #: share of curves matched no better than trivially that a result may have
+    prior_share: Final = 0.5
+    unknown: Final = 0.5  #: share of parameters at a bound or not identifiable that a result may have
+    not_predicted: Final = 0.5  #: share of curves matched no better than trivially that a result may have
     #: share of readings within the 95 % band of a prediction that a trusted model has at least
-    inside: float = 0.75
+    inside: Final = 0.75
     #: of a channel's motion over its noise from which it judges a model. Slow errors and gusts of one maneuver, of one or two
     #: degrees of freedom, are up to three times (99.7 %) what they are in all
-    motion: float = 3.0
-    size: float = 1e3  #: rms error over the noise of the fit, beyond which a simulation has diverged
+    motion: Final = 3.0
+    size: Final = 1e3  #: rms error over the noise of the fit, beyond which a simulation has diverged
     #: probability below which scatter of maneuvers, or color of innovations, is no chance
-    chance: float = 0.01
+    chance: Final = 0.01
 
 
-LIMITS: Final = Limits()
 #: notices that refuse a result: the search, the sensors, the samples
 REFUSING: Final = frozenset({"no-confirmed-optimum", "sensor-fault", "too-few-samples", "estimates-diverge"})
 #: notices that speak against one use: what it needs was not excited, or not measured
@@ -182,12 +180,12 @@ def _refusals(result: Result) -> Iterator[Notice]:
         if gone := diverged(m, result.noise_covariance):
             yield notice("simulation-diverges", m.window, channels=gone)
     unknown = _unknown(result)
-    if len(unknown) > LIMITS.unknown * len(result.parameters):
+    if len(unknown) > Limits.unknown * len(result.parameters):
         yield _notice_of_unknown(result, unknown)
     held_back, fitted = _by_role(result)
     figures = [(c, one) for c, several in (held_back or fitted).items() for one in several]
     beaten = [c for c, one in figures if _beaten(one)]
-    if len(beaten) > LIMITS.not_predicted * len(figures):
+    if len(beaten) > Limits.not_predicted * len(figures):
         names = tuple(dict.fromkeys(beaten))
         yield notice("verdict-trivial", lost=len(beaten), compared=len(figures), channels=names)
 
@@ -201,7 +199,7 @@ def _sizes(result: Result, needed: Sequence[Use]) -> dict[str, float]:
     for need in (need for use in needed for need in use.needs):
         least |= dict(zip(need.parameters, need.sizes or (0.0,) * len(need.parameters), strict=True))
     known = {n: abs(result.parameters[n].estimate) for n in least if n in result.parameters}
-    return {n: max(value, LIMITS.minor * least[n]) for n, value in known.items()}
+    return {n: max(value, Limits.minor * least[n]) for n, value in known.items()}
 
 
 def _contradictions(result: Result, sizes: Mapping[str, float]) -> Iterator[Notice]:
@@ -212,7 +210,7 @@ def _contradictions(result: Result, sizes: Mapping[str, float]) -> Iterator[Noti
         present = test.value - test.change
         if test.kind == "number" and present != 0.0 and not test.name.startswith("sensors."):
             moves[test.name], shares[test.name] = test.change / test.std_error, abs(test.change / present)
-        far = [n for n in shares if abs(moves[n]) > LIMITS.moved_errors and shares[n] > LIMITS.moved_share]
+        far = [n for n in shares if abs(moves[n]) > Limits.moved_errors and shares[n] > Limits.moved_share]
         if far:
             name = max(far, key=lambda n: abs(moves[n]))
             if name == test.name:  # a number of the file, which may have been measured
@@ -262,7 +260,7 @@ def _seen(result: Result, need: Need, name: str) -> bool:
         return name not in _unknown(result)
     pair = own, result.parameters[inertia]
     before = math.hypot(*(p.prior_std / p.estimate for p in pair))
-    return _error(result, need, name, abs(own.estimate)) < LIMITS.prior_share * before
+    return _error(result, need, name, abs(own.estimate)) < Limits.prior_share * before
 
 
 def _judged(result: Result, use: Use, sizes: Mapping[str, float]) -> Use:
@@ -277,7 +275,7 @@ def _judged(result: Result, use: Use, sizes: Mapping[str, float]) -> Use:
         if not _seen(result, need, largest):
             unseen = tuple(n for n in names if not _seen(result, need, n))
             against.append(notice("verdict-need-unknown", need.subject, use=use.name, parameters=unseen))
-        elif not error <= LIMITS.error:
+        elif not error <= Limits.error:
             values, inertia = {"use": use.name, "parameter": largest}, _inertia(result, need, largest)
             against.append(
                 notice("verdict-ratio-inaccurate", need.subject, **values, inertia=inertia, error=error)
@@ -301,7 +299,7 @@ def _missed_responses(result: Result) -> Iterator[Notice]:
     for output in dict.fromkeys(one.output for one in result.response_misfits):
         own = [one for one in result.response_misfits if one.output == output]
         worst = max(own, key=lambda one: one.least)
-        if worst.least > LIMITS.error:
+        if worst.least > Limits.error:
             figures = {"share": worst.share, "low": worst.low, "high": worst.high}
             yield notice("verdict-response", output, input=worst.input, **figures)
 
@@ -309,7 +307,7 @@ def _missed_responses(result: Result) -> Iterator[Notice]:
 def _lost(judging: Mapping[str, Sequence[GoodnessOfFit]]) -> tuple[str, ...]:
     """Return the channels in which, for most maneuvers, a first-order lag or the mean is as good as the model."""
     found = {c: sum(map(_beaten, own)) / len(own) for c, own in judging.items()}
-    return tuple(c for c, share in found.items() if share > LIMITS.not_predicted)
+    return tuple(c for c, share in found.items() if share > Limits.not_predicted)
 
 
 def _beaten(one: GoodnessOfFit) -> bool:
@@ -318,12 +316,12 @@ def _beaten(one: GoodnessOfFit) -> bool:
     A filter predicts from sample to sample: its innovations must agree with the covariance that it computes.
     """
     if one.innovations.known:
-        return one.within < LIMITS.inside
+        return one.within < Limits.inside
     return one.lost or one.worse_than_mean
 
 
 def _moving(
-    maneuvers: Iterable[ManeuverResult], motion: float = LIMITS.motion
+    maneuvers: Iterable[ManeuverResult], motion: float = Limits.motion
 ) -> dict[str, list[GoodnessOfFit]]:
     """Return the figures by channel that can judge a model: those of channels whose motion far exceeds their noise.
 
@@ -358,7 +356,7 @@ def _judging(result: Result) -> dict[str, list[GoodnessOfFit]]:
 def diverged(maneuver: ManeuverResult, noise: NoiseCovariance) -> tuple[str, ...]:
     """Return the channels whose simulation diverged, beyond what noise and initial state explain."""
     positive = np.where(np.diag(noise.matrix) > 0.0, np.diag(noise.matrix), np.nan)
-    most = dict(zip(noise.channels, (LIMITS.size * np.sqrt(positive)).tolist(), strict=True))
+    most = dict(zip(noise.channels, (Limits.size * np.sqrt(positive)).tolist(), strict=True))
     channels = maneuver.channels.items()
     return tuple(c for c, one in channels if not math.isfinite(one.rmse) or one.rmse > most.get(c, math.nan))
 
@@ -384,13 +382,13 @@ def _doubts(result: Result) -> Iterator[Notice]:
     elif unseen:
         yield notice("verdict-not-held-back", channels=unseen)
     for m in result.maneuvers:
-        outside = {c: one.within for c, one in m.channels.items() if one.within < LIMITS.inside}
+        outside = {c: one.within for c, one in m.channels.items() if one.within < Limits.inside}
         if outside:
             yield notice("verdict-outside", m.window, channels=tuple(outside), least=min(outside.values()))
     white = [(c, one.innovations.whiteness) for m in result.maneuvers for c, one in m.channels.items()]
     known = [(c, one) for c, one in white if one.verdict]
-    colored = [c for c, one in known if one.p_value < LIMITS.chance]
-    if known and binom.sf(len(colored) - 1, len(known), LIMITS.chance) < LIMITS.chance:
+    colored = [c for c, one in known if one.p_value < Limits.chance]
+    if known and binom.sf(len(colored) - 1, len(known), Limits.chance) < Limits.chance:
         names = tuple(dict.fromkeys(colored))
         yield notice("verdict-innovations", channels=names, colored=len(colored), compared=len(known))
     if not result.extensions.tested:
@@ -401,7 +399,7 @@ def _doubts(result: Result) -> Iterator[Notice]:
     if others:
         yield notice("verdict-warnings", codes=tuple(dict.fromkeys(others)), count=len(others))
     compared, scatter = _compared(result)
-    if binom.sf(scatter - 1, compared, SCATTER_LEVEL) < LIMITS.chance:
+    if binom.sf(scatter - 1, compared, SCATTER_LEVEL) < Limits.chance:
         expected, ratio = SCATTER_LEVEL * compared, result.repeatability.scatter_ratio
         yield notice("verdict-scatter", compared=compared, scatter=scatter, by_chance=expected, ratio=ratio)
 
@@ -417,7 +415,7 @@ def _merits(result: Result) -> Iterator[Notice]:
     if result.extensions.tested and not result.extensions.found:
         yield notice("verdict-form-holds", tested=result.extensions.tested)
     if result.extensions.unresolved:
-        yield notice("verdict-unresolved", numbers=result.extensions.unresolved, share=LIMITS.moved_share)
+        yield notice("verdict-unresolved", numbers=result.extensions.unresolved, share=Limits.moved_share)
     for m in result.maneuvers:
         moving = _moving([m])
         if m.role == "validation" and moving and not _lost(moving):

@@ -112,9 +112,8 @@ def to_ground(q: FloatArray, vector: FloatArray) -> FloatArray:
     """Return vectors (..., 3) along the ground's axes, of those along body axes, for unit quaternions (..., 4)."""
     (e0, e1, e2, e3), (u, v, w) = _apart(q), _apart(vector)
     a, b, c = 2.0 * (e2 * w - e3 * v), 2.0 * (e3 * u - e1 * w), 2.0 * (e1 * v - e2 * u)
-    return _together(
-        [u + e0 * a + e2 * c - e3 * b, v + e0 * b + e3 * a - e1 * c, w + e0 * c + e1 * b - e2 * a]
-    )
+    along = u + e0 * a + e2 * c - e3 * b, v + e0 * b + e3 * a - e1 * c, w + e0 * c + e1 * b - e2 * a
+    return _together(along)
 
 
 def to_body(q: FloatArray, vector: FloatArray) -> FloatArray:

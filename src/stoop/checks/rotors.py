@@ -27,27 +27,23 @@ POWER: Final = {"motor": 1.0, "rotor": 300.0, "control_throttle": 1.0, "throttle
 AXES: Final = dict(zip(RATES, (("roll", "xx"), ("pitch", "yy"), ("yaw", "zz")), strict=True))
 
 
-@dataclass(frozen=True)
 class Limits:
     """What makes windows of rotor flight useless or doubtful, and flights those of another vehicle."""
 
-    lift: float = 0.25  #: of the usual lift commands of two flights, over their mean, by which they differ
+    lift: Final = 0.25  #: of the usual lift commands of two flights, over their mean, by which they differ
     #: times the rotors' scatter, by which an output may lie beside them, and scatter more or less, to be taken for a rotor's
-    likeness: float = 3.0
-    off: float = 0.1  #: of the largest x of all rotors, below which a rotor carries nothing
-    off_share: float = 0.02  #: of a window with the motors off, that is reported
-    ground_share: float = 0.5  #: of a window with the motors off, that leaves nothing to fit
-    end: float = 1e-6  #: of the range of a channel
-    limit_share: float = 0.02  #: of a window at a limit, that is reported
-    values: int = 20  #: different values of a command that is no switch
-    contrast: int = 5  #: times as many samples at a plateau as at the value next to it
-    lift_change: float = 0.01  #: of the mean x: the rms of a change that is an input
-    burst: float = 2.0  #: s: about as long as a pulse or a doublet lasts
-    running: float = 0.1  #: of full command or speed, above which a motor gives thrust
-    motion: float = 3.0  #: times the noise of the file: a rate that moves
-
-
-LIMITS: Final = Limits()
+    likeness: Final = 3.0
+    off: Final = 0.1  #: of the largest x of all rotors, below which a rotor carries nothing
+    off_share: Final = 0.02  #: of a window with the motors off, that is reported
+    ground_share: Final = 0.5  #: of a window with the motors off, that leaves nothing to fit
+    end: Final = 1e-6  #: of the range of a channel
+    limit_share: Final = 0.02  #: of a window at a limit, that is reported
+    values: Final = 20  #: different values of a command that is no switch
+    contrast: Final = 5  #: times as many samples at a plateau as at the value next to it
+    lift_change: Final = 0.01  #: of the mean x: the rms of a change that is an input
+    burst: Final = 2.0  #: s: about as long as a pulse or a doublet lasts
+    running: Final = 0.1  #: of full command or speed, above which a motor gives thrust
+    motion: Final = 3.0  #: times the noise of the file: a rate that moves
 
 
 def foreign_motors(vehicle: Vehicle, flight: Flight, windows: Sequence[Window]) -> list[Notice]:
@@ -77,9 +73,9 @@ def foreign_motors(vehicle: Vehicle, flight: Flight, windows: Sequence[Window]) 
         middle, spread = level(channel)
         if spread > 0.0 and kind not in ("motor", "rotor"):
             middles, scatter = usual[:, 0], float(np.median(usual[:, 1]))
-            near = LIMITS.likeness * scatter
+            near = Limits.likeness * scatter
             inner = middles.min() - near <= middle <= middles.max() + near
-            alike = inner and 1.0 / LIMITS.likeness < spread / max(scatter, 1e-12) < LIMITS.likeness
+            alike = inner and 1.0 / Limits.likeness < spread / max(scatter, 1e-12) < Limits.likeness
             spread = spread if alike else 0.0
         if spread > 0.0:
             channels.append(channel)
@@ -97,11 +93,11 @@ def thrust_missing(vehicle: Vehicle, flight: Flight, windows: Sequence[Window]) 
         if full is not None and channel not in vehicle.recorded:
             x = flight.column(channel)[inside]
             known = x[np.isfinite(x)]
-            running += [channel] if known.size and np.max(known) > LIMITS.running * full else []
-    found = notice(
-        "thrust-missing", flight.name, channels=tuple(running), count=len(running), vehicle=vehicle.where
-    )
-    return [found] if running else []
+            running += [channel] if known.size and np.max(known) > Limits.running * full else []
+    if not running:
+        return []
+    count, where = len(running), vehicle.where
+    return [notice("thrust-missing", flight.name, channels=tuple(running), count=count, vehicle=where)]
 
 
 def _tables(vehicle: Vehicle, channels: Sequence[str]) -> str:
@@ -120,9 +116,8 @@ def _other_rotors(vehicle: Vehicle, missing: Sequence[str], on_rotors: bool) -> 
         return f"{vehicle.where} flies on rotors, but this log has no rotors: does it belong to another vehicle? "
     rotors = _tables(vehicle, missing)
     tables = f", or channel in {rotors}" if rotors else ""
-    return (
-        f"{vehicle.where} has {len(vehicle.rotors)} rotors: does the log belong to another vehicle{tables}? "
-    )
+    known = f"{vehicle.where} has {len(vehicle.rotors)} rotors"
+    return f"{known}: does the log belong to another vehicle{tables}? "
 
 
 def _lift_of_aircraft(vehicle: Vehicle, carried: Mapping[str, Flight]) -> list[Notice]:
@@ -138,7 +133,7 @@ def _lift_differs(vehicle: Vehicle, carried: Mapping[str, Flight]) -> list[Notic
         if known.size and (level := float(np.median(known))) > 0.0:
             levels[name] = level
     low, high = (pick(levels, key=lambda n: levels[n], default="") for pick in (min, max))
-    if not levels or levels[high] - levels[low] <= LIMITS.lift * 0.5 * (levels[high] + levels[low]):
+    if not levels or levels[high] - levels[low] <= Limits.lift * 0.5 * (levels[high] + levels[low]):
         return []
     return [notice("lift-differs", low, level=levels[low], other=high, other_level=levels[high])]
 
@@ -153,7 +148,7 @@ def _require_flight(vehicle: Vehicle, windows: Sequence[Window], pieces: Sequenc
                 "or lag; log the gyroscope, or name its columns in the mapping file ([variables] p = ..., see stoop map)"
             )
         off = _off(vehicle, piece)
-        if off.mean() > LIMITS.ground_share:
+        if off.mean() > Limits.ground_share:
             raise IdentificationError(
                 f"{windows[piece.maneuver]}: the motors are off in {off.mean():.0%} of it, so it is no flight; choose "
                 "--maneuver START:STOP where they carry the vehicle (stoop maneuvers), and check rotors.idle and rotors.gain "
@@ -176,7 +171,7 @@ def windows_on_ground(_: Vehicle, flight: Flight, windows: Sequence[Window]) -> 
     for window in windows:
         inside = flight.between(window.start, window.stop) if window.flight == flight.name else slice(0)
         share = float(np.mean(~up[inside])) if up[inside].size else 0.0
-        if share > LIMITS.off_share:
+        if share > Limits.off_share:
             t = flight.time[inside][up[inside]]
             first, last = (float(t[0]), float(t[-1])) if t.size else (np.nan, np.nan)
             code = "window-partly-on-ground" if t.size else "window-on-ground"
@@ -218,7 +213,7 @@ def rotor_notices(problem: Misfit) -> list[Notice]:
     for piece in pieces:
         off = _off(vehicle, piece)
         share = float(off.mean())
-        if share > LIMITS.off_share:
+        if share > Limits.off_share:
             start, stop, t = float(piece.time[0]), float(piece.time[-1]), piece.time[~off]
             span = {"start": start, "stop": stop, "first": float(t[0]), "last": float(t[-1])}
             out.append(notice("motors-off", f"{start:.1f}:{stop:.1f}", share=share, **span))
@@ -232,16 +227,16 @@ def _limited(vehicle: Vehicle, pieces: Sequence[Piece]) -> Iterator[Notice]:
     plateaus = []
     for name, column, low, high in zip(area.names, area.columns, area.idle, area.full, strict=True):
         x = inputs[:, column]
-        size = LIMITS.end * (high - low) if np.isfinite(high) else 0.0
+        size = Limits.end * (high - low) if np.isfinite(high) else 0.0
         top, bottom = float(np.mean(x >= high - size)), float(np.mean(x <= low + size))
-        if max(top, bottom) > LIMITS.limit_share:
+        if max(top, bottom) > Limits.limit_share:
             side = "upper" if top > bottom else "lower"
             yield notice("command-saturated", name, end=side, share=max(top, bottom))
         values, counts = np.unique(x, return_counts=True)
         for end, beside, side in ((-1, -2, "above"), (0, 1, "below")):
             at, share = float(values[end]), float(counts[end]) / x.size
-            inside = low < at < high and values.size > LIMITS.values
-            if inside and share > LIMITS.limit_share and counts[end] > LIMITS.contrast * counts[beside]:
+            inside = low < at < high and values.size > Limits.values
+            if inside and share > Limits.limit_share and counts[end] > Limits.contrast * counts[beside]:
                 plateaus.append(notice("command-limited", name, side=side, limit=at, share=share))
     yield from plateaus
 
@@ -251,19 +246,19 @@ def _unexcited(vehicle: Vehicle, pieces: Sequence[Piece]) -> Iterator[Notice]:
         column = vehicle.outputs.index(rate)
         spread = max(_largest_rms(p.whole[:, column], p.dt) for p in pieces)
         sigma = getattr(vehicle.file.sensors, rate).sigma
-        if spread < LIMITS.motion * sigma:
+        if spread < Limits.motion * sigma:
             yield notice("axis-not-excited", axis, rms=spread, noise=sigma, inertia=f"inertia.{moment}")
     total = [_spins(vehicle, p).sum(axis=0) for p in pieces]
     mean = float(np.mean(np.concatenate(total)))
     change = max(_largest_rms(t, p.dt) for t, p in zip(total, pieces, strict=True))
-    if change < LIMITS.lift_change * mean:
+    if change < Limits.lift_change * mean:
         yield notice("lift-not-excited", change=change / mean)
 
 
 def _largest_rms(x: FloatArray, dt: float) -> float:
     """Return the largest rms about the mean in a burst anywhere: a pulse is as informative in a long window as in a short one."""
     known = x[np.isfinite(x)]
-    long = max(2, round(LIMITS.burst / dt))
+    long = max(2, round(Limits.burst / dt))
     parts = [known[i : i + long] for i in range(0, max(known.size - long // 2, 1), max(long // 2, 1))]
     return max((float(np.std(part)) for part in (*parts, known) if part.size), default=0.0)
 
@@ -280,4 +275,4 @@ def _off(vehicle: Vehicle, piece: Piece) -> BoolArray:
         return np.zeros(len(piece.time), dtype=bool)
     spins = _spins(vehicle, piece)
     full = 1.0 if vehicle.drive == "command" else float(spins.max())
-    return np.asarray(spins.max(axis=0) <= LIMITS.off * max(full, 1e-12))
+    return np.asarray(spins.max(axis=0) <= Limits.off * max(full, 1e-12))

@@ -37,10 +37,8 @@ def check_vehicle(
     for name in dict.fromkeys(w.flight for w in windows) or flights:
         require_channels(vehicle, flights[name])
     used = {*vehicle.outputs, *vehicle.recorded}
-    faults = [
-        (flight.name, one) for flight in flights.values() for one in flight.faults if one.variable in used
-    ]
-    wrong = [(name, one) for name, one in faults if one.kind in ("wrong unit", "wrong sign")]
+    faults = ((flight.name, one) for flight in flights.values() for one in flight.faults)
+    wrong = [(n, x) for n, x in faults if x.variable in used and x.kind in ("wrong unit", "wrong sign")]
     mapping = [notice("sensor-fault", name, fault=one.message) for name, one in wrong]
     failed: list[Notice] = []
     lift = attempt(failed, [], check_lift, vehicle, flights)
@@ -116,9 +114,8 @@ def inertia_notices(vehicle: Vehicle, estimates: Mapping[str, float] | None = No
     if vehicle.file.reference is not None:
         length, unit, usual_radii = value("reference.span"), "spans", WINGED
     else:
-        places = [
-            [vehicle.value(f"rotor.{name}.position.{axis}") for axis in "xyz"] for name in vehicle.rotors
-        ]
+        hubs = [f"rotor.{name}.position" for name in vehicle.rotors]
+        places = [[vehicle.value(f"{hub}.{axis}") for axis in "xyz"] for hub in hubs]
         length = max((math.dist(a, b) for a in places for b in places), default=0.0)
         unit, usual_radii = "of the largest distance between rotors", ROTORS_ONLY
     mass, out = value("mass.mass"), []

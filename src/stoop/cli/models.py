@@ -26,9 +26,8 @@ def demo(arguments: argparse.Namespace) -> int:
     check_folder(arguments.output, [NAME], overwrite)
     job, truth = identify_demo(arguments.seed)
     out, result = page(), job.result
-    out.line(
-        "The paper's twin-boom aircraft (mass and area reconstructed) flies a 3-2-1-1; its sensors are noisy."
-    )
+    aircraft = "The paper's twin-boom aircraft (mass and area reconstructed)"
+    out.line(f"{aircraft} flies a 3-2-1-1; its sensors are noisy.")
     out.line("Ten coefficients are identified, starting from values up to 60 % wrong:")
     out.line()
     out.text(estimates_table(result.parameters, truth))
@@ -58,7 +57,7 @@ def validate(arguments: argparse.Namespace) -> int:
     done.save(arguments.output, arguments.overwrite)
     out, record, verdict = page(), done.record, done.model.result.verdict
     refused = verdict.grade == "do not use"
-    out.line(prediction_verdict(record.maneuvers, (), refused).headline)
+    out.line(prediction_verdict(record.maneuvers, refused).headline)
     out.bullets(map(window_line, record.maneuvers))
     if record.compared and len(record.maneuvers) > 1:
         out.line(f"better than a first-order lag in {record.better} of {record.compared} channels")

@@ -97,9 +97,8 @@ def alike(values: Sequence[float], digits: int = 4) -> list[str]:
 
 def plain(columns: Sequence[Column]) -> str:
     """Return the table as text; no line ends in blanks."""
-    padded = [
-        [t.rjust(c.width) if c.right else t.ljust(c.width) for t in (c.head, *c.cells)] for c in columns
-    ]
+    texts = ((c, (c.head, *c.cells)) for c in columns)
+    padded = [[t.rjust(c.width) if c.right else t.ljust(c.width) for t in own] for c, own in texts]
     return "\n".join(GAP.join(cells).rstrip() for cells in zip(*padded, strict=True))
 
 

@@ -31,7 +31,7 @@ from stoop.estimate.filter_gains import GAINS, STATED, Gain, Noise, Steady, Vary
 from stoop.estimate.filter_likelihood import SCORING, FrozenFilter, Likelihood, Score
 from stoop.estimate.fit import Callback, Fitter, Options, State, starts
 from stoop.estimate.fitted_filter import FittedFilter, with_gusts
-from stoop.estimate.gusts import LIMITS, UnexplainedError
+from stoop.estimate.gusts import Limits, UnexplainedError
 from stoop.estimate.instability import largest_growth
 from stoop.estimate.linearization import Points, undelayed
 from stoop.estimate.noise_model import OUTLIERS_WEIGHTED, outlying_innovations
@@ -58,21 +58,17 @@ MAX_RAISES: Final = 10  #: of the first noise
 RAISED: Final = 1.5  #: mean square of innovations over their variance, from which on it is
 
 
-@dataclass(frozen=True)
 class Tolerances:
     """Differences of -ln L; a seventieth of a standard error is 1e-4."""
 
     #: left to gain at the end of the first searches, before the gains are linearized anew
-    first: float = 1e-2
+    first: Final = 1e-2
     #: left to gain at the end of scoring
-    last: float = 1e-4
+    last: Final = 1e-4
     #: change by another linearization that needs no further one
-    linearization: float = 0.05
+    linearization: Final = 0.05
     #: of two searches that found the same maximum
-    agreement: float = 0.1
-
-
-TOLERANCES: Final = Tolerances()
+    agreement: Final = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -209,16 +205,16 @@ class FilterError(Fitter[FilterEstimate]):
             cleaned = without_outliers(best.likelihood, best.z, problem) if left_out else problem
             if cleaned is not problem:
                 problem, likelihood = cleaned, replace(best.likelihood, problem=undelayed(cleaned))
-                best = maximize(stages, likelihood, best.z, TOLERANCES.first, FIRST_STEPS)
+                best = maximize(stages, likelihood, best.z, Tolerances.first, FIRST_STEPS)
                 if not best.usable:
                     break
             held = best
-            best = maximize(stages, best.likelihood.along(best.z), best.z, TOLERANCES.last)
+            best = maximize(stages, best.likelihood.along(best.z), best.z, Tolerances.last)
             # It diverges with gains of its own states: the maximum before stays.
             if not np.isfinite(best.cost):
                 best, best.status = held, "stalled"
                 break
-            if 0.5 * abs(held.cost - best.cost) < TOLERANCES.linearization:
+            if 0.5 * abs(held.cost - best.cost) < Tolerances.linearization:
                 break
         if not np.isfinite(best.cost):
             raise IdentificationError(
@@ -241,15 +237,15 @@ class FilterError(Fitter[FilterEstimate]):
             z = np.concatenate([x, np.zeros(problem.extra), noise.start])
             likelihood = Likelihood.of(problem, noise, self.gain, z)
             steps = JUDGED_STEPS if options.treatment.gives_up else FIRST_STEPS
-            best = maximize(stages, likelihood, raised(likelihood, z), TOLERANCES.first, steps)
+            best = maximize(stages, likelihood, raised(likelihood, z), Tolerances.first, steps)
             if best.usable and options.treatment.gives_up:
                 correlation = innovation_correlation(problem, best.likelihood.score(best.z))
-                if abs(correlation) >= LIMITS.correlation:
+                if abs(correlation) >= Limits.correlation:
                     unexplained = UnexplainedError(correlation)
                     continue
             if best.usable:  # once more with gains that suit where that led
                 likelihood = best.likelihood.along(best.z)
-                best = maximize(stages, likelihood, best.z, TOLERANCES.first, FIRST_STEPS)
+                best = maximize(stages, likelihood, best.z, Tolerances.first, FIRST_STEPS)
             searches.append(best)
             if best.status == "interrupted":
                 break
@@ -345,7 +341,7 @@ def _estimate(
     ]
     if process.states:
         notices.append(notice("process-noise", states=process.states, intensities=process.intensities))
-    if len(costs) > 1 and not 0.5 * (costs[1] - costs[0]) < TOLERANCES.agreement:
+    if len(costs) > 1 and not 0.5 * (costs[1] - costs[0]) < Tolerances.agreement:
         notices.append(notice("starts-disagree"))
     before, after = (np.concatenate([np.isfinite(p.measured) for p in m.pieces]) for m in (recorded, problem))
     if (lost := (before & ~after).sum(axis=0)).any():

@@ -379,10 +379,8 @@ class FrozenFilter(RefitProblem):
             gain = gains.gain[:, :, 0].reshape(len(gains.gain), len(columns), -1)[gains.which]
             correction = np.moveaxis(columns, 2, 0).transpose(0, 2, 1) @ (gain * present[:, None, :])
             rows, record = model.rows(known[:, 0]), model.received(piece, known)
-            samples = np.arange(len(piece.time))
-            trajectories.append(
-                Trajectory(model.equations, rows, states, record, samples, piece.dt, correction)
-            )
+            flown = (rows, states, record, np.arange(len(piece.time)))
+            trajectories.append(Trajectory(model.equations, *flown, piece.dt, correction))
         found = model.responses(trajectories, self.problem.pieces)
         each = zip(self.problem.pieces, self.roots, self.gains, found, strict=True)
         for piece, root, gains, (_, responses) in each:

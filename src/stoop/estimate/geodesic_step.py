@@ -91,9 +91,8 @@ def _second_derivatives(
     for k, (shot, one, values) in enumerate(zip(linear, weighted, np.split(near[0], ends), strict=True)):
         along = shot.by_unknown @ step + shot.by_state @ moves[k]
         left = (2.0 / PROBE * ((values - shot.residual) / PROBE - along)).ravel()
-        by_unknown, by_state = (
-            lanes_first(d).reshape(-1, left.size) for d in (shot.by_unknown, shot.by_state)
-        )
+        by_unknown = lanes_first(shot.by_unknown).reshape(-1, left.size)
+        by_state = lanes_first(shot.by_state).reshape(-1, left.size)
         gap = one.gap
         if gap.size:
             along = one.gap_by_unknown @ step + one.gap_by_state @ moves[k] - one.closing * following[k]

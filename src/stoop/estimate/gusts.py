@@ -25,7 +25,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -67,29 +67,25 @@ MIN_BIAS: Final = 2.0  #: standard errors of filter error, from which a paramete
 SHOWN: Final = 6  #: parameters that are named
 
 
-@dataclass(frozen=True)
-class GustLimits:
+class Limits:
     """When gusts are taken for more than errors of sensors, and the table that describes them."""
 
     #: size of gusts, in standard deviations of an air data sensor by the vehicle file; of simulated flights of
     #: `stoop verify feedback` at most 0.3 in calm air, with scale errors of 8 % too, 1 to 2 in light turbulence
-    sigmas: float = 0.5
+    sigmas: Final = 0.5
     #: of the grid between readings that share nothing: 2 % of the weight of a cubic spline, and of the low-pass before a grid,
     #: lies beyond the third to either side
-    samples: float = 4.0
-    seconds: float = 4.0  #: of a window; of a shorter one the least squares would leave nothing
+    samples: Final = 4.0
+    seconds: Final = 4.0  #: of a window; of a shorter one the least squares would leave nothing
     #: s, to which shorter windows are widened: in 5 s the least squares take most of light turbulence with them. Of 16 flights of
     #: seven aircraft of JSBSim, air data at 10 to 50 Hz, levels in calm air are at most 0.01 m/s, in light turbulence 0.13 to 0.6
-    widened: float = 10.0
+    widened: Final = 10.0
     #: m, of the table; estimates hardly depend on it: of 128 intervals in severe turbulence with lengths of 200 and 525 m,
     #: 94 %, 98 % and 99 % held the truth with 60, 200 and 600 m
-    length: float = 200.0
-    bounds: tuple[float, float] = (0.02, 20.0)  #: m/s, of an intensity
-    first: float = 1.0  #: m/s, likewise, to begin with: between light and moderate near the ground
-    correlation: float = 0.2  #: of neighboring innovations, from which on gusts do not explain the residuals
-
-
-LIMITS: Final = GustLimits()
+    length: Final = 200.0
+    bounds: Final = (0.02, 20.0)  #: m/s, of an intensity
+    first: Final = 1.0  #: m/s, likewise, to begin with: between light and moderate near the ground
+    correlation: Final = 0.2  #: of neighboring innovations, from which on gusts do not explain the residuals
 
 
 class UnexplainedError(IdentificationError):
@@ -115,12 +111,12 @@ def gust_levels(vehicle: Vehicle, flights: Mapping[str, Flight], windows: Sequen
         counted = np.logical_and.reduce([one.counted(len(flight.time)) for one in read])
         up = in_flight(flight)
         for w in (w for w in windows if w.flight == name):
-            more = max(0.0, 0.5 * (LIMITS.widened - (w.stop - w.start)))
+            more = max(0.0, 0.5 * (Limits.widened - (w.stop - w.start)))
             inside = flight.between(w.start - more, w.stop + more)
             wind = changes_of_wind(vehicle, flight, inside, up[inside])
             rows = np.flatnonzero(counted[inside])
-            apart = float(np.median(np.diff(rows))) if len(rows) > 1 else LIMITS.samples
-            lag = math.ceil(LIMITS.samples / max(1.0, apart))  # readings of the air data that share nothing
+            apart = float(np.median(np.diff(rows))) if len(rows) > 1 else Limits.samples
+            lag = math.ceil(Limits.samples / max(1.0, apart))  # readings of the air data that share nothing
             parts.append(wind[rows[lag:]] * wind[rows[:-lag]])
     products = np.concatenate(parts)
     count = np.isfinite(products[1:]).sum(axis=0)
@@ -142,7 +138,7 @@ def changes_of_wind(vehicle: Vehicle, flight: Flight, inside: slice, up: BoolArr
     present = np.logical_and.reduce([up, *(np.isfinite(y) for y in columns.values())])
     dt = 1.0 / flight.rate
     at = np.flatnonzero(present)
-    if len(at) * dt < LIMITS.seconds or len(at) < 0.5 * len(present):
+    if len(at) * dt < Limits.seconds or len(at) < 0.5 * len(present):
         return np.full((len(present), 3), np.nan)
     y = dict.fromkeys(NEEDED, np.zeros(len(present)))  # a reduced model does without the others
     y |= along_body(vehicle, {c: np.interp(np.arange(len(present)), at, columns[c][at]) for c in columns})
@@ -170,15 +166,15 @@ def exceed_sensors(vehicle: Vehicle, levels: FloatArray) -> bool:
     """Whether gusts (3,), m/s, are more than errors of the sensors can be."""
     sensors, airspeed = vehicle.file.sensors, vehicle.value("reference.airspeed")
     noise = np.array([sensors.V.sigma, airspeed * sensors.beta.sigma, airspeed * sensors.alpha.sigma])
-    return bool(np.any(levels > LIMITS.sigmas * noise))
+    return bool(np.any(levels > Limits.sigmas * noise))
 
 
 def with_turbulence(vehicle: Vehicle) -> Vehicle:
     """Return the vehicle with gusts on all axes, their intensities free, unless its file has a table of them."""
     if vehicle.gusts:
         return vehicle
-    intensity = {"value": LIMITS.first, "free": True, "bounds": list(LIMITS.bounds)}
-    gust = {"intensity": intensity, "length": LIMITS.length}
+    intensity = {"value": Limits.first, "free": True, "bounds": list(Limits.bounds)}
+    gust = {"intensity": intensity, "length": Limits.length}
     table, document = Turbulence.model_validate(dict.fromkeys(AXES, gust)), tomlkit.parse(vehicle.text)
     for axis in AXES:  # also in the text, of which the estimates make the file of the identified vehicle
         write_entry(document, ("turbulence", axis), gust)
@@ -192,7 +188,7 @@ def unexplained(fit: Estimate, method: str, instead: str) -> tuple[Notice, ...]:
         return ()
     if fit.outcome.status != "converged":
         return (notice("gusts-no-optimum", method=instead, other=method),)
-    if abs(correlation := fit.innovation_correlation) < LIMITS.correlation:
+    if abs(correlation := fit.innovation_correlation) < Limits.correlation:
         return ()
     return (doubt(UnexplainedError(correlation), method, instead),)
 

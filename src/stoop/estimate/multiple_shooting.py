@@ -243,9 +243,8 @@ def refined(
                 continue
             shifted = recorded
             if not given:
-                residuals = partial(
-                    lambda problem, at, own: problem.of_problem(own).residuals(at), problem, at
-                )
+                flown = problem, at
+                residuals = partial(lambda problem, at, own: problem.of_problem(own).residuals(at), *flown)
                 noise, shifted = with_noise(recorded, residuals, noise, options.treatment)
             before, problem = held.noise_logdet, problem.of_problem(shifted)
             problem = problem.with_likeliest_wind_steps(at)

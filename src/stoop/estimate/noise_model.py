@@ -52,28 +52,26 @@ EM_STEPS: Final = 500  #: at most
 EM_TOLERANCE: Final = 1e-7  #: change of the mean logarithm of the likelihood at which EM ends
 
 
-@dataclass(frozen=True)
-class NoiseLimits:
+class Limits:
     """When residuals are taken as other than normal, and other in each maneuver."""
 
     #: twice the gain in the logarithm of the likelihood, by independent samples; two more parameters, one at its bound, gain
     #: 40 by chance less often than once in 10^8 channels, and residuals that a model error colors seldom
-    likelihood_ratio: float = 40.0
+    likelihood_ratio: Final = 40.0
     #: samples over which outliers correlate, from which they are of the model and not of the sensor
-    stretch: float = 3.0
-    variance_ratio: float = 1.2  #: by which the variance of an estimate must fall
+    stretch: Final = 3.0
+    variance_ratio: Final = 1.2  #: by which the variance of an estimate must fall
     #: excess kurtosis, below which no mixture is fitted, for time: one of which the wide part is less than half, and that
     #: lowers the variance by that ratio, has a larger one
-    kurtosis: float = 1.0
-    level: float = 1e-8  #: of Bartlett's test: that of the likelihood ratio
-    min_samples: float = 4.0  #: independent ones, below which a variance is not estimated
-    weight: float = 0.1  #: below which a filter leaves a reading out
+    kurtosis: Final = 1.0
+    level: Final = 1e-8  #: of Bartlett's test: that of the likelihood ratio
+    min_samples: Final = 4.0  #: independent ones, below which a variance is not estimated
+    weight: Final = 0.1  #: below which a filter leaves a reading out
     #: robust standard deviations, to which residuals are limited in the variance of a maneuver
-    clipped: float = 3.0
-    named: float = 1.5  #: times the noise of the other maneuvers, from which a maneuver is named
+    clipped: Final = 3.0
+    named: Final = 1.5  #: times the noise of the other maneuvers, from which a maneuver is named
 
 
-LIMITS: Final = NoiseLimits()
 OUTLIERS_WEIGHTED: Final = "outliers weighted less or left out"
 
 
@@ -218,7 +216,7 @@ class NoiseModel:
         factors = np.exp((logs - logs.mean(axis=0)) * count / max(count - 1, 1))
         channels = np.array(outputs)
         for name, own, unknown in zip(maneuvers, factors, self.unknown, strict=True):
-            if (noisy := own >= LIMITS.named).any():
+            if (noisy := own >= Limits.named).any():
                 size = float(np.median(own[noisy]))
                 out.append(notice("maneuver-noise", name, channels=tuple(channels[noisy]), factor=size))
             if unknown.any():
@@ -290,18 +288,18 @@ def maneuver_noise(
             present = column[np.isfinite(column)]
             counts[m, i] = present.size
             if present.size:
-                limits[i] = (LIMITS.clipped * robust_std(present)) ** 2 or np.inf
+                limits[i] = (Limits.clipped * robust_std(present)) ** 2 or np.inf
                 variances[m, i] = float(np.mean(np.minimum(present**2, limits[i])))
         for j in np.flatnonzero(labels == m).tolist():
             squares[j] = np.minimum(residuals[j] ** 2, limits) - variances[m]
     samples = counts / correlation_times(squares, dt)
     for i in range(channels):
-        known = (samples[:, i] >= LIMITS.min_samples) & (variances[:, i] > 0.0)
+        known = (samples[:, i] >= Limits.min_samples) & (variances[:, i] > 0.0)
         if known.sum() < 2:
             continue
         own, n, many = variances[known, i], samples[known, i], counts[known, i]
         loss = float(many @ own) * float(many @ (1.0 / own)) / float(many.sum()) ** 2
-        differ = loss > LIMITS.variance_ratio and homogeneous(own, n) < LIMITS.level
+        differ = loss > Limits.variance_ratio and homogeneous(own, n) < Limits.level
         if differ or before.unequal[i]:
             found = shrunk(own, n)
             relative[known, i] = np.sqrt(found * many.sum() / float(many @ found))
@@ -311,7 +309,7 @@ def maneuver_noise(
 
 
 def outlier_model(
-    columns: Sequence[FloatArray], dt: float, time: float, keep: bool = False, stretch: float = LIMITS.stretch
+    columns: Sequence[FloatArray], dt: float, time: float, keep: bool = False, stretch: float = Limits.stretch
 ) -> tuple[Mixture, float] | None:
     """Return the mixture for the residuals of a channel, (n, 1) of each piece, and the share of information that is left.
 
@@ -321,8 +319,8 @@ def outlier_model(
     """
     whole = np.concatenate(columns)[:, 0]
     whole = whole[np.isfinite(whole)]
-    variance = float(np.mean(whole**2)) if whole.size >= LIMITS.min_samples else 0.0
-    if not variance > 0.0 or not (keep or float(np.mean(whole**4)) >= (3.0 + LIMITS.kurtosis) * variance**2):
+    variance = float(np.mean(whole**2)) if whole.size >= Limits.min_samples else 0.0
+    if not variance > 0.0 or not (keep or float(np.mean(whole**4)) >= (3.0 + Limits.kurtosis) * variance**2):
         return None
     mixture = fit_mixture(whole)
     if mixture.share == 0.0:
@@ -334,10 +332,10 @@ def outlier_model(
     normal = Mixture(float(np.sqrt(variance)))
     ratio = 2.0 * float(np.sum(mixture.log_density(whole) - normal.log_density(whole)))
     robust = float(np.mean((w * whole) ** 2)) / left**2
-    if not (left > 0.0 and ratio > LIMITS.likelihood_ratio and variance > LIMITS.variance_ratio * robust):
+    if not (left > 0.0 and ratio > Limits.likelihood_ratio and variance > Limits.variance_ratio * robust):
         return None
     together = float(correlation_times([mixture.outlying(c) - mixture.share for c in columns], dt)[0])
-    if together > stretch or ratio <= LIMITS.likelihood_ratio * max(time, together):
+    if together > stretch or ratio <= Limits.likelihood_ratio * max(time, together):
         return None
     return mixture, left
 
@@ -353,7 +351,7 @@ def outlying_innovations(innovations: Sequence[FloatArray], dt: float) -> list[B
         found = outlier_model(columns, dt, float(time), stretch=np.inf)  # a filter passes an outlier on
         for mask, column in zip(masks, columns, strict=True):
             if found is not None:
-                mask[:, i] = found[0].weights(column[:, 0])[0] < LIMITS.weight
+                mask[:, i] = found[0].weights(column[:, 0])[0] < Limits.weight
     out = []
     for mask in masks:
         rows = np.asarray(mask.any(axis=1))

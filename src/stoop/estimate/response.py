@@ -227,12 +227,10 @@ def simulation_responses(problem: Misfit, z: FloatArray) -> Responses:
     dt = problem.pieces[0].dt
     together = fly(model.base, np.hstack(known), np.hstack(starts), np.stack(padded, axis=-1), dt)
     flown = [together[:, : record.shape[1], i].copy() for i, record in enumerate(records)]
-    trajectories = [
-        Trajectory(
-            model.equations, model.rows(own[:, 0]), states, record, np.arange(len(piece.time)), piece.dt
-        )
-        for piece, own, states, record in zip(problem.pieces, known, flown, records, strict=True)
-    ]
+    trajectories = []
+    for piece, own, states, record in zip(problem.pieces, known, flown, records, strict=True):
+        rows, samples = model.rows(own[:, 0]), np.arange(len(piece.time))
+        trajectories.append(Trajectory(model.equations, rows, states, record, samples, piece.dt))
     found = model.responses(trajectories, problem.pieces)
     each = zip(trajectories, problem.pieces, problem.piece_weights, known, found, strict=True)
     for at, piece, weights, own, (_, dy) in each:

@@ -21,7 +21,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
@@ -43,29 +43,27 @@ RECONSTRUCTED: Final = "reconstructed"  #: source of what no sensor measured
 SMOOTHED: Final = ("vn_smooth", "ve_smooth", "vd_smooth")
 
 
-@dataclass(frozen=True)
 class Limits:
     """Which samples count, which wind is believed, and what is worth a notice."""
 
-    sample_time: float = 0.1  #: s between the samples that the wind is fitted to
-    speed: float = 3.0  #: m/s over ground; slower is not flying
-    flying_share: float = 0.4  #: of the highest speed; slower is not flying
-    edge: float = 2.0  #: s cut off around take-off and landing
-    time: float = 5.0  #: s of airborne data (and of pitot) below which nothing is estimated
-    rest_speed: float = 0.5  #: m/s
-    rest_rate: float = 0.1  #: rad/s
-    implausible: float = 3.0  #: standard deviations of its prior, that a wind is off
-    kappa: float = 2000.0  #: m, prior; 2 m / (rho S) is 40 m for a small drone, 2000 m for an airliner
-    log_wind: float = 0.5  #: m/s; no logged wind is believed more than this
-    sideslip: float = 0.15  #: rad, rms; a larger scatter says that the vehicle does not weathercock
-    heading_error: float = 1.5 * DEGREE
-    delay: float = 0.015  #: s
-    rest_offset: float = 0.5  #: m/s
-    pitot_inconsistency: float = 1.0  #: m/s
-    disagreement: float = 3.0  #: standard errors
+    sample_time: Final = 0.1  #: s between the samples that the wind is fitted to
+    speed: Final = 3.0  #: m/s over ground; slower is not flying
+    flying_share: Final = 0.4  #: of the highest speed; slower is not flying
+    edge: Final = 2.0  #: s cut off around take-off and landing
+    time: Final = 5.0  #: s of airborne data (and of pitot) below which nothing is estimated
+    rest_speed: Final = 0.5  #: m/s
+    rest_rate: Final = 0.1  #: rad/s
+    implausible: Final = 3.0  #: standard deviations of its prior, that a wind is off
+    kappa: Final = 2000.0  #: m, prior; 2 m / (rho S) is 40 m for a small drone, 2000 m for an airliner
+    log_wind: Final = 0.5  #: m/s; no logged wind is believed more than this
+    sideslip: Final = 0.15  #: rad, rms; a larger scatter says that the vehicle does not weathercock
+    heading_error: Final = 1.5 * DEGREE
+    delay: Final = 0.015  #: s
+    rest_offset: Final = 0.5  #: m/s
+    pitot_inconsistency: Final = 1.0  #: m/s
+    disagreement: Final = 3.0  #: standard errors
 
 
-LIMITS: Final = Limits()
 _WIND_SOURCES: Final = {
     "pitot": "from pitot and ground velocity",
     "pitot and sideslip": "from pitot, ground velocity and the rule that sideslip follows the lateral force",
@@ -201,13 +199,13 @@ def reconstruct(
     flying = np.full(ground.size, np.nan)
     if known.any():
         usual = np.nanpercentile(fastest[known], 90.0)
-        flying[known] = ((ground > LIMITS.speed) & (fastest > LIMITS.flying_share * usual))[known]
-    window = np.ones(2 * round(LIMITS.edge / step) + 1)
+        flying[known] = ((ground > Limits.speed) & (fastest > Limits.flying_share * usual))[known]
+    window = np.ones(2 * round(Limits.edge / step) + 1)
     touched = np.convolve(flying == 0.0, window)[window.size // 2 :][: flying.size] > 0.5
     used = (flying == 1.0) & ~touched & complete(motion.velocity)
     for start, stop in exclude:
         used &= (time < start) | (time > stop)
-    stride = max(1, round(LIMITS.sample_time / step))
+    stride = max(1, round(Limits.sample_time / step))
     good = used & np.isfinite(rotation).all(axis=(1, 2))
     taken = np.flatnonzero(good & (np.arange(good.size) % stride == 0))
     lateral = np.nan_to_num(read["ay"][taken] - np.nan_to_num(motion.bias[1]))
@@ -219,12 +217,12 @@ def reconstruct(
         lateral,
         read["airspeed_pitot"][taken],
     )
-    if samples.time.size * samples.step < LIMITS.time:
-        return {}, AirData("none", notices=(notice("no-air-data-short-flight", duration=LIMITS.time),))
+    if samples.time.size * samples.step < Limits.time:
+        return {}, AirData("none", notices=(notice("no-air-data-short-flight", duration=Limits.time),))
     air = _air_data(time, read, step, samples, motion)
     through = motion.velocity - np.array([air.wind_n, air.wind_e, 0.0])
-    speed, alpha, beta = flow(np.einsum("nij,ni->jn", rotation, through).T, LIMITS.speed)
-    fast = (flying == 1.0) & (speed > LIMITS.speed)
+    speed, alpha, beta = flow(np.einsum("nij,ni->jn", rotation, through).T, Limits.speed)
+    fast = (flying == 1.0) & (speed > Limits.speed)
     if "pitot" in air.method:
         corrected = (read["airspeed_pitot"] - air.pitot_offset) * air.pitot_scale
         apart = air.traces["pitot_corrected"] - air.traces["speed_inertial"]
@@ -255,8 +253,8 @@ def _air_data(
     """Fit the wind and describe it; the residuals of the fit are taken as gusts, alike in all directions."""
     # the median reading of the pitot while the vehicle stands still
     pitot, rest = read["airspeed_pitot"], NAN
-    still = np.linalg.norm(motion.velocity, axis=1) < LIMITS.rest_speed
-    still &= ~(np.abs(_stack(read, RATES)) > LIMITS.rest_rate).any(axis=1) & np.isfinite(pitot)
+    still = np.linalg.norm(motion.velocity, axis=1) < Limits.rest_speed
+    still &= ~(np.abs(_stack(read, RATES)) > Limits.rest_rate).any(axis=1) & np.isfinite(pitot)
     if np.count_nonzero(still) * step > 1.0:
         rest = float(np.median(pitot[still]))
     wind = _stack(read, ("wind_n", "wind_e"))
@@ -265,7 +263,7 @@ def _air_data(
     logged = (wind.mean(axis=0), wind.std(axis=0)) if wind.size and np.any(wind.mean(axis=0)) else None
     names = ("wind.n", "wind.e", "airspeed_pitot.scale", "airspeed_pitot.bias", "beta.bias")
     prior_mean = np.array([0.0, 0.0, 1.0, rest if np.isfinite(rest) else 0.0, 0.0, 0.0])
-    prior = prior_mean, np.array([*map(prior_std, names), LIMITS.kappa])
+    prior = prior_mean, np.array([*map(prior_std, names), Limits.kappa])
     sideslip = _sideslip_wind(samples, *prior)
     method, found = _best_wind(samples, logged, prior, sideslip)
     (north, east, slope, offset, *_), std = found.theta.tolist(), found.std.tolist()
@@ -320,10 +318,10 @@ def _sideslip_wind(samples: airspeed.Airborne, mean: FloatArray, std: FloatArray
     """
     found = airspeed.fit([(airspeed.sideslip_equation, samples)], mean, std)
     speed = float(np.median(airspeed.air_relative(samples.velocity, found.theta)[1]))
-    steady = found.rms[0] < LIMITS.sideslip * speed
+    steady = found.rms[0] < Limits.sideslip * speed
     opposing = found.theta[airspeed.KAPPA] < 2.0 * found.std[airspeed.KAPPA]
     apart = (found.theta - mean)[: airspeed.SLOPE] / std[: airspeed.SLOPE]
-    plausible = bool(np.all(np.abs(apart) < LIMITS.implausible))
+    plausible = bool(np.all(np.abs(apart) < Limits.implausible))
     return found if steady and opposing and plausible else None
 
 
@@ -336,7 +334,7 @@ def _best_wind(
     """Trust the pitot when it determines the wind, else the most certain of the other estimates."""
     with_pitot = samples.where(np.isfinite(samples.pitot))
     pitot: list[airspeed.Evidence] = []
-    if with_pitot.time.size * samples.step > LIMITS.time:
+    if with_pitot.time.size * samples.step > Limits.time:
         pitot = [(airspeed.pitot_equation, with_pitot)]
     options: list[tuple[str, airspeed.Fit]] = []
     if pitot:
@@ -350,7 +348,7 @@ def _best_wind(
         options.append(("sideslip", sideslip))
     if logged is not None:
         mean = np.concatenate([logged[0], prior[0][2:]])
-        std = np.concatenate([np.maximum(logged[1], LIMITS.log_wind), prior[1][2:]])
+        std = np.concatenate([np.maximum(logged[1], Limits.log_wind), prior[1][2:]])
         options.append(("pitot and log" if pitot else "log", airspeed.fit(pitot, mean, std)))
     options = options or [("still air", airspeed.fit([], *prior))]
     return min(options, key=lambda option: option[1].wind_std)
@@ -373,7 +371,7 @@ def _notices(
         apart = np.array([north - air.wind_n, east - air.wind_e])
         scaled = apart / np.hypot([air.wind_n_std, air.wind_e_std], [north_std, east_std])
         distance = float(np.sqrt(np.mean(scaled**2)))
-        code = "sideslip-wind-agrees" if distance < LIMITS.disagreement else "sideslip-wind-disagrees"
+        code = "sideslip-wind-agrees" if distance < Limits.disagreement else "sideslip-wind-disagrees"
         values = {"north": north, "north_std": north_std, "east": east, "east_std": east_std}
         found.append(notice(code, "", **values, distance=distance))
     if logged is not None and "log" not in air.method:
@@ -381,10 +379,10 @@ def _notices(
         distance = float(np.hypot(n - air.wind_n, e - air.wind_e))
         found.append(notice("logged-wind-unused", north=n, east=e, std=std, distance=distance))
     delay, heading = air.velocity_delay, air.heading_error
-    if abs(delay) > max(LIMITS.delay, 3.0 * air.velocity_delay_std):
+    if abs(delay) > max(Limits.delay, 3.0 * air.velocity_delay_std):
         code = "velocity-late" if delay > 0.0 else "velocity-early"
         found.append(notice(code, delay_ms=1e3 * abs(delay), std_ms=1e3 * air.velocity_delay_std))
-    if abs(heading) > max(LIMITS.heading_error, 3.0 * air.heading_error_std):
+    if abs(heading) > max(Limits.heading_error, 3.0 * air.heading_error_std):
         found.append(notice("heading-error", "psi", error=-heading, std=air.heading_error_std))
     if np.isfinite(air.incidence_std):
         found.append(notice("incidence-reconstructed", gust=air.gust, std=air.incidence_std, speed=speed))
@@ -408,11 +406,11 @@ def _pitot_notices(air: AirData, speed: float, density: float) -> list[Notice]:
         if air.pitot_scale_std / air.pitot_scale**2 > 0.5 * prior_std("airspeed_pitot.scale"):
             found.append(notice("pitot-scale-unknown", "airspeed_pitot"))
     rest = air.rest_offset
-    if abs(rest) > LIMITS.rest_offset:
+    if abs(rest) > Limits.rest_offset:
         pressure = 0.5 * density * rest * abs(rest)
         found.append(notice("pitot-pressure-offset", "airspeed_pitot", reading=rest, pressure=pressure))
         unexplained = _unexplained_error(air, speed)
-        if abs(unexplained) > LIMITS.pitot_inconsistency:  # never of a pitot without calibration: NaN
+        if abs(unexplained) > Limits.pitot_inconsistency:  # never of a pitot without calibration: NaN
             values = {"explained": error - unexplained, "speed": speed, "error": error}
             found.append(notice("pitot-offset-inconsistent", "airspeed_pitot", **values))
     return found

@@ -50,19 +50,15 @@ PLAUSIBLE: Final = {
 WIND_N, WIND_E, SLOPE, OFFSET, TRIM, KAPPA = range(6)
 
 
-@dataclass(frozen=True)
 class FitLimits:
     """How the wind is fitted."""
 
-    lag: float = 30.0  #: s, longest correlation looked for
-    rounds: int = 3  #: of fit and correlation times in turn
-    iterations: int = 50
-    tolerance: float = 1e-9  #: of the prior standard deviations, of a last step
-    sigma: float = 1e-4  #: m/s, least noise
-    speed: float = 1e-3  #: m/s, least airspeed
-
-
-FIT: Final = FitLimits()
+    lag: Final = 30.0  #: s, longest correlation looked for
+    rounds: Final = 3  #: of fit and correlation times in turn
+    iterations: Final = 50
+    tolerance: Final = 1e-9  #: of the prior standard deviations, of a last step
+    sigma: Final = 1e-4  #: m/s, least noise
+    speed: Final = 1e-3  #: m/s, least airspeed
 
 
 _METHODS: Final[tuple[tuple[tuple[str, ...], Callable[..., FloatArray], str], ...]] = (
@@ -134,7 +130,7 @@ class Airborne:
 def air_relative(velocity: FloatArray, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Subtract the steady wind: (n, 3) m/s NED velocity through the air, (n,) m/s its length."""
     air = velocity - np.array([theta[WIND_N], theta[WIND_E], 0.0])
-    return air, np.maximum(np.linalg.norm(air, axis=1), FIT.speed)
+    return air, np.maximum(np.linalg.norm(air, axis=1), FitLimits.speed)
 
 
 Equation = Callable[[Airborne, FloatArray], tuple[FloatArray, FloatArray]]
@@ -191,7 +187,7 @@ def gust_share(apart: FloatArray, error: float) -> float:
     known = apart[np.isfinite(apart)]
     if not known.size:
         return 0.0
-    return max(0.0, 1.0 - (white_noise(apart) + error**2) / max(float(np.mean(known**2)), FIT.sigma**2))
+    return max(0.0, 1.0 - (white_noise(apart) + error**2) / max(float(np.mean(known**2)), FitLimits.sigma**2))
 
 
 def fit(evidence: Sequence[Evidence], mean: FloatArray, std: FloatArray) -> Fit:
@@ -209,21 +205,21 @@ def fit(evidence: Sequence[Evidence], mean: FloatArray, std: FloatArray) -> Fit:
         information, gradient = np.diag(std**-2.0), (mean - theta) / std**2
         for (equation, samples), time in zip(evidence, times, strict=True):
             residual, slopes = equation(samples, theta)
-            sigma = max(robust_std(residual), FIT.sigma)
+            sigma = max(robust_std(residual), FitLimits.sigma)
             weight = huber_weights(residual, sigma) / sigma**2 / time
             information += slopes.T @ (weight[:, None] * slopes)
             gradient += slopes.T @ (weight * residual)
         return information, gradient
 
     theta, times = mean.copy(), [1.0 for _ in evidence]
-    for round_ in range(FIT.rounds + 1):
-        for _ in range(FIT.iterations):
+    for round_ in range(FitLimits.rounds + 1):
+        for _ in range(FitLimits.iterations):
             step = np.linalg.solve(*normal_equations(theta))
             theta = theta + step
-            if float(np.max(np.abs(step) / std)) < FIT.tolerance:
+            if float(np.max(np.abs(step) / std)) < FitLimits.tolerance:
                 break
         residuals = [equation(samples, theta)[0] for equation, samples in evidence]
-        if round_ < FIT.rounds:
+        if round_ < FitLimits.rounds:
             times = [_correlation_time(s, r) for (_, s), r in zip(evidence, residuals, strict=True)]
     information, _ = normal_equations(theta)
     rms = tuple(float(np.sqrt(np.mean(r**2))) for r in residuals)
@@ -238,7 +234,7 @@ def _correlation_time(samples: Airborne, residual: FloatArray) -> float:
     series[place], known[place] = np.clip(residual / spread, -5.0, 5.0), 1.0
     power = float(series @ series) / place.size
     total = 1.0
-    for lag in range(1, min(int(FIT.lag / samples.step), series.size - 1) + 1):
+    for lag in range(1, min(int(FitLimits.lag / samples.step), series.size - 1) + 1):
         pairs = float(known[lag:] @ known[:-lag])
         if pairs < 0.1 * place.size or power <= 0.0:
             break

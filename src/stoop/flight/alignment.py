@@ -55,27 +55,23 @@ Signal: TypeAlias = tuple[FloatArray, FloatArray]  #: time (n,) s and values (n,
 Supply: TypeAlias = Callable[[Recording, str], Sequence[Channels]]  #: all channels that a stream can supply
 
 
-@dataclass(frozen=True)
 class Limits:
     """When two records are compared, and when a shift is believed."""
 
-    rate: float = 100.0  #: Hz of the grid of comparison; the peak is interpolated between its points
-    bandwidth: float = 5.0  #: Hz; what is faster is noise of differentiation more often than motion
-    points: int = 2**20  #: of one signal; longer records are compared on a coarser grid
-    overlap: float = 5.0  #: s that must overlap
-    overlap_share: float = 0.3  #: of the shorter record, that must overlap
-    samples: int = 10  #: of a signal
-    stated_correlation: float = 0.5  #: below which a shift that the mapping asks for means nothing
-    correlation: float = 0.7  #: from which a shift is believed
-    separation: float = 4.0  #: standard deviations by which the best correlation must lie above any other
-    alike: float = 0.995  #: correlations above are alike: what is left of them is how samples fell
-    piece: float = 15.0  #: s, over which the shift of a drifting clock is estimated
-    piece_shift: float = 0.5  #: s of a piece against the whole
-    attitude_delay: float = 1.0  #: s; an attitude that comes later was not estimated from these rates
-    shift: float = 0.02  #: s; smaller disagreements are not worth a suggestion
-
-
-LIMITS: Final = Limits()
+    rate: Final = 100.0  #: Hz of the grid of comparison; the peak is interpolated between its points
+    bandwidth: Final = 5.0  #: Hz; what is faster is noise of differentiation more often than motion
+    points: Final = 2**20  #: of one signal; longer records are compared on a coarser grid
+    overlap: Final = 5.0  #: s that must overlap
+    overlap_share: Final = 0.3  #: of the shorter record, that must overlap
+    samples: Final = 10  #: of a signal
+    stated_correlation: Final = 0.5  #: below which a shift that the mapping asks for means nothing
+    correlation: Final = 0.7  #: from which a shift is believed
+    separation: Final = 4.0  #: standard deviations by which the best correlation must lie above any other
+    alike: Final = 0.995  #: correlations above are alike: what is left of them is how samples fell
+    piece: Final = 15.0  #: s, over which the shift of a drifting clock is estimated
+    piece_shift: Final = 0.5  #: s of a piece against the whole
+    attitude_delay: Final = 1.0  #: s; an attitude that comes later was not estimated from these rates
+    shift: Final = 0.02  #: s; smaller disagreements are not worth a suggestion
 
 
 class Alignment(Table):
@@ -107,9 +103,9 @@ class Lag:
     @property
     def trusted(self) -> bool:
         """Whether records are alike when shifted so, and nowhere else (Fisher's z of both correlations)."""
-        z, other = (np.arctanh(min(x, LIMITS.alike)) for x in (self.correlation, self.rival))
-        apart = (z - other) * np.sqrt(0.5 * self.samples) > LIMITS.separation
-        return bool(self.correlation >= LIMITS.correlation and apart)
+        z, other = (np.arctanh(min(x, Limits.alike)) for x in (self.correlation, self.rival))
+        apart = (z - other) * np.sqrt(0.5 * self.samples) > Limits.separation
+        return bool(self.correlation >= Limits.correlation and apart)
 
     def moved(self, time: FloatArray) -> FloatArray:
         """Return times [s] of the moved clock as the other one shows them."""
@@ -151,7 +147,7 @@ def align(
                 f"{one.reference} holds {', '.join(fixed) or 'nothing'}; map more of their columns"
             )
         lag = find_lag(moving, fixed, one.longest or np.inf)
-        if lag is None or lag.correlation < LIMITS.stated_correlation:
+        if lag is None or lag.correlation < Limits.stated_correlation:
             why = "they overlap too little"
             why = why if lag is None else f"the best correlation is {lag.correlation:.2f}"
             raise FlightError(
@@ -202,7 +198,7 @@ def attitude_delay(channels: Sequence[Channels]) -> list[Notice]:
         return []
     both = (quantities([group]) for group in (attitude, rates))
     turning, measured = ({name: x for name, x in own.items() if name in RATES} for own in both)
-    lag = find_lag(turning, measured, LIMITS.attitude_delay)
+    lag = find_lag(turning, measured, Limits.attitude_delay)
     if not _is_evident(lag):
         return []
     code = "attitude-late" if lag.shift < 0.0 else "attitude-early"
@@ -211,16 +207,13 @@ def attitude_delay(channels: Sequence[Channels]) -> list[Notice]:
 
 
 def _is_evident(lag: Lag | None) -> TypeGuard[Lag]:
-    return lag is not None and lag.trusted and abs(lag.shift) >= max(LIMITS.shift, 3.0 * lag.sigma)
+    return lag is not None and lag.trusted and abs(lag.shift) >= max(Limits.shift, 3.0 * lag.sigma)
 
 
 def quantities(channels: Sequence[Channels]) -> dict[str, Signal]:
     """Return the motion that channels of one stream show, by the names of `QUANTITIES`."""
-    signals = {
-        name: (group.time, np.where(np.abs(x) < MAX_VALUE, x, np.nan))
-        for group in channels
-        for name, x in group.values.items()
-    }
+    each = ((group.time, *column) for group in channels for column in group.values.items())
+    signals = {name: (time, np.where(np.abs(x) < MAX_VALUE, x, np.nan)) for time, name, x in each}
     found = _attitude_rates(signals)
     if "psi" in signals and "psi_dot" not in found:
         t, x = finite(*signals["psi"])
@@ -345,15 +338,15 @@ def with_drift(lag: Lag, moving: Mapping[str, Signal], fixed: Mapping[str, Signa
     for _ in range(2):
         first, last = min(t[0] for t, _ in used.values()), max(t[-1] for t, _ in used.values())
         middles, pieces = [], []
-        for start in np.arange(first, last - 0.5 * LIMITS.piece, LIMITS.piece):
+        for start in np.arange(first, last - 0.5 * Limits.piece, Limits.piece):
             inside = {}
             for name, (time, x) in used.items():
-                at = (time >= start) & (time < start + LIMITS.piece)
-                if np.count_nonzero(at) > LIMITS.samples:
+                at = (time >= start) & (time < start + Limits.piece)
+                if np.count_nonzero(at) > Limits.samples:
                     inside[name] = lag.moved(time[at]), x[at]
-            piece = find_lag(inside, fixed, LIMITS.piece_shift) if inside else None
+            piece = find_lag(inside, fixed, Limits.piece_shift) if inside else None
             if piece is not None and piece.trusted:
-                middles.append(0.5 * (start + start + LIMITS.piece))
+                middles.append(0.5 * (start + start + Limits.piece))
                 pieces.append(piece)
         if len(pieces) < 3:
             return lag
@@ -378,13 +371,13 @@ def _correlation(moving: Signal, fixed: Signal, longest: float) -> _Curve | None
     from scipy.signal import butter, correlate, sosfiltfilt
 
     signals = [finite(*signal) for signal in (moving, fixed)]
-    if any(t.size < LIMITS.samples for t, _ in signals):
+    if any(t.size < Limits.samples for t, _ in signals):
         return None
     spans = [float(t[-1] - t[0]) for t, _ in signals]
     slowest = min(1.0 / float(np.median(np.diff(t))) for t, _ in signals)
-    bandwidth = min(LIMITS.bandwidth, 0.2 * slowest)
-    rate = min(LIMITS.rate, LIMITS.points / max(*spans, 1e-3))
-    if bandwidth > 0.2 * rate or min(spans) < LIMITS.overlap:
+    bandwidth = min(Limits.bandwidth, 0.2 * slowest)
+    rate = min(Limits.rate, Limits.points / max(*spans, 1e-3))
+    if bandwidth > 0.2 * rate or min(spans) < Limits.overlap:
         return None
     gridded = []
     for t, x in signals:  # on a uniform grid, low-passed with zero phase; 1 where it holds samples, else 0
@@ -412,7 +405,7 @@ def _correlation(moving: Signal, fixed: Signal, longest: float) -> _Curve | None
     floor = 1e-6 * float(np.sqrt((a @ a) * (b @ b))) + 1e-300
     curve = np.where(power > floor, (correlated(b, a) - sum_a * sum_b / safe) / np.maximum(power, floor), 0.0)
     shift = (np.arange(curve.size) - (a.size - 1)) / rate + float(signals[1][0][0] - signals[0][0][0])
-    least = max(LIMITS.overlap, LIMITS.overlap_share * min(spans)) * rate
+    least = max(Limits.overlap, Limits.overlap_share * min(spans)) * rate
     inside = (counts >= least) & (np.abs(shift) <= longest)
     if np.count_nonzero(inside) < 3:
         return None

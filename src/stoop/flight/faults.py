@@ -14,35 +14,32 @@ import numpy as np
 from stoop.base.arrays import BoolArray, FloatArray, runs
 from stoop.base.notices import Notice, notice
 from stoop.base.units import STANDARD_GRAVITY
-from stoop.base.variables import RATES, SPECIFIC_FORCE, VARIABLES, VELOCITY
+from stoop.base.variables import EULER, QUATERNION, RATES, SPECIFIC_FORCE, VARIABLES, VELOCITY
 from stoop.flight.gridding import Channels, finite, stretches
 
 #: channels that move whenever the vehicle does
-WATCHED: Final = frozenset(
-    "V alpha beta p q r phi theta psi ax ay az vn ve vd q0 q1 q2 q3 airspeed_pitot airspeed_equivalent".split()  # noqa: SIM905
-)
+_AIR = ("V", "alpha", "beta", "airspeed_pitot", "airspeed_equivalent")
+WATCHED: Final = frozenset({*_AIR, *RATES, *EULER, *QUATERNION, *SPECIFIC_FORCE, *VELOCITY})
 #: codes of what contradicts a mapping as a whole begin so
 INCONSISTENT: Final = ("mapping-", "rate-", "attitude-")
 REST_OFFSETS: Final = {"airspeed_pitot": 1.0, "p": 0.02, "q": 0.02, "r": 0.02}  #: SI; less is usual
 
 
-@dataclass(frozen=True)
-class Suspicions:
+class Limits:
     """What is suspicious in a channel, and when a vehicle stands still."""
 
-    stuck_time: float = 1.0  #: s without any change
-    stuck_samples: int = 25
-    clipped_samples: int = 8  #: at a limit
-    contrast: int = 5  #: times as many samples at the limit as at the value next to it
-    distinct: float = 0.3  #: share of different values below which numbers are coarse, and meet by chance
-    near_limit: float = 0.005  #: of a limit: nearer was clipped, and moved a little by the filter of the grid
-    rest_speed: float = 0.5  #: m/s over ground
-    rest_rate: float = 0.05  #: rad/s
-    rest_time: float = 2.0  #: s
-    weight: float = 0.03  #: of gravity, by which the specific force at rest may depart from it
+    stuck_time: Final = 1.0  #: s without any change
+    stuck_samples: Final = 25
+    clipped_samples: Final = 8  #: at a limit
+    contrast: Final = 5  #: times as many samples at the limit as at the value next to it
+    distinct: Final = 0.3  #: share of different values below which numbers are coarse, and meet by chance
+    near_limit: Final = 0.005  #: of a limit: nearer was clipped, and moved a little by the filter of the grid
+    rest_speed: Final = 0.5  #: m/s over ground
+    rest_rate: Final = 0.05  #: rad/s
+    rest_time: Final = 2.0  #: s
+    weight: Final = 0.03  #: of gravity, by which the specific force at rest may depart from it
 
 
-LIMITS: Final = Suspicions()
 Kind = Literal["stuck", "clipped", "offset at rest", "wrong sign", "wrong unit", "inconsistent"]
 
 
@@ -77,7 +74,7 @@ def recorded_faults(channels: Sequence[Channels]) -> list[Fault]:
         found += shared
         for name in (WATCHED & set(group.values)) - {fault.variable for fault in shared}:
             t, x = finite(group.time, group.values[name])
-            if x.size > LIMITS.stuck_samples:
+            if x.size > Limits.stuck_samples:
                 found += list(_clipped(name, t, x)) or _stuck(name, t, x)
     return sorted(found, key=lambda fault: list(VARIABLES).index(fault.variable))
 
@@ -86,11 +83,11 @@ def _shared_limits(group: Channels) -> Iterator[Fault]:
     """Yield limits at which several of three alike channels end, to the last digit: that is no chance."""
     for names in (RATES, SPECIFIC_FORCE):
         known = {name: x[np.isfinite(x)] for name, x in group.values.items() if name in names}
-        long = [(n, known[n]) for n in names if n in known and known[n].size > LIMITS.stuck_samples]
+        long = [(n, known[n]) for n in names if n in known and known[n].size > Limits.stuck_samples]
         ends = [(name, float(end)) for name, x in long for end in (x.min(), x.max())]
         alike = {name for name, value in ends if _shared(value, ends)}
         # of those alone, as it takes a sort
-        fine = {n for n in alike if np.unique(known[n]).size > LIMITS.distinct * known[n].size}
+        fine = {n for n in alike if np.unique(known[n]).size > Limits.distinct * known[n].size}
         ends = [(name, value) for name, value in ends if name in fine]
         for name, value in ends:
             if _shared(value, ends):
@@ -107,15 +104,15 @@ def _shared(value: float, ends: Sequence[tuple[str, float]]) -> bool:
 
 def _clipped(name: str, t: FloatArray, x: FloatArray) -> Iterator[Fault]:
     """Yield the limits at which samples pile up far more than at the values next to them."""
-    if max(np.count_nonzero(x == end) for end in (x.min(), x.max())) < LIMITS.clipped_samples:
+    if max(np.count_nonzero(x == end) for end in (x.min(), x.max())) < Limits.clipped_samples:
         return  # before all are sorted
     values, counts = np.unique(x, return_counts=True)
-    if values.size < LIMITS.clipped_samples:
+    if values.size < Limits.clipped_samples:
         return
     symmetric = abs(values[0] + values[-1]) < 0.01 * abs(values[-1])
     for end, beside in ((0, 1), (-1, -2)):
         value, count = float(values[end]), int(counts[end])
-        if value == 0.0 or count < max(LIMITS.clipped_samples, LIMITS.contrast * int(counts[beside])):
+        if value == 0.0 or count < max(Limits.clipped_samples, Limits.contrast * int(counts[beside])):
             continue
         held = x == value
         if not symmetric and len(runs(held)) - int(held[0]) < 2:
@@ -133,8 +130,8 @@ def _stuck(name: str, t: FloatArray, x: FloatArray) -> list[Fault]:
         edges = np.concatenate([[0], np.flatnonzero(np.diff(values) != 0.0) + 1, [values.size]])
         longest = int(np.argmax(np.diff(edges)))
         first, last = int(edges[longest]), int(edges[longest + 1]) - 1
-        least = best[1] - best[0] if best else LIMITS.stuck_time
-        if last - first >= LIMITS.stuck_samples and times[last] - times[first] > least:
+        least = best[1] - best[0] if best else Limits.stuck_time
+        if last - first >= Limits.stuck_samples and times[last] - times[first] > least:
             best = float(times[first]), float(times[last]), float(values[first])
     if best is None:
         return []
@@ -154,7 +151,7 @@ def without_faulty(time: FloatArray, x: FloatArray, faults: Sequence[Fault]) -> 
         if fault.kind == "stuck":
             out[(time >= fault.start) & (time <= fault.stop)] = np.nan
         elif fault.kind == "clipped" and np.isfinite(x).any():
-            edge, near = fault.value, LIMITS.near_limit * abs(fault.value)
+            edge, near = fault.value, Limits.near_limit * abs(fault.value)
             out[x > edge - near if edge > np.nanmedian(x) else x < edge + near] = np.nan
     return out
 
@@ -173,9 +170,9 @@ def at_rest(data: Mapping[str, FloatArray], rate: float) -> BoolArray:
         return np.zeros(next(iter(data.values())).size, dtype=bool)
     speed = np.sqrt(data["vn"] ** 2 + data["ve"] ** 2 + data["vd"] ** 2)
     turning = np.sqrt(data["p"] ** 2 + data["q"] ** 2 + data["r"] ** 2)
-    still = (speed < LIMITS.rest_speed) & (turning < LIMITS.rest_rate)
+    still = (speed < Limits.rest_speed) & (turning < Limits.rest_rate)
     for start, stop in runs(still):
-        if stop - start < LIMITS.rest_time * rate:
+        if stop - start < Limits.rest_time * rate:
             still[start:stop] = False
     return still
 
@@ -193,7 +190,7 @@ def rest_faults(time: FloatArray, data: Mapping[str, FloatArray], rate: float) -
         known = x[np.isfinite(x)]
         value = float(np.median(known)) if known.size else 0.0
         if name == "az":
-            off = abs(value - STANDARD_GRAVITY) > LIMITS.weight * STANDARD_GRAVITY
+            off = abs(value - STANDARD_GRAVITY) > Limits.weight * STANDARD_GRAVITY
             found = notice("specific-force-at-rest", name, value=value)
         else:
             off = abs(value) > REST_OFFSETS[name]

@@ -184,9 +184,8 @@ class Flight:
     def __repr__(self) -> str:
         """Return name, length and number of channels on one line."""
         length = float(self.time[-1] - self.time[0]) if self.time.size else 0.0
-        return printable(
-            f"<Flight {self.name}: {length:.1f} s at {self.rate:g} Hz, {len(self.channels)} channels>"
-        )
+        size = f"{length:.1f} s at {self.rate:g} Hz, {len(self.channels)} channels"
+        return printable(f"<Flight {self.name}: {size}>")
 
     def _repr_html_(self) -> str:
         texts = {name: self.texts(name) for name in self.channels}

@@ -189,9 +189,8 @@ def _windows(
             blocks.append(_taper_correlation(sizes, starts))
     if not blocks:
         return _Windows(np.zeros((0, 0, 0), dtype=complex), np.zeros(0), sparse.csr_array((0, 0)))
-    return _Windows(
-        np.concatenate(transforms), np.concatenate(length), sparse.block_diag(blocks, format="csr")
-    )
+    correlation = sparse.block_diag(blocks, format="csr")
+    return _Windows(np.concatenate(transforms), np.concatenate(length), correlation)
 
 
 def _taper(size: int) -> FloatArray:

@@ -44,25 +44,21 @@ CUTOFF: Final = 0.3
 ORDER: Final = 4  #: of the Butterworth filter, which runs forward and backward
 
 
-@dataclass(frozen=True)
-class GridLimits:
+class Limits:
     """What a record must keep to, so that damaged clocks neither distort a grid nor fill the memory."""
 
-    gap_periods: float = 2.5  #: median periods; the longest gap of channels logged too slowly for `MAX_GAP`
-    stray_distance: float = 60.0  #: s from the rest of the record, at which a few samples are strays
-    stray_periods: float = 100.0  #: median periods; the same for channels logged slowly
-    strays: int = 3  #: samples, at most
-    sample_rate: float = 1e5  #: Hz; a clock that seems to run faster is not one of a sensor
+    gap_periods: Final = 2.5  #: median periods; the longest gap of channels logged too slowly for `MAX_GAP`
+    stray_distance: Final = 60.0  #: s from the rest of the record, at which a few samples are strays
+    stray_periods: Final = 100.0  #: median periods; the same for channels logged slowly
+    strays: Final = 3  #: samples, at most
+    sample_rate: Final = 1e5  #: Hz; a clock that seems to run faster is not one of a sensor
     #: uniform samples for each recorded one, above which the median period is not the clock's
-    clumping: float = 20.0
-    cells: int = 100_000_000  #: numbers in a gridded flight (0.8 GB)
-    emptiness: float = 1000.0  #: points of the grid for each recorded sample
-    counted: int = 200  #: samples; a grid of `counted * emptiness` points is never refused for its emptiness
-    attitude_rate: float = 20.0  #: Hz; an attitude that was logged faster does not follow the rates
-    rate_ratio: float = 5.0  #: of the rate of the gyros over that of the attitude, at least
-
-
-LIMITS: Final = GridLimits()
+    clumping: Final = 20.0
+    cells: Final = 100_000_000  #: numbers in a gridded flight (0.8 GB)
+    emptiness: Final = 1000.0  #: points of the grid for each recorded sample
+    counted: Final = 200  #: samples; a grid of `counted * emptiness` points is not refused for its emptiness
+    attitude_rate: Final = 20.0  #: Hz; an attitude that was logged faster does not follow the rates
+    rate_ratio: Final = 5.0  #: of the rate of the gyros over that of the attitude, at least
 
 
 @dataclass(frozen=True)
@@ -126,15 +122,15 @@ def drop_outliers(group: Channels) -> tuple[Channels, list[Notice]]:
     One damaged time stamp would make a flight of hours, nearly all of it a gap.
     """
     time, values, notices = group.time, dict(group.values), list[Notice]()
-    if time.size > LIMITS.strays:
+    if time.size > Limits.strays:
         steps = np.diff(time)
-        far = max(LIMITS.stray_distance, LIMITS.stray_periods * float(np.median(steps)))
+        far = max(Limits.stray_distance, Limits.stray_periods * float(np.median(steps)))
         cuts = np.flatnonzero(steps > far) + 1
-        pieces = [(a, b) for a, b in pairwise([0, *cuts.tolist(), time.size]) if b - a > LIMITS.strays]
+        pieces = [(a, b) for a, b in pairwise([0, *cuts.tolist(), time.size]) if b - a > Limits.strays]
         kept = slice(pieces[0][0], pieces[-1][1]) if cuts.size and pieces else slice(0, time.size)
         lost = int(time.size - (kept.stop - kept.start))
         if lost:
-            notices.append(notice("stray-samples", group.source, count=lost, distance=LIMITS.stray_distance))
+            notices.append(notice("stray-samples", group.source, count=lost, distance=Limits.stray_distance))
             time, values = time[kept], {name: x[kept] for name, x in values.items()}
     values, found = drop_impossible(group.source, values)
     notices += found
@@ -159,7 +155,7 @@ def longest_allowed(time: FloatArray) -> float:
 
 
 def _longest_step(period: float) -> float:
-    return max(MAX_GAP, LIMITS.gap_periods * period)
+    return max(MAX_GAP, Limits.gap_periods * period)
 
 
 def stretches(time: FloatArray) -> list[slice]:
@@ -230,7 +226,7 @@ def make_grid(start: float, stop: float, rate: float, width: int, place: str, ph
         raise FlightError(
             f"{place}: a grid of {rate:g} Hz makes no sense; choose a rate between 1 and 10000 Hz"
         )
-    if (stop - start) * rate * width > LIMITS.cells:
+    if (stop - start) * rate * width > Limits.cells:
         raise FlightError(
             f"{place}: the record lasts {stop - start:.0f} s, too long for a grid of {rate:g} Hz; "
             "check the unit of the time, cut the log, or choose a lower rate"
@@ -276,9 +272,8 @@ def grid_channels(
             values = {**dict(zip(QUATERNION, q.T, strict=True)), **values}
         groups.append(Channels(group.source, group.time, values))
     clocks = [group.time for group in groups if group.time.size > 1]
-    empty = FlightError(
-        f"{place}: no variable of the registry has two samples; check the topics or the mapping"
-    )
+    lacks = "no variable of the registry has two samples; check the topics or the mapping"
+    empty = FlightError(f"{place}: {lacks}")
     if not clocks:
         raise empty
     start, stop = float(min(t[0] for t in clocks)), float(max(t[-1] for t in clocks))
@@ -290,7 +285,7 @@ def grid_channels(
     width = sum(len(group.values) for group in groups) + len(EULER)
     grid = make_grid(start, stop, rate, width, place, inertial_phase(groups, rate))
     samples = sum(t.size for t in clocks)
-    if (stop - start) * rate > LIMITS.emptiness * max(samples, LIMITS.counted):
+    if (stop - start) * rate > Limits.emptiness * max(samples, Limits.counted):
         raise FlightError(
             f"{place}: only {samples} samples in {stop - start:.0f} s: a clock is damaged, or in another unit; "
             "check the unit of the time, or cut the log"
@@ -348,7 +343,7 @@ def resample(grid: Grid, time: FloatArray, values: FloatArray, *, smooth: bool) 
         points = points_of_grid[low:high]
         rate = 1.0 / float(np.median(np.diff(t)))
         # uniform samples of such a clock would fill the memory
-        clumped = rate > LIMITS.sample_rate or (t[-1] - t[0]) * rate > LIMITS.clumping * t.size
+        clumped = rate > Limits.sample_rate or (t[-1] - t[0]) * rate > Limits.clumping * t.size
         if clumped or rate <= SAME_RATE * grid.rate:
             out[low:high] = _interpolate(points, t, x, smooth and not clumped)
             continue
@@ -399,8 +394,8 @@ def interpolate_by_rates(
         known is None
         or logged is None
         or not {*RATES, *QUATERNION} <= data.keys()
-        or not 0.0 < known.rate < LIMITS.attitude_rate
-        or min(sources[name].rate for name in RATES) < LIMITS.rate_ratio * known.rate
+        or not 0.0 < known.rate < Limits.attitude_rate
+        or min(sources[name].rate for name in RATES) < Limits.rate_ratio * known.rate
     ):
         return dict(data), []
     rates = np.column_stack([data[name] for name in RATES])

@@ -167,9 +167,8 @@ def with_contradictions(flight: Flight) -> Flight:
         When angles or rates are in degrees.
     """
     failed: list[Notice] = []
-    channels = [
-        gridding.Channels("the table", flight.time, {name: flight.column(name) for name in flight.sources})
-    ]
+    columns = {name: flight.column(name) for name in flight.sources}
+    channels = [gridding.Channels("the table", flight.time, columns)]
     up = attempt(failed, np.ones(flight.time.size, dtype=bool), in_flight, flight)
     recorded = attempt(failed, [], recorded_faults, channels)
     faults = _contradictions(flight, up, channels, recorded, failed)

@@ -13,7 +13,6 @@ and the rows that add something are never closer than the period of the sensor.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -24,22 +23,20 @@ from stoop.base.variables import EULER, QUATERNION, VARIABLES
 from stoop.flight.gridding import Channels
 
 
-@dataclass(frozen=True)
 class Limits:
     """When rows are told to repeat slower readings."""
 
-    readings: int = 20  #: at least
+    readings: Final = 20  #: at least
     #: of the intervals between readings, that are a period long at least, within a row
-    regular: float = 0.95
+    regular: Final = 0.95
     #: steps of the resolution (bends that rounding may make), beyond which a change is none of a quantity that moved slowly
-    step: float = 1.5
+    step: Final = 1.5
     #: of the changes (bends), that must exceed it
-    jumps: float = 0.5
+    jumps: Final = 0.5
     #: steps of the resolution, by which rounding may bend a straight line
-    rounding: float = 2.5
+    rounding: Final = 2.5
 
 
-LIMITS: Final = Limits()
 Rows = Callable[[FloatArray, FloatArray], IntArray]
 
 
@@ -52,7 +49,7 @@ def held(_: FloatArray, x: FloatArray) -> IntArray:
     """Return the rows of readings (n,) at which a column jumps after it stood still; empty where it moves by single steps."""
     rows = _changes(x)
     sizes = np.abs(x[rows] - x[rows - 1])
-    if not rows.size or np.mean(sizes > LIMITS.step * sizes.min()) < LIMITS.jumps:
+    if not rows.size or np.mean(sizes > Limits.step * sizes.min()) < Limits.jumps:
         return rows[:0]
     return rows
 
@@ -60,14 +57,14 @@ def held(_: FloatArray, x: FloatArray) -> IntArray:
 def knots(time: FloatArray, x: FloatArray) -> IntArray:
     """Return the rows at which a column (n,) at times (n,) bends; empty where rounding alone bends it."""
     values = np.unique(x)
-    if len(values) < LIMITS.readings:
+    if len(values) < Limits.readings:
         return np.empty(0, dtype=np.intp)
     resolution, steps = float(np.diff(values).min()), np.diff(time)
     bends = np.abs(np.diff(np.diff(x) / steps)) * np.minimum(steps[1:], steps[:-1])
-    tolerance = LIMITS.rounding * max(resolution, 4.0 * float(np.spacing(np.abs(values).max())))
+    tolerance = Limits.rounding * max(resolution, 4.0 * float(np.spacing(np.abs(values).max())))
     rows = np.flatnonzero(bends > tolerance) + 1
     # a straight line takes two rows between its ends; a curve bends by little more than rounding wherever it does
-    drawn = rows.size and np.mean(bends[rows - 1] > LIMITS.step * tolerance) >= LIMITS.jumps
+    drawn = rows.size and np.mean(bends[rows - 1] > Limits.step * tolerance) >= Limits.jumps
     return rows if drawn and _period(rows) >= 3.0 else rows[:0]
 
 
@@ -78,9 +75,9 @@ def _period(rows: IntArray) -> float:
 
 def regular(rows: IntArray) -> bool:
     """Tell whether rows are those of a sensor of a slower rate: hardly ever closer than its period."""
-    if len(rows) < LIMITS.readings or (period := _period(rows)) < 2.0:
+    if len(rows) < Limits.readings or (period := _period(rows)) < 2.0:
         return False
-    return bool(np.mean(np.diff(rows) >= max(2.0, period - 1.0)) >= LIMITS.regular)
+    return bool(np.mean(np.diff(rows) >= max(2.0, period - 1.0)) >= Limits.regular)
 
 
 def at_own_rates(group: Channels) -> tuple[list[Channels], list[Notice]]:
@@ -95,16 +92,14 @@ def at_own_rates(group: Channels) -> tuple[list[Channels], list[Notice]]:
         rows = _readings(group.time, x)
         if rows is not None and not _joined(slow, name, rows, _period(rows)):
             slow.append(([name], rows))
-    attitude = {
-        name for name in (*EULER, *QUATERNION) if name in group.values
-    }  # which is taken whole or not at all
+    attitude = {*EULER, *QUATERNION} & group.values.keys()  # which is taken whole or not at all
     slow = [one for one in slow if not attitude & {*one[0]} or attitude <= {*one[0]}]
     taken = {name for names, _ in slow for name in names}
     for name in [n for n in measured if n not in {*taken, *EULER, *QUATERNION}]:
         # one that moved by single steps only, in the rows in which another of its sensor was read
         good = np.flatnonzero(np.isfinite(measured[name]))
         changed = good[_changes(measured[name][good])]
-        if len(changed) >= LIMITS.readings and _joined(slow, name, changed):
+        if len(changed) >= Limits.readings and _joined(slow, name, changed):
             taken.add(name)
     left = {name: x for name, x in group.values.items() if name not in taken}
     found = [Channels(group.source, group.time, left)] if left else []
@@ -121,7 +116,7 @@ def _readings(time: FloatArray, x: FloatArray) -> IntArray | None:
     """Return the rows in which a column (n,) was read; None where that is every row."""
     good = np.flatnonzero(np.isfinite(x))
     for find in (held, knots):
-        if len(good) > LIMITS.readings and regular(rows := find(time[good], x[good])):
+        if len(good) > Limits.readings and regular(rows := find(time[good], x[good])):
             return np.asarray(good[rows])
     return None
 

@@ -36,33 +36,27 @@ from stoop.flight.instrument_errors import prior_std
 SIZE: Final = 7  #: of the state: velocity (3), accelerometer bias (3), heading error (1)
 
 
-@dataclass(frozen=True)
 class Priors:
     """Initial standard deviations of the state, and its random walks per square root of a second."""
 
-    velocity: float = 100.0  #: m/s, nothing is known
-    bias: float = 0.5  #: m/s2; wider than that of the instrument: errors of roll and pitch look like a bias
-    heading: float = prior_std("psi.bias")
-    bias_walk: float = 0.01  #: m/s2: 0.1 m/s2 in 100 s
-    heading_walk: float = 0.1 * DEGREE  #: of a compass and its filter
+    velocity: Final = 100.0  #: m/s, nothing is known
+    bias: Final = 0.5  #: m/s2; wider than that of the instrument: errors of roll and pitch look like a bias
+    heading: Final = prior_std("psi.bias")
+    bias_walk: Final = 0.01  #: m/s2: 0.1 m/s2 in 100 s
+    heading_walk: Final = 0.1 * DEGREE  #: of a compass and its filter
 
 
-@dataclass(frozen=True)
 class Limits:
     """How noise and delay are estimated, and what is given."""
 
-    rate: float = 0.1  #: Hz; a velocity without a rate of its own is taken this seldom
-    lags: int = 20  #: knots over which the two kinds of noise are separated
-    logged: float = 5e-3  #: m/s, least noise of the logged velocity
-    force: float = 0.03  #: m/s2 per square root of Hz, least noise of the specific force
-    chi2: float = 2.366  #: median of a chi-square variable of three degrees of freedom
-    passes: int = 5  #: to find the delay
-    delay: float = 0.015  #: s; a shorter one is reported but not corrected
-    std: float = 1.0  #: m/s; where the standard deviation is above, the velocity is not given
-
-
-PRIORS: Final = Priors()
-LIMITS: Final = Limits()
+    rate: Final = 0.1  #: Hz; a velocity without a rate of its own is taken this seldom
+    lags: Final = 20  #: knots over which the two kinds of noise are separated
+    logged: Final = 5e-3  #: m/s, least noise of the logged velocity
+    force: Final = 0.03  #: m/s2 per square root of Hz, least noise of the specific force
+    chi2: Final = 2.366  #: median of a chi-square variable of three degrees of freedom
+    passes: Final = 5  #: to find the delay
+    delay: Final = 0.015  #: s; a shorter one is reported but not corrected
+    std: Final = 1.0  #: m/s; where the standard deviation is above, the velocity is not given
 
 
 @dataclass(frozen=True)
@@ -119,13 +113,13 @@ def smooth_velocity(
     Smoothed, or None where no stretch of inertial data holds a logged velocity
     """
     path = _integrate(time, rotation, force)
-    stride = max(1, round(1.0 / (max(rate, LIMITS.rate) * path.step)))
+    stride = max(1, round(1.0 / (max(rate, Limits.rate) * path.step)))
     late, delay, delay_std = 0, 0.0, np.inf
     ties = _ties(logged, path, stride, 0)
-    for _ in range(LIMITS.passes):
+    for _ in range(Limits.passes):
         more, delay_std = _delay(path, ties, stride)
         delay = late * path.step + more
-        shift = round(delay / path.step) if abs(delay) > max(3.0 * delay_std, LIMITS.delay) else 0
+        shift = round(delay / path.step) if abs(delay) > max(3.0 * delay_std, Limits.delay) else 0
         if shift == late:
             break
         late, ties = shift, _ties(logged, path, stride, shift)
@@ -144,7 +138,7 @@ def smooth_velocity(
     left = states[:, :3] - course[knots]
     velocity = course + np.column_stack([np.interp(sample, knots, column) for column in left.T])
     std = np.interp(sample, knots, np.sqrt(np.maximum(variances[:, :3].mean(axis=1), 0.0)))
-    bad = (path.label < 0) | (std > LIMITS.std)
+    bad = (path.label < 0) | (std > Limits.std)
     velocity[bad], std[bad] = np.nan, np.nan
     return Smoothed(
         velocity, std, mean[:3], spread[:3], float(mean[3]), float(spread[3]),
@@ -222,19 +216,19 @@ def _noise_levels(path: _Path, ties: _Ties) -> tuple[float, float]:
     index, velocity = ties
     mismatch = velocity - path.velocity[index]
     rows = []
-    for lag in range(1, LIMITS.lags + 1):
+    for lag in range(1, Limits.lags + 1):
         later, earlier = index[lag:], index[:-lag]
         same = path.label[later] == path.label[earlier]
         if np.count_nonzero(same) >= 10:
             squares = np.sum((mismatch[lag:] - mismatch[:-lag]) ** 2, axis=1)[same]
             elapsed = float(np.mean((path.clock[later] - path.clock[earlier])[same]))
-            rows.append((elapsed, max(float(np.median(squares)) / LIMITS.chi2, LIMITS.logged**2)))
+            rows.append((elapsed, max(float(np.median(squares)) / Limits.chi2, Limits.logged**2)))
     if len(rows) < 3:
         return 0.1, 0.3
     lapse, growth = np.array(rows).T
     design = np.column_stack([np.full_like(lapse, 2.0), lapse]) / growth[:, None]
     (logged, force), _ = nnls(design, np.ones_like(lapse))
-    return max(float(np.sqrt(logged)), LIMITS.logged), max(float(np.sqrt(force)), LIMITS.force)
+    return max(float(np.sqrt(logged)), Limits.logged), max(float(np.sqrt(force)), Limits.force)
 
 
 def _smooth(
@@ -252,9 +246,9 @@ def _smooth(
     transition[:, :3, 3:6] = path.turn[before] - path.turn[after]
     transition[:, 0, 6], transition[:, 1, 6] = -force[:, 1], force[:, 0]
     noise = np.zeros((before.size, SIZE))
-    noise[:, :3] = np.where(broken, PRIORS.velocity**2, force_noise**2 * lapse)[:, None]
+    noise[:, :3] = np.where(broken, Priors.velocity**2, force_noise**2 * lapse)[:, None]
     elapsed = path.step * (after - before)
-    noise[:, 3:] = elapsed[:, None] * np.array([PRIORS.bias_walk] * 3 + [PRIORS.heading_walk]) ** 2
+    noise[:, 3:] = elapsed[:, None] * np.array([Priors.bias_walk] * 3 + [Priors.heading_walk]) ** 2
     gain = path.velocity[after] - path.velocity[before]
     index, velocity = ties
     logged = np.full((count, 3), np.nan)
@@ -262,7 +256,7 @@ def _smooth(
     tied = np.isfinite(logged[:, 0]).tolist()
 
     x = np.concatenate([velocity[0], np.zeros(SIZE - 3)])
-    P = np.diag(np.array([PRIORS.velocity] * 3 + [PRIORS.bias] * 3 + [PRIORS.heading]) ** 2)
+    P = np.diag(np.array([Priors.velocity] * 3 + [Priors.bias] * 3 + [Priors.heading]) ** 2)
     predicted_x, predicted_P = np.empty((count, SIZE)), np.empty((count, SIZE, SIZE))
     smooth_x, smooth_P = np.empty((count, SIZE)), np.empty((count, SIZE, SIZE))
     for k in range(count):

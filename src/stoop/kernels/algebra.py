@@ -202,9 +202,8 @@ class Algebra:
             met = tuple((b, -e) for b, e in sorted(inside.items()) if e < 0)
             if met:
                 cleared = self.total(_scaled(self.terms(powers[0][0]) or {}, met))
-                return self.multiply(
-                    (coefficient ** (twice // 2), _raised(met, -twice)), self.power(cleared, twice)
-                )
+                outside = coefficient ** (twice // 2), _raised(met, -twice)
+                return self.multiply(outside, self.power(cleared, twice))
         return (coefficient ** (twice // 2) if coefficient != 1 else ONE), _raised(powers, twice)
 
     def total(self, parts: Iterable[Product]) -> Product:

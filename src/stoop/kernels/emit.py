@@ -119,15 +119,13 @@ class _Constants:
         for coefficient in self.names:
             needed |= dict.fromkeys(s for s in self.defined if s in coefficient.free_symbols)
         steps, results = sp.cse([self.defined[s] for s in needed], sp.numbered_symbols("t"), order="none")
-        used = set().union(
-            *(self.defined[s].free_symbols for s in needed), *(c.free_symbols for c in self.names)
-        )
+        read = (*(self.defined[s] for s in needed), *self.names)
+        used = set().union(*(expr.free_symbols for expr in read))
         steps += list(zip(needed, results, strict=True))
         lines = [f"{s} = p[{i}]" for i, s in enumerate(parameters) if s in used]
         lines += [f"{symbol} = {scalar_text(expr)}" for symbol, expr in steps]
-        return _function(
-            "prepare(p)", [*lines, f"return ({''.join(f'{scalar_text(c)}, ' for c in self.names)})"]
-        )
+        lines.append(f"return ({''.join(f'{scalar_text(c)}, ' for c in self.names)})")
+        return _function("prepare(p)", lines)
 
 
 def _function(head: str, lines: Iterable[str]) -> str:
@@ -146,9 +144,8 @@ class _TimeLoop:
         places = {n: (f"{a}{i}", f"{a}[{i}]") for a, nodes in arguments.items() for i, n in enumerate(nodes)}
         listing = Listing(self.algebra, {n: own for n, (own, _) in places.items()}, self.constants.name)
         lines = listing.source(roots)
-        entries = dict(places.values()) | {
-            own: f"c[{i}]" for i, own in enumerate(self.constants.names.values())
-        }
+        entries = dict(places.values())
+        entries |= {own: f"c[{i}]" for i, own in enumerate(self.constants.names.values())}
         lines[:0] = [f"{own} = {entry}" for own, entry in entries.items() if own in listing.used]
         return _function(f"{name}({', '.join([*arguments, 'c'])})", lines)
 

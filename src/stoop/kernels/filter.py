@@ -8,29 +8,15 @@ Axes: b = candidate, k = sample, i = innovation, e = component of the error stat
 
 from __future__ import annotations
 
+from stoop.kernels import loops
 from stoop.kernels.elementary import wrap
 from stoop.kernels.instructions import Function, Rows
-from stoop.kernels.loops import (
-    BLOCKS,
-    Block,
-    Entry,
-    Model,
-    candidate,
-    gather,
-    keep_sample,
-    pointers,
-    sample_of,
-    scatter,
-)
 
 
-def _filter(code: Function, model: Model) -> None:
+def _filter(code: Function, model: loops.Model) -> None:
     sizes = model.sizes
-    block, gains, kept = (
-        Block(code, model),
-        code.rows(sizes.moves * sizes.outputs),
-        code.rows(sizes.outputs),
-    )
+    block = loops.Block(code, model)
+    gains, kept = code.rows(sizes.moves * sizes.outputs), code.rows(sizes.outputs)
     with code.loop("%first", "%last", code.lanes) as first:
         block.begin(first, block.shared_inputs("0")[0])
         with code.loop(0, "%samples") as k:
@@ -40,28 +26,28 @@ def _filter(code: Function, model: Model) -> None:
             with code.when("ne", shown, before):
                 _load_gains(code, gains, shown, first)
             block.follow(*block.shared_inputs(k))
-            measured, seen = (sample_of(code, r, k, sizes.outputs) for r in ("%Z", "%M"))
+            measured, seen = (loops.sample_of(code, r, k, sizes.outputs) for r in ("%Z", "%M"))
             with code.when("ne", "%states", 0):
-                keep_sample(code, block.state, "%X", first, k)
+                loops.keep_sample(code, block.state, "%X", first, k)
             _, outputs = block.observe()
             ahead = [z - y for z, y in zip(measured, outputs, strict=True)]
             ahead = [wrap(a) if w else a for a, w in zip(ahead, sizes.wrapped, strict=True)]
             kept.fill([m * a for m, a in zip(seen, ahead, strict=True)])
             _correct(block, gains, kept)
             block.advance(block.derive())
-            keep_sample(code, kept, "%V", first, k)
+            loops.keep_sample(code, kept, "%V", first, k)
 
 
 def _load_gains(code: Function, gains: Rows, shown: str, first: str) -> None:
     with code.loop(0, code.lanes) as lane:
-        b = candidate(code, first, lane)
+        b = loops.candidate(code, first, lane)
         begin = code.integer("mul", shown, gains.count)
         with code.loop(0, gains.count) as i:
             place = code.integer("mul", code.integer("add", begin, i), "%count")
             code.store(code.load("%K", code.integer("add", place, b)), gains.name, gains.place(i, lane))
 
 
-def _correct(block: Block, gains: Rows, innovations: Rows) -> None:
+def _correct(block: loops.Block, gains: Rows, innovations: Rows) -> None:
     """Write the correction of the state by gains times innovations."""
     values, count = list(innovations), innovations.count
     error = []
@@ -71,13 +57,13 @@ def _correct(block: Block, gains: Rows, innovations: Rows) -> None:
     block.state.fill(block.model.correct(list(block.state), error, ()))
 
 
-def _step(code: Function, model: Model) -> None:
+def _step(code: Function, model: loops.Model) -> None:
     sizes = model.sizes
-    block, now, end = Block(code, model), code.rows(sizes.inputs), code.rows(sizes.inputs)
+    block, now, end = loops.Block(code, model), code.rows(sizes.inputs), code.rows(sizes.inputs)
     kept = code.rows(sizes.states + sizes.outputs)
     with code.loop(0, "%count", code.lanes) as first:
-        gather(code, "%U", now, first)
-        gather(code, "%N", end, first)
+        loops.gather(code, "%U", now, first)
+        loops.gather(code, "%N", end, first)
         block.begin(first, list(now))
         block.follow(list(now), [now[i] if i in sizes.held else end[i] for i in range(sizes.inputs)])
         derivatives, outputs = block.observe()
@@ -86,24 +72,25 @@ def _step(code: Function, model: Model) -> None:
         block.advance(derivatives)
         for i, state in enumerate(block.state):
             kept[i] = state
-        scatter(code, kept, "%D", first)
+        loops.scatter(code, kept, "%D", first)
 
 
-def _move(code: Function, model: Model) -> None:
+def _move(code: Function, model: loops.Model) -> None:
     state, error = code.rows(model.sizes.states), code.rows(model.sizes.moves)
     with code.loop(0, "%count", code.lanes) as first:
-        gather(code, "%X", state, first)
-        gather(code, "%E", error, first)
+        loops.gather(code, "%X", state, first)
+        loops.gather(code, "%E", error, first)
         state.fill(model.correct(list(state), list(error), ()))
-        scatter(code, state, "%D", first)
+        loops.scatter(code, state, "%D", first)
 
 
 _FILTER = (
-    f"{pointers('P X0 K G U')}, i64 %rows, {pointers('Z M')}, double %dt, i64 %samples, {pointers('V X')}, "
-    f"i64 %states, {BLOCKS}"
+    f"{loops.pointers('P X0 K G U')}, i64 %rows, {loops.pointers('Z M')}, double %dt, i64 %samples, {loops.pointers('V X')}, "
+    f"i64 %states, {loops.BLOCKS}"
 )
+_STEP = f"{loops.pointers('P X0 U N')}, double %dt, {loops.pointers('D')}, i64 %count"
 ENTRIES = {
-    "filter": Entry(_FILTER, _filter),
-    "step": Entry(f"{pointers('P X0 U N')}, double %dt, {pointers('D')}, i64 %count", _step),
-    "move": Entry(f"{pointers('X E D')}, i64 %count", _move),
+    "filter": loops.Entry(_FILTER, _filter),
+    "step": loops.Entry(_STEP, _step),
+    "move": loops.Entry(f"{loops.pointers('X E D')}, i64 %count", _move),
 }

@@ -37,9 +37,8 @@ class Function:
 
     def text(self) -> str:
         """Return the whole module; its function is named ``run``."""
-        intrinsics = [
-            f"declare {self.vector} @llvm.{f}.v{self.lanes}f64({self.vector})" for f in ("sqrt", "fabs")
-        ]
+        kind, names = f"v{self.lanes}f64", ("sqrt", "fabs")
+        intrinsics = [f"declare {self.vector} @llvm.{f}.{kind}({self.vector})" for f in names]
         return "\n".join(
             [
                 *intrinsics,
@@ -167,9 +166,8 @@ class Rows:
     count: int
 
     def __getitem__(self, row: str | int) -> Term:
-        return Term(
-            self.code, self.code.value(f"load {self.code.vector}, ptr {self._at(row)}, align {ALIGNMENT}")
-        )
+        code = self.code
+        return Term(code, code.value(f"load {code.vector}, ptr {self._at(row)}, align {ALIGNMENT}"))
 
     def __setitem__(self, row: str | int, term: Any) -> None:
         value = f"{self.code.vector} {self.code.literal(term)}"
@@ -209,9 +207,8 @@ class Term:
     def binary(self, operation: str, a: Any, b: Any) -> Term:
         """Write an operation of two terms or numbers."""
         code = self.code
-        return Term(
-            code, code.value(f"{operation} {FLAGS} {code.vector} {code.literal(a)}, {code.literal(b)}")
-        )
+        operands = f"{code.literal(a)}, {code.literal(b)}"
+        return Term(code, code.value(f"{operation} {FLAGS} {code.vector} {operands}"))
 
     def unary(self, function: str) -> Term:
         """Write an intrinsic function of LLVM: ``sqrt`` or ``fabs``."""
@@ -254,9 +251,8 @@ class Term:
 
     def _compare(self, predicate: str, other: Any) -> Condition:
         code = self.code
-        return Condition(
-            code, code.value(f"fcmp {predicate} {code.vector} {self.name}, {code.literal(other)}")
-        )
+        operands = f"{self.name}, {code.literal(other)}"
+        return Condition(code, code.value(f"fcmp {predicate} {code.vector} {operands}"))
 
 
 @dataclass(frozen=True, eq=False)

@@ -303,7 +303,7 @@ def load_kernel(structure: str, model: Callable[[], SymbolicModel]) -> Kernel:
 
 def _load(key: str, model: Callable[[], SymbolicModel]) -> Kernel:
     if key not in _loaded:
-        found, root = _model(key, model), cache.cache_folder()
+        found, root, lanes = _model(key, model), cache.cache_folder(), compiler.lanes()
         sizes = found.model.sizes
 
         @functools.cache
@@ -311,9 +311,7 @@ def _load(key: str, model: Callable[[], SymbolicModel]) -> Kernel:
             return _entry(root / f"{key}-{name}-{lanes}", name, found.model, lanes)
 
         shape = sizes.states, sizes.inputs, sizes.parameters, sizes.outputs
-        _loaded[key] = Kernel(
-            found.folder, compiler.lanes(), shape, found.model, entries, sizes.moves, found.latex
-        )
+        _loaded[key] = Kernel(found.folder, lanes, shape, found.model, entries, sizes.moves, found.latex)
     return _loaded[key]
 
 

@@ -4,25 +4,16 @@ The text of this file is copied to the cache whole, because Numba's cache does n
 """
 
 import math
+from functools import partial
 from typing import Any
 
 import numba as nb
 import numpy as np
 
-inline = nb.njit(
-    fastmath={"contract", "nsz", "arcp", "afn", "reassoc"},
-    forceinline=True,
-    error_model="numpy",
-    no_cpython_wrapper=True,
-    no_cfunc_wrapper=True,
-)
-compiled = nb.njit(
-    fastmath={"contract", "nsz", "arcp", "afn", "reassoc"},
-    error_model="numpy",
-    nogil=True,
-    cache=True,
-    no_cfunc_wrapper=True,
-)
+_FAST = {"contract", "nsz", "arcp", "afn", "reassoc"}
+_njit = partial(nb.njit, fastmath=_FAST, error_model="numpy", no_cfunc_wrapper=True)
+inline = _njit(forceinline=True, no_cpython_wrapper=True)
+compiled = _njit(nogil=True, cache=True)
 
 
 @inline

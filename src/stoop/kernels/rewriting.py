@@ -251,13 +251,8 @@ class Rewriter:
                 self._separate_terms(node, terms, own)
             self.algebra.replace(node, self._with(node, [self._apart(p, own) for p in self.products(node)]))
         own = self._of_inputs(inputs)
-        needed = dict.fromkeys(
-            inner
-            for node in self.order()
-            if node not in own
-            for _, powers in self.products(node)
-            for inner, _ in powers
-        )
+        others = (self.products(node) for node in self.order() if node not in own)
+        needed = dict.fromkeys(inner for parts in others for _, powers in parts for inner, _ in powers)
         return [node for node in needed if node in own]
 
     def affine(self, node: int, inputs: Sequence[int]) -> bool:

@@ -95,9 +95,8 @@ def _load_inputs(code: Function, now: Rows, end: Rows, held: tuple[int, ...], fi
     with code.loop(0, code.lanes) as lane:
         b = candidate(code, first, lane)
         behind = code.load("%behind", b, "i64")
-        row = code.least(
-            code.integer("add", code.load("%begin", b, "i64"), k), code.integer("sub", behind, 1)
-        )
+        here = code.integer("add", code.load("%begin", b, "i64"), k)
+        row = code.least(here, code.integer("sub", behind, 1))
         then = following(code, row, behind)
         for i in range(now.count):
             for rows, at in ((now, row), (end, row if i in held else then)):
@@ -114,9 +113,5 @@ def _keep_last(code: Function, state: Rows, first: str, k: str) -> None:
             code.store(code.load(state.name, state.place(i, lane)), "%X", place)
 
 
-ENTRIES = {
-    "windows": Entry(
-        f"{pointers('P X0 U begin behind steps')}, double %dt, i64 %samples, {pointers('Y X')}, {BLOCKS}",
-        _windows,
-    )
-}
+_RECORDS = f"{pointers('P X0 U begin behind steps')}, double %dt, i64 %samples, {pointers('Y X')}, {BLOCKS}"
+ENTRIES = {"windows": Entry(_RECORDS, _windows)}

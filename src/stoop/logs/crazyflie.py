@@ -113,9 +113,8 @@ class _Cursor:
 
     def error(self, what: str) -> LogError:
         """Return the error of a damaged header."""
-        return LogError(
-            f"{self._path}: damaged header at byte {self.at} ({what}); copy it again from the card"
-        )
+        where = f"{self._path}: damaged header at byte {self.at}"
+        return LogError(f"{where} ({what}); copy it again from the card")
 
 
 def _header(data: bytes, path: Path) -> tuple[int, Layouts, int]:

@@ -237,9 +237,8 @@ def parse_table(
         ) from None
     named, filled = len(header), len(table.columns)
     if any(header[filled:]) or table.iloc[:, named:].notna().to_numpy().any():
-        message = (
-            f"the header names {named} columns, and the lines have {filled}; those that both have are read"
-        )
+        differ = f"the header names {named} columns, and the lines have {filled}"
+        message = f"{differ}; those that both have are read"
         defects.append(Defect("corrupt", path.name, message))
     for name, label in zip(header, table.columns, strict=False):
         columns.setdefault(name, values := numbers(table[label]))

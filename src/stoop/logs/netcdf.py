@@ -142,9 +142,8 @@ def read_hdf5(path: Path, matlab: bool) -> tuple[list[Array], list[Defect]]:
                 text = dataset.dtype.kind in "SO" or _attribute(dataset, "MATLAB_class") in (
                     "char", "cell", "string")  # fmt: skip
                 elsewhere = dataset.external is not None or dataset.is_virtual
-                bare = _attribute(dataset, "NAME").startswith(
-                    "This is a netCDF dimension but not a netCDF var"
-                )
+                name = _attribute(dataset, "NAME")
+                bare = name.startswith("This is a netCDF dimension but not a netCDF var")
                 empty = "MATLAB_empty" in dataset.attrs or dataset.shape is None
                 numeric = dataset.dtype.kind in "biuf"
                 if elsewhere or empty or bare or text or not numeric:

@@ -68,9 +68,8 @@ def read(path: Path, mapping: Path | None = None, topics: frozenset[str] | None 
 
 def is_bag_folder(path: Path) -> bool:
     """Return whether a folder is a ROS 2 bag: its description lies beside files of its two kinds of storage."""
-    return (path / "metadata.yaml").is_file() and any(
-        file.suffix in (".db3", ".mcap") for file in path.iterdir()
-    )
+    kinds = {".db3", ".mcap"}
+    return (path / "metadata.yaml").is_file() and any(file.suffix in kinds for file in path.iterdir())
 
 
 def read_as(known: str, path: Path, topics: frozenset[str] | None = None) -> Recording:

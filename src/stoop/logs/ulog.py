@@ -333,10 +333,8 @@ class Scanner:
         if self._kept > LIMITS.memory:
             raise MemoryError
         share = (self._offset + self._have) / self.size
-        cursors = self._view(ends - sizes)
-        self._code.gather(
-            self._bytes, self._places, self._owner_view, listed, self._view(widths), cursors, self._out
-        )
+        to = self._view(widths), self._view(ends - sizes), self._out
+        self._code.gather(self._bytes, self._places, self._owner_view, listed, *to)
         for k in np.flatnonzero(sizes):
             self.streams[k].append(self._arena[ends[k] - sizes[k] : ends[k]], share)
 

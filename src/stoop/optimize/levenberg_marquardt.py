@@ -296,10 +296,10 @@ class Stages:
     def spent(self) -> tuple[int, float]:
         """Steps and trajectories so far, those of the search for a start included."""
         steps = sum(len(stage.costs) - 1 for stage in self.stages)
-        before = (
-            (0, 0.0) if self.start is None else (self.start.generation, self.start.evaluations.trajectories)
-        )
-        return before[0] + steps, before[1] + self.price * steps
+        if self.start is None:
+            return steps, self.price * steps
+        before, spent = self.start.generation, self.start.evaluations.trajectories
+        return before + steps, spent + self.price * steps
 
     @property
     def state(self) -> StagesState | None:
@@ -311,9 +311,8 @@ class Stages:
         costs = np.full((len(self.stages), longest), np.nan)
         for row, stage in zip(costs, self.stages, strict=True):
             row[: len(stage.costs)] = stage.costs
-        best, cost = (
-            (self.stages[-1].point, self.stages[-1].costs[-1]) if self.stages else (np.empty(0), np.inf)
-        )
+        last = self.stages[-1] if self.stages else None
+        best, cost = (last.point, last.costs[-1]) if last else (np.empty(0), np.inf)
         return StagesState(
             optimizer=self.name,
             generation=generation,

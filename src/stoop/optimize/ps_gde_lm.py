@@ -179,11 +179,9 @@ def _follow_up_next(state: PsGdeLmState, ledger: Ledger) -> Step:
 def _prolong(state: PsGdeLmState, ledger: Ledger) -> Step:
     """Refine the best deferred candidate on the full record or, once a round, go on with the unfinished best refinement."""
     if state.neglected:
-        z = state.deferred[int(state.scores.argmin())]
-        state = replace(
-            state, deferred=state.deferred[:0], scores=state.scores[:0], lineages=state.lineages + 1
-        )
-        return _refine(state, ledger, z, state.lineages - 1)
+        z, lineage = state.deferred[int(state.scores.argmin())], state.lineages
+        state = replace(state, deferred=state.deferred[:0], scores=state.scores[:0], lineages=lineage + 1)
+        return _refine(state, ledger, z, lineage)
     state = replace(state, resumed=True)
     return _refine(state, ledger, ledger.best, int(state.optima.lineages[state.optima.best()]))
 

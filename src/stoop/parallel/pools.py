@@ -437,9 +437,8 @@ class _DaskWorkers(Workers):
             raise self._lost() from error
 
     def _lost(self) -> CampaignError:
-        return CampaignError(
-            f"scheduler {self._address}: lost; {_SAFE}: start the same command again when it is back"
-        )
+        advice = f"{_SAFE}: start the same command again when it is back"
+        return CampaignError(f"scheduler {self._address}: lost; {advice}")
 
 
 def _portable_perform() -> Callable[[str, str, list[int | None]], Report]:

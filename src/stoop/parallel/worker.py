@@ -36,9 +36,8 @@ ROOMS: Final = (
     "vehicle",
 )  # fmt: skip
 #: of stoop, what every environment has, or what computes no numbers
-EXCLUDED: Final = frozenset(
-    f"stoop.{name}" for name in (*ROOMS, "parallel", "cli", "report", "errors", "base.files")
-)
+_OTHERS: Final = ("parallel", "cli", "report", "errors", "base.files")
+EXCLUDED: Final = frozenset(f"stoop.{name}" for name in (*ROOMS, *_OTHERS))
 PARSER: Final = threading.Lock()  #: Python 3.11 parses for one thread at a time
 BLOCKS: Final = ("body", "orelse", "finalbody", "handlers", "cases")  #: of statements in a statement
 Roots = Mapping[str, list[Path]]  #: top-level package or module -> its folders, or its file
@@ -120,9 +119,8 @@ def _sources(folder: Path) -> list[Path]:
 def differences(here: Mapping[str, str], there: Mapping[str, str]) -> str:
     """Return where two environments differ in what both have, long values by name only; empty if they agree."""
     unlike = [(name, a, there[name]) for name, a in here.items() if there.get(name, a) != a]
-    return ", ".join(
-        name if max(len(a), len(b)) > 40 else f"{name} {a} here, {b} there" for name, a, b in unlike
-    )
+    shown = (n if max(len(a), len(b)) > 40 else f"{n} {a} here, {b} there" for n, a, b in unlike)
+    return ", ".join(shown)
 
 
 def work_sources(works: Iterable[str]) -> dict[str, str]:

@@ -40,9 +40,8 @@ def through_air(start: Mapping[str, Number]) -> dict[str, Number]:
 
     Each entry is a number or (n,): one instant, or many.
     """
-    ground, angles = (
-        np.stack(np.broadcast_arrays(*(start[n] for n in names)), axis=-1) for names in (WIND, EULER)
-    )
+    vectors = (np.broadcast_arrays(*(start[n] for n in names)) for names in (WIND, EULER))
+    ground, angles = (np.stack(vector, axis=-1) for vector in vectors)
     velocity = zip("uvw", to_body(quaternions_of(angles), ground).T, strict=True)
     kept: dict[str, Any] = {name: value for name, value in start.items() if name not in WIND}
     return kept | {name: value if value.ndim else float(value) for name, value in velocity}
@@ -55,9 +54,8 @@ def through_true_wind(vehicle: Vehicle, start: Mapping[str, Number]) -> dict[str
     """
     if "sensors.wind_error.x" not in vehicle.rows or vehicle.reduce != "full":
         return dict(start)
-    error: dict[str, Any] = {
-        c: vehicle.value(f"sensors.wind_error.{a}") for c, a in zip(WIND, "xyz", strict=True)
-    }
+    axes = zip(WIND, "xyz", strict=True)
+    error: dict[str, Any] = {c: vehicle.value(f"sensors.wind_error.{a}") for c, a in axes}
     turned = through_air(error | {angle: start[angle] for angle in EULER})
     wind = np.stack([np.asarray(turned[axis]) for axis in "uvw"])
     V = np.asarray(start["V"])

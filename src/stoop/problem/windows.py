@@ -46,10 +46,8 @@ def as_windows(given: Windows, flights: Mapping[str, Flight]) -> tuple[Window, .
         Of none of these forms, see :func:`parse_window`.
     """
     several: Any = given.tolist() if isinstance(given, np.ndarray) else given
-    pair = (
-        isinstance(several, tuple | list) and len(several) == 2 and all(isinstance(x, Real) for x in several)
-    )
-    if pair or isinstance(several, str | slice | Window):
+    pair = isinstance(several, tuple | list) and len(several) == 2
+    if (pair and all(isinstance(x, Real) for x in several)) or isinstance(several, str | slice | Window):
         several = [several]
     if not isinstance(several, Iterable):
         kind = type(given).__name__
@@ -110,9 +108,8 @@ def parse_window(text: str, flights: Mapping[str, Flight]) -> Window:
         )
     ends = {"start": 0, "end": -1}
     try:
-        start, stop = (
-            float(flights[name].time[ends[part]] if part in ends else part) for part in times.split(":")
-        )
+        time, parts = flights[name].time, times.split(":")
+        start, stop = (float(time[ends[part]] if part in ends else part) for part in parts)
     except ValueError:
         raise FlightError(f"maneuver '{text}': write START:STOP in seconds, for example 140:145") from None
     if not (math.isfinite(start) and math.isfinite(stop) and start < stop):

@@ -84,7 +84,7 @@ def render_validation(identification: Model) -> str:
             _provenance_section(identification, validation=True),
         ),
     )
-    judged = prediction_verdict(maneuvers, (), refused=result.verdict.grade == "do not use")
+    judged = prediction_verdict(maneuvers, result.verdict.grade == "do not use")
     supports = tuple(filter(None, (_match(result, "validation"),)))
     verdict = replace(judged, against=tuple(result.warnings[:REASONS]), supports=supports)
     return sheet.render_sheet(sheet.Sheet(identification.vehicle.name, lead, sections, "validation", verdict))

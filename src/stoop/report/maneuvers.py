@@ -338,9 +338,7 @@ def comparison_table(maneuvers: Sequence[ManeuverResult]) -> sheet.Table:
     return sheet.Table("", ("Maneuver", "Of", *channels), tuple(rows), kinds, label="Theil's coefficients")
 
 
-def prediction_verdict(
-    maneuvers: Sequence[ManeuverResult], sentences: tuple[str, ...], refused: bool = False
-) -> sheet.Verdict:
+def prediction_verdict(maneuvers: Sequence[ManeuverResult], refused: bool) -> sheet.Verdict:
     """Return how well a model predicts, by the share of channels in which it beats the lag, or its innovations are white.
 
     A model that the verdict of its identification refused is no good one for that.
@@ -366,7 +364,7 @@ def prediction_verdict(
         level, headline = "bad", "A first-order lag predicts as well."
     if refused:
         level, headline = "bad", f"{headline.removesuffix('.')}, but its identification says: do not use it."
-    return sheet.Verdict(level, headline, sentences)
+    return sheet.Verdict(level, headline)
 
 
 def air_section(identification: Model) -> sheet.Section | None:

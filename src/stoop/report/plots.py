@@ -341,14 +341,12 @@ def _range(curves: Sequence[FloatArray], log: bool) -> Range:
     return 10.0**low, 10.0**high
 
 
-def _with_legend(
-    picture: Markup, series: Sequence[Series], looks: Mapping[str, Look], fewest: int = 2
-) -> Markup:
+def _with_legend(picture: Markup, series: Sequence[Series], looks: Mapping[str, Look]) -> Markup:
     """Return the picture with its legend; a single series needs none."""
     framed = Markup('<div class="plot">{}</div>').format(picture)
     items = Markup("")
     kinds = {one.name: one.kind for one in series}
-    for name, kind in kinds.items() if len(kinds) >= fewest else ():
+    for name, kind in kinds.items() if len(kinds) > 1 else ():
         items += Markup("<li>{}{}</li>").format(swatch(kind, looks[name]), printable(name))
     return framed + Markup('<ul class="keys">{}</ul>').format(items) if items else framed
 

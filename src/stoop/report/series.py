@@ -71,9 +71,8 @@ def looks_of(series: Sequence[Series], given: Mapping[str, int] | None = None) -
     names = dict.fromkeys(one.name for one in series if not one.role)
     numbers = given or {name: i for i, name in enumerate(names)}
     roles = {one.name: Look(light(one.role)) for one in series if one.role}
-    return roles | {
-        n: Look(light(f"hue{numbers[n] % HUES}"), numbers[n] // HUES % len(DASHES)) for n in names
-    }
+    turned = ((n, *divmod(numbers[n], HUES)) for n in names)
+    return roles | {n: Look(light(f"hue{hue}"), turn % len(DASHES)) for n, turn, hue in turned}
 
 
 def spanning(curves: Sequence[npt.ArrayLike], margin: float = 0.06) -> Range:

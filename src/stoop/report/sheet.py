@@ -210,7 +210,6 @@ class Details:
     template: ClassVar = "details"
     summary: str
     parts: Sequence[Part]
-    open: bool = False
 
 
 Drawn = Figure | Panels | Legend | Drawing | TimeHistory | Track

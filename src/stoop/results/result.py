@@ -541,9 +541,8 @@ def _decode(kind: Any, value: Any, default: Any = NAN) -> Any:
         return Notice.from_dict(value)
     if is_dataclass(kind):
         hints = get_type_hints(kind)
-        optional = {
-            f.name for f in fields(kind) if f.default is not MISSING or f.default_factory is not MISSING
-        }
+        defaults = {f.name: (f.default, f.default_factory) for f in fields(kind)}
+        optional = {name for name, default in defaults.items() if default != (MISSING, MISSING)}
         found: dict[str, Any] = {}
         for f in (f for f in fields(kind) if f.name in value or f.name not in optional):
             given = value[f.name]

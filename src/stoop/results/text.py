@@ -23,12 +23,6 @@ def with_error(value: float, error: float) -> str:
     return f"{shown} +- {spread}" if math.isfinite(error) else shown
 
 
-def group_of(name: str) -> str:
-    """Return the group of a number of the vehicle file: its table, or the coefficient of a term (``CL`` of ``CLalpha``)."""
-    table, dot, _ = name.partition(".")
-    return table if dot else name[:2]
-
-
 def estimate_blocks(estimates: Mapping[str, tuple[float, float]], width: int = LINE) -> list[str]:
     """Return estimates with their standard errors, each group in lines of its own, columns aligned within a group.
 
@@ -40,8 +34,9 @@ def estimate_blocks(estimates: Mapping[str, tuple[float, float]], width: int = L
         Characters of a line.
     """
     groups: dict[str, list[str]] = {}
-    for name in estimates:
-        groups.setdefault(group_of(name), []).append(name)
+    for name in estimates:  # grouped by table, terms by coefficient (``CL`` of ``CLalpha``)
+        table, dot, _ = name.partition(".")
+        groups.setdefault(table if dot else name[:2], []).append(name)
     lines = []
     for names in groups.values():
         longest = max(map(len, names))

@@ -89,10 +89,8 @@ class Verdict:
             return "verdict: none was made"
         lines = [f"verdict: {self.headline}"]
         for title, reasons in zip(("against", "for"), self.sides, strict=True):
-            more = len(reasons) - REASONS
-            lines += [
-                f"{title}, the strongest {REASONS} of {len(reasons)}:" if more > 0 else f"{title}:"
-            ] * bool(reasons)
+            strongest = f", the strongest {REASONS} of {len(reasons)}" if len(reasons) > REASONS else ""
+            lines += [f"{title}{strongest}:"] * bool(reasons)
             lines += [f"- {shortened(one)}" for one in reasons[:REASONS]]
         return printable_lines("\n".join(lines))
 

@@ -67,9 +67,8 @@ def simulate(
         channels[:, vehicle.recorded.index(channel)] = columns[channel]
     gusts = np.random.default_rng([seed, GUSTS])
     begun = replace(point, start={**point.start, **(initial_state or {})})
-    flown = _finite(
-        vehicle, _open_loop(vehicle, time, channels, begun, gusts, windy=False), "reduce the inputs"
-    )
+    moved_alone = _open_loop(vehicle, time, channels, begun, gusts, windy=False)
+    flown = _finite(vehicle, moved_alone, "reduce the inputs")
     if isinstance(flown, SimulationError):
         raise flown
     sigma = np.array([getattr(vehicle.file.sensors, c).sigma for c in vehicle.outputs]) * float(noise)
@@ -177,11 +176,8 @@ def flown_trim(vehicle: Vehicle, maneuver: Maneuver) -> Trim:
 
 def numbers_set(vehicle: Vehicle, point: Trim) -> dict[str, float]:
     """Return the numbers that a trim set to a value other than the vehicle file's (by 0.1 %), less the wind."""
-    return {
-        name: value
-        for name, value in point.changes.items()
-        if name not in WIND_NUMBERS and abs(value - vehicle.value(name)) > 1e-3 * abs(vehicle.value(name))
-    }
+    changed = [(n, x, vehicle.value(n)) for n, x in point.changes.items() if n not in WIND_NUMBERS]
+    return {name: value for name, value, own in changed if abs(value - own) > 1e-3 * abs(own)}
 
 
 def _columns(

@@ -240,9 +240,8 @@ def linear_models(
     found = equations.values(variables[:n], variables[n:], equations.constants(points.rows))
 
     def minimal(states: Sequence[Any]) -> list[Any]:
-        named = dict.fromkeys(("v", "p", "r", "e1", "e3"), 0.0) | dict(
-            zip(vehicle.states, states, strict=True)
-        )
+        named: dict[str, Any] = dict.fromkeys(("v", "p", "r", "e1", "e3"), 0.0)
+        named |= dict(zip(vehicle.states, states, strict=True))
         named |= dict(zip(EULER, euler_angles([named[e] for e in ("e0", "e1", "e2", "e3")]), strict=True))
         if "V" in points.start:
             named |= dict(zip(("V", "alpha", "beta"), flow_angles([named[a] for a in "uvw"]), strict=True))
@@ -255,9 +254,8 @@ def linear_models(
         return np.array(found).transpose(2, 0, 1)
 
     moving = [Dual(x, f) for x, f in zip(variables[:n], found[:n], strict=True)]
-    G, rates, outputs = (
-        slopes(of) for of in (minimal(variables[:n]), (z.slope for z in minimal(moving)), found[n:])
-    )
+    turned = (z.slope for z in minimal(moving))
+    G, rates, outputs = (slopes(of) for of in (minimal(variables[:n]), turned, found[n:]))
     right = np.linalg.pinv(G[:, :, :n])
     mixing = mixing_columns(vehicle, points.rows)
     A, C = (J[:, :, :n] @ right for J in (rates, outputs))
@@ -282,9 +280,8 @@ def model_inputs(vehicle: Vehicle) -> tuple[str, ...]:
 def mixing_columns(vehicle: Vehicle, rows: FloatArray) -> FloatArray:
     """Return the channels (B, n_u, m) for one unit of each of the inputs of linear models, by kernel parameters (n_p, B)."""
     direct = [vehicle.inputs.index(name) for name in model_inputs(vehicle)[len(vehicle.controls) :]]
-    single = np.broadcast_to(
-        np.eye(len(vehicle.inputs))[:, direct], (rows.shape[1], len(vehicle.inputs), len(direct))
-    )
+    single = np.eye(len(vehicle.inputs))[:, direct]
+    single = np.broadcast_to(single, (rows.shape[1], *single.shape))
     return np.concatenate([mixing_of(vehicle, rows), single], axis=2)
 
 

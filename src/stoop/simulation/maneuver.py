@@ -398,9 +398,8 @@ def check_maneuver(vehicle: Vehicle, maneuver: Maneuver) -> None:
         if spec.control not in known:
             hint = ""
             if spec.control in without_airspeed:
-                hint = (
-                    f", or leave the airspeed out: '{spec.control}' is moved where rotors carry the vehicle"
-                )
+                moved = f"'{spec.control}' is moved where rotors carry the vehicle"
+                hint = f", or leave the airspeed out: {moved}"
             elif spec.control in UNDER_LAW:
                 hint = ", or fly the attitude and the wind under the law of an autopilot (--autopilot)"
             raise ManeuverError(

@@ -99,10 +99,9 @@ def _fly_together(starts: Sequence[_Start]) -> list[Flown]:
     for k in range(min(ahead, count)):
         commands.give(k, up[:, k, None] * np.array([0.0, 0.0, 0.0, 1.0]))
     inputs, gusts = commands.inputs, [trajectories.gust_start(f.vehicle, f.rng) for f in flights]
-    begun = zip(flights, starts, gusts, inputs, strict=True)
-    state = np.hstack(
-        [initial_states(f.vehicle, {**f.point.start, **g}, s.rows, u[0]) for f, s, g, u in begun]
-    )
+    begun = [{**f.point.start, **g} for f, g in zip(flights, gusts, strict=True)]
+    each = zip(flights, starts, begun, inputs, strict=True)
+    state = np.hstack([initial_states(f.vehicle, own, s.rows, u[0]) for f, s, own, u in each])
     noise = [trajectories.gust_noise(f.vehicle, count, dt, f.rng) for f in flights]
     loop = _Loop(starts, state)
     # Height above the ground, an input where the vehicle has a ground effect; the maneuver may move the ground.
@@ -113,9 +112,8 @@ def _fly_together(starts: Sequence[_Start]) -> list[Flown]:
     # Surfaces are moved by the maneuver alone, so what their servos make of it is known before the flight.
     servos = [a.column for a in delays.input_actuators(vehicle) if a.dead_zones or a.rate_limits]
     pairs = zip(flights, starts, inputs, strict=True)
-    surfaces = np.stack(
-        [delays.late_inputs(f.vehicle, u, s.rows, dt)[:, servos] for f, s, u in pairs], axis=-1
-    )
+    moved = [delays.late_inputs(f.vehicle, u, s.rows, dt)[:, servos] for f, s, u in pairs]
+    surfaces = np.stack(moved, axis=-1)
     states = np.full((len(starts), count, len(state)), np.nan)
     received = np.full((count, inputs.shape[2], len(starts)), np.nan)
     states[:, 0], received[0] = state.T, delay.received(inputs, 0)
@@ -236,9 +234,8 @@ class _Commands:
             batteries = [f.maneuver.battery or Battery() for f in flights]
             self.nominal = np.array([f.vehicle.value("rotors.nominal_voltage") for f in flights])
             each = zip(batteries, self.nominal, flights, strict=True)
-            self.voltage = np.array(
-                [(v if b.start is None else b.start) - b.fall * f.maneuver.time for b, v, f in each]
-            )
+            full = ((v if b.start is None else b.start, b, f.maneuver.time) for b, v, f in each)
+            self.voltage = np.array([v - b.fall * time for v, b, time in full])
             self.sag = np.array([b.sag for b in batteries])
             self.column = vehicle.inputs.index("voltage")
 

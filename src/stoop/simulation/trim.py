@@ -47,9 +47,8 @@ class Trim:
     def climb_angle(self) -> float:
         """Angle of the flight path on wings, rad."""
         states = rigid_states(self.start)
-        velocity, e = (
-            np.stack([states[n] for n in names], axis=-1) for names in ("uvw", ("e0", "e1", "e2", "e3"))
-        )
+        names = ("uvw", ("e0", "e1", "e2", "e3"))
+        velocity, e = (np.stack([states[n] for n in own], axis=-1) for own in names)
         north, east, down = to_ground(e, velocity)[0].tolist()
         return math.atan2(-down, math.hypot(north, east))
 

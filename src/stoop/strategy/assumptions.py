@@ -66,9 +66,8 @@ def with_found_delays(setup: Setup, vehicle: Vehicle) -> tuple[Vehicle, tuple[No
             vehicle = with_entries(vehicle, entries)
         else:
             vehicle = vehicle.with_numbers({delay.name: {**own, "mean": late}})
-        found.append(
-            notice("command-delay-found", delay.name, delay=late, reach=delay.reach, std=own["prior"])
-        )
+        values = {"delay": late, "reach": delay.reach, "std": own["prior"]}
+        found.append(notice("command-delay-found", delay.name, **values))
     return vehicle, tuple(found)
 
 

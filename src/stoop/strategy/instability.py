@@ -33,10 +33,9 @@ def stabilize(setup: Setup) -> Change | None:
     unstable = UNSTABLE_LATE if late_sensors(setup) else UNSTABLE
     free = setup.free_method
     code, name, other = ("unstable", unstable, usual) if free else ("unstable-open-loop", usual, unstable)
-    about = notice(
-        code, rate=growth.rate, seconds=growth.seconds, factor=growth.factor, method=name, other=other
-    )
-    found = f"errors grow by a factor of {growth.factor:.0e} over {growth.seconds:.1f} s"
+    rate, seconds, factor = growth.rate, growth.seconds, growth.factor
+    about = notice(code, rate=rate, seconds=seconds, factor=factor, method=name, other=other)
+    found = f"errors grow by a factor of {factor:.0e} over {seconds:.1f} s"
     return Change(setup.by(name).noting(about), found, name if free else f"{name} kept, which was named")
 
 

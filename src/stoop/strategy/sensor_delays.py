@@ -13,7 +13,7 @@ import time
 from dataclasses import replace
 from typing import Any, Final
 
-from stoop.assessment.extensions import LIMITS
+from stoop.assessment.extensions import Limits
 from stoop.base.notices import Notice, notice
 from stoop.base.variables import VELOCITY
 from stoop.errors import IdentificationError
@@ -105,7 +105,7 @@ def _late_sensor(vehicle: Vehicle, tests: ExtensionTests) -> Extension | None:
         return None
     late = {one.name: one for one in catalogue(vehicle) if one.readings}
     best, *others = tests.found
-    tied = any(one.name not in late and best.gain - one.gain < LIMITS.tie for one in others)
+    tied = any(one.name not in late and best.gain - one.gain < Limits.tie for one in others)
     return None if tied else late.get(best.name)
 
 

@@ -60,9 +60,8 @@ def with_assumptions(vehicle: Vehicle, dt: float) -> tuple[Vehicle, tuple[Notice
     """
     entries, found = dict[tuple[str, ...], Any](), list[Notice]()
     # of controls and of the rotors: the channels that move them, servos first
-    tables: dict[tuple[str, ...], Set[str]] = {
-        ("controls", c): {*vehicle.channels_of(c)} for c in vehicle.controls
-    }
+    tables = dict[tuple[str, ...], Set[str]]()
+    tables |= {("controls", c): {*vehicle.channels_of(c)} for c in vehicle.controls}
     if vehicle.rotors:
         tables["rotors",] = {rotor.channel for rotor in vehicle.file.rotor.values()}
     lags = _without_lag(vehicle, tables) if USUAL.lag_samples * dt < USUAL.lag else []

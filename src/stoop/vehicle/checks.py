@@ -120,11 +120,8 @@ def _check_tables(vehicle: Vehicle, where: str) -> None:
         raise VehicleError(
             f'{where}model.reduce: position follows from all equations; write reduce = "full", or remove sensors.pn, pe and pd'
         )
-    blowing = [
-        c
-        for c in WIND
-        if placed and (p := f"sensors.{c}.bias") in vehicle.rows and vehicle.parameters[p].free
-    ]
+    biases = {c: f"sensors.{c}.bias" for c in WIND if placed}
+    blowing = [c for c, p in biases.items() if p in vehicle.rows and vehicle.parameters[p].free]
     if blowing:
         raise VehicleError(
             f"{where}sensors.{blowing[0]}.bias: a free wind, but the air is still where motion capture measures sensors.pn; "

@@ -73,9 +73,7 @@ _DRIVE_UNITS: Final = {
 }  # fmt: skip
 """Where x of a rotor is a command, and where it is a speed."""
 _PLAIN_COEFFICIENTS: Final = ("T0", "Q0", "translational", "drag_inflow", "torque_ratio")
-ROTOR_AERODYNAMICS: Final = frozenset(
-    f"rotors.{c}" for c in (*_PLAIN_COEFFICIENTS, *_DRIVE_UNITS) if c != "gain"
-)
+ROTOR_AERODYNAMICS: Final = frozenset(f"rotors.{c}" for c in {*_PLAIN_COEFFICIENTS, *_DRIVE_UNITS} - {"gain"})
 _CHANNEL_UNITS: Final = {
     **dict.fromkeys(("V", "vn", "ve", "vd"), "m/s"), **dict.fromkeys(("p", "q", "r"), "rad/s"),
     **dict.fromkeys(("ax", "ay", "az"), "m/s2"),

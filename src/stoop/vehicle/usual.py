@@ -52,12 +52,10 @@ def usual_size(key: str, raw: Mapping[str, Any]) -> str:
     if key in moments:
         low, high = moments[key].low, moments[key].high
         formula = f"mass ({low:g}..{high:g} span)^2"
-        sizes = (
-            f" = {_range(mass * (low * span) ** 2, mass * (high * span) ** 2)} kg m2" if mass and span else ""
-        )
-        return (
-            f"usual: {formula}{sizes} for this mass and span" if sizes else f"usual: {formula} of an airplane"
-        )
+        if not (mass and span):
+            return f"usual: {formula} of an airplane"
+        sizes = _range(mass * (low * span) ** 2, mass * (high * span) ** 2)
+        return f"usual: {formula} = {sizes} kg m2 for this mass and span"
     usual = {
         "mass.mass": (MASS_BY_SPAN, span**2, "kg for this span"),
         "reference.span": (_roots(MASS_BY_SPAN), math.sqrt(mass), "m for this mass"),

@@ -276,10 +276,9 @@ class Vehicle:
         for name, (low, high) in bounds(numbers).items():
             q = numbers[name]
             free = free_by_default(name, q, estimated) if q.free is None else q.free
+            free = free and name not in absent
             symbol = unit(name, q, file.controls, self.drive)
-            out.append(
-                Parameter(name, q.value, low, high, free and name not in absent, q.prior, symbol, q.mean)
-            )
+            out.append(Parameter(name, q.value, low, high, free, q.prior, symbol, q.mean))
         return Parameters(out)
 
     @functools.cached_property
@@ -364,9 +363,8 @@ class Vehicle:
     @functools.cached_property
     def gusts(self) -> tuple[str, ...]:
         """Axes of the gusts in the kept equations."""
-        return tuple(
-            a for a in _REDUCTIONS[self.reduce].gusts if getattr(self.file.turbulence, a, None) is not None
-        )
+        met, axes = self.file.turbulence, _REDUCTIONS[self.reduce].gusts
+        return tuple(a for a in axes if getattr(met, a, None) is not None)
 
     @functools.cached_property
     def inputs(self) -> tuple[str, ...]:

@@ -66,9 +66,8 @@ def unpacked_curves(content: bytes, count: int, where: str) -> Curves:
     try:
         traces = tuple(_trace(arrays, i) for i in range(count))
         command = arrays["command"].tobytes().decode("utf-8", errors="replace")
-        return Curves(
-            traces, np.reshape(np.asarray(arrays["convergence"], dtype=np.float64), (-1, 2)), command
-        )
+        convergence = np.reshape(np.asarray(arrays["convergence"], dtype=np.float64), (-1, 2))
+        return Curves(traces, convergence, command)
     except (*DAMAGED, TypeError, AttributeError) as error:
         raise StoopError(f"{where}: does not belong to the result beside it ({error}); fit again") from None
 

@@ -52,10 +52,8 @@ def identify_demo(seed: int) -> tuple[FittedModel, dict[str, float]]:
 
 def misled(vehicle: Vehicle, seed: int) -> Vehicle:
     """Return the vehicle with wrong starting values and only Table 1's ten coefficients free."""
-    factors = np.random.default_rng(seed).uniform(0.4, 1.6, len(TABLE_1))
-    changes: dict[str, dict[str, Any]] = {
-        n: {"value": vehicle.value(n) * f} for n, f in zip(TABLE_1, factors, strict=True)
-    }
+    factors = zip(TABLE_1, np.random.default_rng(seed).uniform(0.4, 1.6, len(TABLE_1)), strict=True)
+    changes: dict[str, dict[str, Any]] = {n: {"value": vehicle.value(n) * f} for n, f in factors}
     others = [p.name for p in vehicle.parameters if p.free and not p.name.startswith("sensors.")]
     changes |= {name: {"free": False} for name in others if name not in TABLE_1}
     return vehicle.with_numbers(changes)

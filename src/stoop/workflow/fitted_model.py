@@ -117,9 +117,8 @@ class FittedModel(ModelMethods):
         tested, cut = test(self.estimate, self.uncertainty.left_out)
         if cut:
             raise KeyboardInterrupt
-        result, files = assess(
-            self.result, self.estimate, tested.bars, assessments, watch or (lambda text: None)
-        )
+        watch = watch or (lambda text: None)
+        result, files = assess(self.result, self.estimate, tested.bars, assessments, watch)
         return replace(self.with_result(result), attachments={**self.attachments, **files})
 
     @cached_property

@@ -101,7 +101,6 @@ def as_flights(given: Any) -> list[Flight]:
     made = [None if isinstance(one, str | Path) else as_flight(one) for one in several]
     if not made:
         raise FlightError("no flight is given; give a flight, the path of a log, or a list of them")
-    logs = iter(
-        load_several([one for one in several if isinstance(one, str | Path)], beside=[*filter(None, made)])
-    )
+    paths = [one for one in several if isinstance(one, str | Path)]
+    logs = iter(load_several(paths, beside=[*filter(None, made)]))
     return [next(logs) if flight is None else flight for flight in made]

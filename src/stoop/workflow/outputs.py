@@ -105,9 +105,7 @@ def place_outputs(model: FittedModel, folder: Path, overwrite: bool = False) -> 
 
 def flight_places(folder: Path) -> list[Path]:
     """Return the files of flights that a folder of a result holds, by name."""
-    return sorted(
-        p for p in folder.glob("flight*.nc") if p.name == "flight.nc" or p.name.startswith("flight-")
-    )
+    return sorted([*folder.glob("flight.nc"), *folder.glob("flight-*.nc")])
 
 
 def with_values(vehicle: Vehicle, values: dict[str, float]) -> str:

@@ -77,9 +77,8 @@ class Validated:
     def __repr__(self) -> str:
         """Return vehicle, and in how many channels the model is better than a lag, on one line."""
         r = self.record
-        text = (
-            f"{count(len(r.maneuvers), 'maneuver')}, better than a lag in {r.better} of {r.compared} channels"
-        )
+        flown = count(len(r.maneuvers), "maneuver")
+        text = f"{flown}, better than a lag in {r.better} of {r.compared} channels"
         return printable(f"<Validated {r.vehicle}: {text}>")
 
     def save(self, folder: str | Path, overwrite: bool = False) -> None:
@@ -171,9 +170,8 @@ def validate(
             before = predict_from(_draft(predictor, of), {name: flight}, own, biases, start)
             for rate in hooks("open_loop_scores"):
                 scores |= rate(vehicle, ahead, before, [*chain(*flown)])
-        group = Simulated(
-            "validation", ahead.prepared, ahead.readings, None, ahead.deviations, ahead.innovations
-        )
+        predicted = (ahead.prepared, ahead.readings, None, ahead.deviations, ahead.innovations)
+        group = Simulated("validation", *predicted)
         found, drawn = maneuver_curves(vehicle, [group], fitted, noise=predictor.noise, floors=floors)
         used.append(flight)
         results += found
@@ -216,10 +214,9 @@ def validate(
 
 def _draft(model: Predictor, result: Result) -> Predictor:
     """Return the model as it was before the fit."""
-    rows = {p.name for p in model.vehicle.parameters}
-    starts = {
-        n: {"value": p.start} for n, p in result.parameters.items() if n in rows and np.isfinite(p.start)
-    }
+    own = {p.name for p in model.vehicle.parameters}
+    begun = {n: p.start for n, p in result.parameters.items() if n in own and np.isfinite(p.start)}
+    starts = {n: {"value": start} for n, start in begun.items()}
     return replace(model, vehicle=model.vehicle.with_numbers(starts))
 
 

@@ -12,7 +12,7 @@ from typing import Any, Final
 import numpy as np
 
 from stoop.assessment.covariance import NORMAL_95
-from stoop.assessment.verdict import LIMITS as VERDICT
+from stoop.assessment.verdict import Limits as VerdictLimits
 from stoop.base.arrays import FloatArray
 from stoop.base.units import FOOT
 from stoop.base.variables import VARIABLES, WRAPPED
@@ -314,7 +314,7 @@ class Limits:
     slow: float = 0.5  #: s, over which that error is averaged
     #: a number that a use needs is wrong from so many standard errors and from this share of its size
     wrong_errors: float = 3.0
-    wrong_share: float = VERDICT.error
+    wrong_share: float = VerdictLimits.error
 
 
 LIMITS: Final = Limits()

@@ -11,9 +11,8 @@ from scipy.optimize import minimize
 
 import stoop
 from stoop import Flight, Options, Vehicle, load_vehicle, simulate_flight
-from stoop.assessment import extensions
 from stoop.assessment.error_bars import error_bars
-from stoop.assessment.extensions import LIMITS, extension_notices, extension_tests, scored
+from stoop.assessment.extensions import Limits, extension_notices, extension_tests, scored
 from stoop.assessment.model_error import LEVEL, lacks_nothing, model_error, variances
 from stoop.base.arrays import FloatArray
 from stoop.estimate import multiple_shooting
@@ -75,7 +74,7 @@ def test_right_model_lacks_nothing_and_keeps_its_error_bars() -> None:
     done = fitted(0.0)
     bars, (decided, _) = error_bars(done), decision.test(done, ())
     found, known = extension_tests(done, bars), scored(done, bars)
-    assert (found.tested > 80, found.level, found.found) == (True, LIMITS.level, ())
+    assert (found.tested > 80, found.level, found.found) == (True, Limits.level, ())
     assert extension_notices(found) == ()
     assert known is not None
     assert not model_error(known, {}).any()
@@ -103,8 +102,8 @@ def test_what_priors_alone_say_of_the_mass_is_no_contradiction(monkeypatch: pyte
         for p in base.parameters if p.free and p.value
     }  # fmt: skip
     done = fit(base.with_numbers(guesses), flights(base), WINDOWS, Options(seed=1))
-    for limits, named in ((LIMITS, False), (replace(LIMITS, max_prior=np.inf), True)):
-        monkeypatch.setattr(extensions, "LIMITS", limits)
+    for largest, named in ((Limits.max_prior, False), (np.inf, True)):
+        monkeypatch.setattr(Limits, "max_prior", largest)
         assert ("mass.mass" in [one.name for one in extension_tests(done, error_bars(done)).found]) == named
 
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from stoop.assessment.verdict import LIMITS, uses, verdict
+from stoop.assessment.verdict import Limits, uses, verdict
 from stoop.base.notices import as_notice, notice
 from stoop.results import result as results
 from stoop.results import uncertainty as of
@@ -128,7 +128,7 @@ def cases() -> Iterator[tuple[str, Result, tuple[Use, ...], str, tuple[str, ...]
         ("a prediction diverges", held_back(V=diverged), no, REFUSED, {"simulation-diverges"}),
         ("nothing identifiable", result(parameters=unknown), no, REFUSED, {"verdict-unknown"}),
         ("a lag moves what no use needs", lacking(moves={"Clr": -11.8}), some, USED, {"verdict-lacks"}),
-        ("it moves little", lacking(moves={"Clp": 0.9 * LIMITS.moved_errors}), some, USED, {"verdict-lacks"}),
+        ("it moves little", lacking(moves={"Clp": 0.9 * Limits.moved_errors}), some, USED, {"verdict-lacks"}),
         ("4 % of a held number", contradicted("mass.inertia.xx", 0.08), some, USED, {"verdict-lacks"}),
         ("a sensor's scale", contradicted("sensors.az.scale", 0.3), some, USED, {"verdict-lacks"}),
         ("not tested", result(extensions=ExtensionTests()), some, USED, {"verdict-not-tested"}),
@@ -162,8 +162,8 @@ def cases() -> Iterator[tuple[str, Result, tuple[Use, ...], str, tuple[str, ...]
         ("the error of Clp is not known", known(Clp=ParameterEstimate(-0.5, math.nan), CD0=CD0), "trusted", simulate,
          {"verdict-need-inaccurate"}),
         ("5 of 20 scatter", scattering(5), some, USED, {"verdict-scatter"}),
-        ("a response is missed", missed(1.1 * LIMITS.error), "trusted", simulate, {"verdict-response"}),
-        ("a response is met", missed(0.9 * LIMITS.error), "trusted", USED, set()),
+        ("a response is missed", missed(1.1 * Limits.error), "trusted", simulate, {"verdict-response"}),
+        ("a response is met", missed(0.9 * Limits.error), "trusted", USED, set()),
         ("error bars hold it", dataclasses.replace(lacking(moves={"Clp": 2.9}), parameters={
          "Clp": ParameterEstimate(-0.5, 0.1), "CD0": CD0}), some, USED, {"verdict-lacks"}),
     ):  # fmt: skip

@@ -13,7 +13,7 @@ from scipy.signal import lfilter
 from stoop.base.rotations import euler_angles, matrices_of, quaternions_of
 from stoop.flight import air_data
 from stoop.flight.flight import AirData
-from stoop.flight.velocity_smoother import PRIORS, smooth_velocity
+from stoop.flight.velocity_smoother import Priors, smooth_velocity
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
 RATE = 100.0
@@ -325,12 +325,12 @@ def dense_smoother(rotation: Array, force: Array, velocity: Array, noise: tuple[
         rows.append(row / std[:, None])
         right.append(value / std)
 
-    prior = np.array([PRIORS.velocity] * 3 + [PRIORS.bias] * 3 + [PRIORS.heading])
+    prior = np.array([Priors.velocity] * 3 + [Priors.bias] * 3 + [Priors.heading])
     first = np.flatnonzero(np.isfinite(velocity[:, 0]))[0]
     add({0: np.eye(7)}, np.concatenate([velocity[first], np.zeros(4)]), prior)
     for k in range(size - 1):
         move, gain = np.eye(7), np.zeros(7)
-        sigma = np.array([PRIORS.velocity] * 3 + [PRIORS.bias_walk * 0.1] * 3 + [PRIORS.heading_walk * 0.1])
+        sigma = np.array([Priors.velocity] * 3 + [Priors.bias_walk * 0.1] * 3 + [Priors.heading_walk * 0.1])
         if np.isfinite(ned[k : k + 2]).all():
             mean, turn = 0.5 * (ned[k] + ned[k + 1]), 0.5 * (rotation[k] + rotation[k + 1])
             move[:3, 3:6], move[0, 6], move[1, 6] = -step * turn, -step * mean[1], step * mean[0]

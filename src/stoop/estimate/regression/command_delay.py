@@ -70,9 +70,8 @@ def scan_delays(vehicle: Vehicle, pieces: Sequence[Piece], columns: Sequence[int
         return None
     # of the effect of columns on angular accelerations about their own axes; zero about others
     known = {(name, rate): sign for rate, controls in EFFECTS.values() for name, sign in controls}
-    signs = np.array(
-        [[known.get((vehicle.recorded[i], c), 0.0) for c in RATES if c in states] for i in columns]
-    )
+    commands, rates = [vehicle.recorded[i] for i in columns], [c for c in RATES if c in states]
+    signs = np.array([[known.get((command, c), 0.0) for c in rates] for command in commands])
     delayed = ([(y, np.column_stack([X, own[m]])) for y, X, own in parts] for m in range(len(delays)))
     errors = [_errors(one, signs) for one in delayed]
     count = sum(len(one) for one in errors[0])

@@ -134,9 +134,8 @@ def _motion(n: Numbers, x: Mapping[str, Any], u: Mapping[str, Any]) -> tuple[dic
     omega_rate = _angular_acceleration(n, load.moment, omega)
     climb = -sum(d * v for d, v in zip(turned.down, velocity, strict=True))
     rigid = [*acceleration, *omega_rate, *frames.quaternion_rate(e, turn), climb]
-    rates = (
-        dict(zip(RIGID_STATES, rigid, strict=True)) | lag_rates | rotor_lag_rates | frames.gust_rates(n, x, u)
-    )
+    rates = dict(zip(RIGID_STATES, rigid, strict=True)) | lag_rates | rotor_lag_rates
+    rates |= frames.gust_rates(n, x, u)
     placed = vehicle.positions
     rates |= dict(zip(placed, frames.over_ground(e, velocity), strict=True)) if placed else {}
     observed = frame.observed(n, s, e, velocity) | {c: x[c] for c in placed}
@@ -165,9 +164,8 @@ def _attitude(
     (sin_phi, cos_phi), (sin_theta, cos_theta) = whole["phi"], whole["theta"]
     down = (-sin_theta, sin_phi * cos_theta, cos_phi * cos_theta)
     rates = frames.euler_rates(omega, *whole.values())
-    kept = [
-        rate if a in vehicle.modeled_angles else sp.Integer(0) for a, rate in zip(EULER, rates, strict=True)
-    ]
+    turning = zip(EULER, rates, strict=True)
+    kept = [rate if a in vehicle.modeled_angles else sp.Integer(0) for a, rate in turning]
     return Attitude(down, own.phi, own.theta, own.psi), frames.body_rates(kept, *modeled.values())
 
 

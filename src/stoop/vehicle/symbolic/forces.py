@@ -255,9 +255,8 @@ def blade_loads(
 
     `through` is the speed of the air through the disc along the axis, m/s, `inplane2` the square of that in its plane.
     """
-    load = (
-        _static_thrust(n, x) - n.get("rotors.inflow") * x * through + n.get("rotors.translational") * inplane2
-    )
+    load = _static_thrust(n, x) - n.get("rotors.inflow") * x * through
+    load += n.get("rotors.translational") * inplane2
     if "rotors.torque_ratio" in n:
         torque = n["rotors.torque_ratio"] * load
     else:
@@ -296,9 +295,8 @@ def rotors(s: Surroundings) -> Load:
 
 def body_resistance(n: Numbers, velocity: Vector, omega: Vector) -> Load:
     """Return -(linear v + quadratic |v| v) and -(rotation omega), each per body axis."""
-    linear, quadratic, rotation = (
-        n.point(f"body_drag.{part}") for part in ("linear", "quadratic", "rotation")
-    )
+    parts = ("linear", "quadratic", "rotation")
+    linear, quadratic, rotation = (n.point(f"body_drag.{part}") for part in parts)
     x, y, z = (-(a * v + b * sp.Abs(v) * v) for a, b, v in zip(linear, quadratic, velocity, strict=True))
     p, q, r = (-c * w for c, w in zip(rotation, omega, strict=True))
     return Load((x, y, z), (p, q, r))

@@ -93,9 +93,9 @@ class Numbers:
 
     def arm(self, name: str) -> Vector:
         """Return a point relative to the center of gravity; an absent point lies on it."""
-        return (
-            subtract(self.point(name), self.point("mass.center_of_gravity")) if f"{name}.x" in self else ZERO
-        )
+        if f"{name}.x" not in self:
+            return ZERO
+        return subtract(self.point(name), self.point("mass.center_of_gravity"))
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ import sympy as sp
 
 from stoop.vehicle import terms
 from stoop.vehicle.notation import BODY_DRAG, EACH_ROTOR, SURFACES, coefficient_symbol, plain, symbols
-from stoop.vehicle.symbolic.forces import blade_loads, body_resistance, lift_gain, rotor_commands, thrust_gain
+from stoop.vehicle.symbolic import forces
 from stoop.vehicle.symbolic.frames import Numbers, scale
 from stoop.vehicle.vehicle import Vehicle
 
@@ -26,10 +26,9 @@ def equations(vehicle: Vehicle) -> tuple[str, ...]:
     """Return one equation per coefficient of the kept equations, then those of rotors and body drag."""
     numbers = Numbers(vehicle)
     names = {numbers[name]: latex for name, latex in symbols(vehicle).items()}
-    fullest = sorted(
-        vehicle.rotors, key=lambda r: -sum(f"rotor.{r}.{part}" in numbers for part in EACH_ROTOR)
-    )
-    rotors = (line for rotor in fullest[:1] for line in _rotors(numbers, names, rotor))
+    given = {r: sum(f"rotor.{r}.{part}" in numbers for part in EACH_ROTOR) for r in vehicle.rotors}
+    fullest = max(given, key=given.__getitem__, default=None)
+    rotors = _rotors(numbers, names, fullest) if fullest else ()
     return (*_aerodynamics(numbers, names), *rotors, *_body_drag(numbers, names))
 
 
@@ -52,7 +51,8 @@ def _aerodynamics(n: Numbers, names: dict[Any, str]) -> Iterator[str]:
             else f"{sp.latex(n[name], symbol_names=names)} {_factor(factor, names)}"
             for name, text in group.items()
         ]
-        total, gain = " + ".join(printed) or "0", lift_gain(n, _height(n)) if coefficient == "CL" else 1
+        total = " + ".join(printed) or "0"
+        gain = forces.lift_gain(n, _height(n)) if coefficient == "CL" else 1
         if gain != 1:
             total = rf"\left({total}\right) \left({sp.latex(gain, symbol_names=names)}\right)"
         yield f"{coefficient_symbol(coefficient)} = {total}"
@@ -86,15 +86,15 @@ def _rotors(n: Numbers, names: dict[Any, str], first: str) -> Iterator[str]:
         return f"{left} = {sp.latex(right, symbol_names=names)}"
 
     channels = {rotor.channel: COMMAND for rotor in vehicle.file.rotor.values()} | {"voltage": VOLTAGE}
-    commanded = rotor_commands(n, channels)[first]
+    commanded = forces.rotor_commands(n, channels)[first]
     if "rotors.lag" in n:
         yield line("x_{c,i}", commanded)
         yield line(r"\dot{x}_{i}", (sp.Symbol("x_{c,i}") - X) / n["rotors.lag"])
     else:
         yield line("x_{i}", commanded)
     through = AXIAL + (DRAWN if "rotors.radius" in n else 0)
-    thrust, drag, torque = blade_loads(n, first, X, through, INPLANE**2, DENSITY_RATIO)
-    yield line("T_{i}", thrust * thrust_gain(n, _height(n)))
+    thrust, drag, torque = forces.blade_loads(n, first, X, through, INPLANE**2, DENSITY_RATIO)
+    yield line("T_{i}", thrust * forces.thrust_gain(n, _height(n)))
     if "rotors.radius" in n:
         flow = sp.sqrt(INPLANE**2 + through**2)
         yield line("T_{i}", 2 * DENSITY * sp.pi * n["rotors.radius"] ** 2 * DRAWN * flow)
@@ -116,7 +116,7 @@ def _body_drag(n: Numbers, names: dict[Any, str]) -> Iterator[str]:
     present = [part for part in BODY_DRAG if f"body_drag.{part}.x" in n]
     names = names | {n[f"body_drag.{part}.x"]: f"{BODY_DRAG[part]}_{{k}}" for part in present}
     speed, rate = sp.symbols(r"v_{k} \omega_{k}", real=True)
-    load = body_resistance(n, scale(speed, (1, 1, 1)), scale(rate, (1, 1, 1)))
+    load = forces.body_resistance(n, scale(speed, (1, 1, 1)), scale(rate, (1, 1, 1)))
     for name, value in (("F", load.force[0]), ("M", load.moment[0])):
         if value != 0:
             yield rf"{name}_{{\mathrm{{body}},k}} = {sp.latex(value, symbol_names=names)}"

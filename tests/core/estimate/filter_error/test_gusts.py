@@ -12,7 +12,7 @@ from stoop import Flight, Options, Strategy, load_vehicle, simulate_flight
 from stoop.base.variables import RATES, SPECIFIC_FORCE
 from stoop.errors import IdentificationError
 from stoop.estimate import filter_error, scoring
-from stoop.estimate.gusts import LIMITS, exceed_sensors, gust_levels, unexplained, with_turbulence
+from stoop.estimate.gusts import Limits, exceed_sensors, gust_levels, unexplained, with_turbulence
 from stoop.flight.flight import dataset, from_columns
 from stoop.flight.gridding import Channels, grid_channels
 from stoop.problem.windows import Window
@@ -93,7 +93,7 @@ def test_a_table_of_the_file_is_kept_and_a_reduced_model_has_its_own_axes(gusty)
 
 def test_white_innovations_of_a_converged_fit_are_asked_for():
     for status, correlation, codes in (
-        ("converged", 0.0, []), ("converged", LIMITS.correlation + 0.01, ["gusts-not-explained"]),
+        ("converged", 0.0, []), ("converged", Limits.correlation + 0.01, ["gusts-not-explained"]),
         ("interrupted", 0.9, []), ("generations", 0.0, ["gusts-no-optimum"]),
     ):  # fmt: skip
         fit = SimpleNamespace(outcome=SimpleNamespace(status=status), innovation_correlation=correlation)
@@ -111,10 +111,10 @@ def test_a_filter_whose_innovations_gusts_do_not_explain_ends_early(gusty_start,
     done = fit(FIT_ALONE, gusty_start, flights, WINDOWS)
     assert done.setup.options.method == "output-error"
     assert "gusts-not-explained" in [n.code for n in done.estimate.notices]
-    assert set(searches) == {filter_error.TOLERANCES.first}
+    assert set(searches) == {filter_error.Tolerances.first}
     found = fit_by("filter-error", gusty_start, flights, WINDOWS)
-    assert searches[-1] == filter_error.TOLERANCES.last
-    assert abs(found.innovation_correlation) > LIMITS.correlation
+    assert searches[-1] == filter_error.Tolerances.last
+    assert abs(found.innovation_correlation) > Limits.correlation
 
 
 @pytest.mark.parametrize("resumed", [True, False])
