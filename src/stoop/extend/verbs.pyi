@@ -1,6 +1,6 @@
 from stoop.base.extras import install as install
+from stoop.base.packages import guarded as guarded
 from stoop.base.packages import made as made
-from stoop.base.packages import resolved as resolved
 from stoop.base.verbs import Option as Option
 from stoop.base.verbs import plain as plain
 from stoop.base.verbs import verbs as verbs

@@ -137,6 +137,6 @@ def simulate_under_law(
     name: str,
 ) -> Flight:
     """Simulate a maneuver under the law of an autopilot; parameters and errors as of :func:`simulate`."""
-    simulated_under_law = hook("simulate_under_law", "the law of an autopilot")
+    simulated_under_law = hook("simulate_under_law", "the law of an autopilot", Flight)
     flight: Flight = simulated_under_law(vehicle, maneuver, autopilot, seed, noise, name)
     return flight
