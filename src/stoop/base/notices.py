@@ -184,9 +184,8 @@ def attempt(
 
 def detector_failed(detector: str, error: Exception) -> Notice:
     """Return the notice of a detector that failed; tests and trials raise the error instead."""
-    return notice(
-        "detector-failed", detector, error=f"{type(error).__name__}: {error}", place=raised_at(error)
-    )
+    why = f"{type(error).__name__}: {error}"
+    return notice("detector-failed", detector, error=why, place=raised_at(error))
 
 
 def distinct(found: Iterable[Notice]) -> tuple[Notice, ...]:

@@ -3,8 +3,7 @@
 A package is an importable ``stoop_NAME`` with a file ``stoop.toml`` in its folder, in the tables of ``data/packages.toml``;
 ``data/verbs.toml`` has those of stoop. Places ``module:name`` in them are imported at their first use.
 
-A package of somebody else cannot break stoop: rows of other forms are left out, and its functions are called by `guarded`. What
-is wrong is one line, which names the package.
+A package of somebody else cannot break stoop: rows of other forms are left out, and `guarded` calls its functions.
 """
 
 from __future__ import annotations
@@ -34,8 +33,6 @@ OWN: Final = (
     "stoop", "stoop_analysis", "stoop_app", "stoop_draft", "stoop_export", "stoop_fleet", "stoop_plan", "stoop_studies",
     "stoop_tune",
 )  # fmt: skip
-#: that a function may raise which the user has asked for
-PASSING: Final = (StoopError, SystemExit, BrokenPipeError, MemoryError)
 Made = TypeVar("Made")
 
 
@@ -174,15 +171,9 @@ def found(place: str) -> list[Any]:
 def guarded(place: str, kind: Any, instead: Callable[..., Any] | None = None) -> Callable[..., Any]:
     """Return the function of a place; one of somebody else's package fails by a line that names the package.
 
-    Parameters
-    ----------
-    place : str
-        Of a function, or of an object in its place, which is then the result.
-    kind : type, union of types, or ``list[type]``
-        Of the result.
-    instead : callable, optional
-        Called where the function fails or its result is not of the kind, which costs a warning. By default that is a
-        `PackageError`, and errors of `PASSING` pass.
+    Its result is of a `kind`: a type, a union, or ``list[type]``; an object in the place of a function is the result. Where the
+    function fails, `instead` is called, and the line is a warning; without it the line is a `PackageError`, and errors and
+    exits that are meant for the user pass.
     """
     if (package := package_of(place)) in OWN or not package.startswith(PREFIX):
         return resolved(place)  # type: ignore[no-any-return]
@@ -198,7 +189,9 @@ def guarded(place: str, kind: Any, instead: Callable[..., Any] | None = None) ->
         except PackageError as known:
             error = known
         except (Exception, SystemExit) as raised:
-            if instead is None and isinstance(raised, PASSING):
+            if instead is None and isinstance(
+                raised, StoopError | SystemExit | BrokenPipeError | MemoryError
+            ):
                 raise
             error = fault(package, f"'{place}' failed ({described(raised)})")
             error.__cause__ = raised

@@ -170,9 +170,8 @@ def _try(options: Iterable[Option], added: Sequence[Option]) -> None:
                 raise ValueError("what is added to a verb is no option that can be left out; make it one")
             known = option.allowed if isinstance(option.allowed, tuple) else ()
             add_options(parser, [replace(option, allowed=known)])
-            for value in (option.default, option.const):
-                if isinstance(value, str):
-                    reader(option)(value)
+            for value in (one for one in (option.default, option.const) if isinstance(one, str)):
+                reader(option)(value)
             keys.add(option.key)
         at = "its help"
         parser.format_help()

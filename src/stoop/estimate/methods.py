@@ -48,8 +48,7 @@ class Method:
 
     def estimates(self) -> type[Estimate]:
         """Return the class of its estimates."""
-        found: type[Estimate] = resolved(self.estimate)
-        return found
+        return resolved(self.estimate)  # type: ignore[no-any-return]
 
 
 @cache

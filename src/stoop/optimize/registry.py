@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from math import isfinite
-from types import MappingProxyType
 from typing import Any, Final, runtime_checkable
 
 from stoop.base.packages import guarded, made
@@ -30,7 +29,7 @@ class Entry:
 @cache
 def _entries() -> Mapping[str, Entry]:
     """Return the built-in optimizers and those of packages."""
-    return MappingProxyType(made("optimizers", Entry))
+    return made("optimizers", Entry)
 
 
 def names() -> tuple[str, ...]:

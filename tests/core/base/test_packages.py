@@ -18,14 +18,16 @@ SOURCE = Path(stoop.__file__).parents[1]
 def written(folder: Path, packages: dict[str, tuple[str, str]]) -> None:
     for name, (table, code) in packages.items():
         (folder / name).mkdir()
-        head = "" if "interface" in table else "interface = 1\n"
+        head = "interface = 1\n" * ("interface" not in table)
         (folder / name / "stoop.toml").write_text(head + table.replace("NAME", name))
         (folder / name / "m.py").write_text(code)
 
 
 def output(folder: Path, code: str) -> tuple[str, str]:
-    words = [sys.executable, "-c", f"import sys; sys.path[:0] = {[str(SOURCE), str(folder)]}\n{code}"]
-    done = subprocess.run(words, capture_output=True, text=True, check=False, cwd=folder)
+    whole = f"import sys; sys.path[:0] = {[str(SOURCE), str(folder)]}\n{code}"
+    done = subprocess.run(
+        [sys.executable, "-c", whole], capture_output=True, text=True, check=False, cwd=folder
+    )
     return done.stdout, done.stderr
 
 
@@ -57,8 +59,7 @@ print(stoop.tune_of(2), "tune_of" in dir(stoop), "guess" in names(), create("gue
 """
     out, err = output(tmp_path, code)
     assert "hum           hum a tune\n" in out
-    assert out.splitlines()[-4:] == ["False", "la 3 True", "fiu x", "lala True True guess"]
-    assert err == ""
+    assert (out.splitlines()[-4:], err) == (["False", "la 3 True", "fiu x", "lala True True guess"], "")
 
 
 def test_what_is_wrong_with_a_file_is_one_line_and_the_rest_works(tmp_path: Path) -> None:
@@ -116,10 +117,9 @@ from stoop.checks.vehicle import check_vehicle
 from stoop.flight.load import with_contradictions
 from stoop.workflow.demo import identify_demo
 model, _ = identify_demo(0)
-flight = model.flights[0]
 pydoc.render_doc(stoop), pydoc.render_doc(stoop.FittedModel)
 print({name: one.estimate for name, one in model.result.parameters.items()}, *model.result.notices)
-print(*check_vehicle(model.vehicle, {"demo": flight}), *with_contradictions(flight).faults)
+print(*check_vehicle(model.vehicle, {"demo": model.flights[0]}), *with_contradictions(model.flights[0]).faults)
 """
     alone, _ = output(tmp_path, code)
     written(tmp_path, {f"stoop_p{i}": (table, one) for i, one in enumerate(DEFECTS["functions"])})
@@ -157,8 +157,7 @@ print("tune_of" in dir(stoop), "stoop_hum" in sys.modules, stoop.tune_of(2))
 
 
 def test_an_unknown_name_is_answered_with_the_nearest(tmp_path: Path) -> None:
-    code = "import stoop\ntry: stoop.lineariz\nexcept AttributeError as e: print(e)"
-    out, _ = output(tmp_path, code)
+    out, _ = output(tmp_path, "import stoop\ntry: stoop.lineariz\nexcept AttributeError as e: print(e)")
     assert out == "module 'stoop' has no attribute 'lineariz'; did you mean linearize?\n"
 
 
