@@ -1,6 +1,6 @@
 """Write the signatures of `import stoop` and of the methods of a fitted model: ``python scripts/interface.py [--check]``.
 
-They are those of the functions that ``stoop.PLACES`` and the files ``stoop.toml`` of packages name, so that editors and mypy see
+They are those of the functions in ``data/verbs.toml`` and in the files ``stoop.toml`` of packages, so that editors and mypy see
 what is imported at the first use.
 """
 
@@ -8,46 +8,38 @@ from __future__ import annotations
 
 import ast
 import sys
-from collections.abc import Mapping
 from pathlib import Path
 
-import stoop
 from stoop.base.packages import places
-from stoop.base.verbs import table
 
 SOURCE = Path(__file__).parents[1] / "src"
 HEAD = '"""Written by scripts/interface.py."""\n\n'
 
 
-def offered(kind: str, core: Mapping[str, str]) -> dict[str, str]:
+def offered(kind: str) -> dict[str, str]:
     """Return the places of functions or methods of the core and of the packages of this repository."""
-    known = dict(core) | places(kind, core)
     return {
         name: place
-        for name, place in known.items()
+        for name, place in places(kind).items()
         if (SOURCE / place.replace(":", ".").partition(".")[0]).is_dir()
     }
 
 
 def names() -> str:
     """Return the names of `import stoop`."""
-    known = offered("functions", stoop.PLACES)
+    known = offered("functions")
     lines = []
     for name, place in known.items():
         module, _, own = place.partition(":")
         lines.append(f"from {module} import {own} as {name}")
     listed = "".join(f'    "{name}",\n' for name in sorted(known))
-    return (
-        HEAD
-        + "\n".join(sorted(lines))
-        + f"\n\nPLACES: dict[str, str]\n__version__: str\n__all__ = [\n{listed}]\n"
-    )
+    return HEAD + "\n".join(sorted(lines)) + f"\n\n__version__: str\n__all__ = [\n{listed}]\n"
 
 
 def methods() -> str:
     """Return the methods of a fitted model."""
     imported, bodies = set[str](), list[str]()
-    for name, place in sorted(offered("methods", table()["methods"]).items()):
+    for name, place in sorted(offered("methods").items()):
         module, _, own = place.partition(":")
         tree = ast.parse((SOURCE / f"{module.replace('.', '/')}.py").read_text("utf-8"))
         function = next(n for n in ast.walk(tree) if isinstance(n, ast.FunctionDef) and n.name == own)

@@ -12,38 +12,14 @@ from __future__ import annotations
 
 from typing import Any
 
-_MODULES = {
-    "stoop.api": "assess look reconstruct",
-    "stoop.assessment.bootstrap": "Bootstrap",
-    "stoop.assessment.profile": "Profile",
-    "stoop.base.notices": "Notice",
-    "stoop.estimate.fit": "Options",
-    "stoop.flight": "Flight",
-    "stoop.flight.load": "load_flight save_flight",
-    "stoop.results.result": "read_result",
-    "stoop.simulation": "trim",
-    "stoop.simulation.fly": "simulate_flight",
-    "stoop.simulation.maneuver": "load_maneuver",
-    "stoop.strategy": "Strategy",
-    "stoop.vehicle": "Vehicle",
-    "stoop.vehicle.builtin": "load_vehicle",
-    "stoop.workflow.fitted_model": "FittedModel",
-    "stoop.workflow.flying": "linearize simulate",
-    "stoop.workflow.identification": "fit",
-    "stoop.workflow.load": "load",
-    "stoop.workflow.validation": "validate",
-}
-PLACES = {name: f"{module}:{name}" for module, names in _MODULES.items() for name in names.split()} | {
-    "errors": "stoop:errors",
-    "predict": "stoop.workflow.validation:validate",
-}
-"""Public name -> ``module:name``, imported on first use, so that ``import stoop`` costs nothing. Packages add theirs."""
-
 
 def _public() -> dict[str, str]:
+    """Return the places of all names, which are imported at their first use, so that ``import stoop`` costs nothing."""
+    from pkgutil import iter_modules
+
     from stoop.base.packages import places
 
-    return PLACES | places("functions", PLACES)
+    return places("functions", [module.name for module in iter_modules(__path__)])
 
 
 def __dir__() -> list[str]:
@@ -55,14 +31,19 @@ def __getattr__(name: str) -> Any:
         from importlib.metadata import version
 
         return version("stoop")
-    from stoop.base.packages import found, resolved
+    from stoop.base.packages import found, resolved, warn
+    from stoop.errors import PackageError
 
     if name == "__all__":
-        return sorted(n for n, place in _public().items() if found(place.partition(".")[0], f"'{n}'", place))
-    if name.startswith("_") or (place := PLACES.get(name) or _public().get(name)) is None:
+        return sorted(n for n, place in _public().items() if found(place))
+    if name.startswith("_") or (place := _public().get(name)) is None:
         from stoop.base.text import nearest
 
         advice = "" if name.startswith("_") else f"; {nearest(name, _public())}"
         raise AttributeError(f"module 'stoop' has no attribute '{name}'{advice}")
-    globals()[name] = resolved(place)
+    try:
+        globals()[name] = resolved(place)
+    except PackageError as error:
+        warn(str(error))  # which `from stoop import` does not show
+        raise
     return globals()[name]

@@ -42,7 +42,6 @@ from stoop_plan.flight_logs import save_flight_as as save_flight_as
 from stoop_plan.input_design.windows import find_windows as find_windows
 from stoop_tune.tuning import tune as tune
 
-PLACES: dict[str, str]
 __version__: str
 __all__ = [
     "Bootstrap",

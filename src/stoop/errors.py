@@ -1,23 +1,9 @@
-"""One tree of exceptions; every message is one line: where, what is wrong, what to do.
-
-::
-
-    StoopError                 anything a user can mend; the command line exits with code 2
-    ├── LogError               a log that cannot be read (missing, empty, truncated, unknown format)
-    ├── FlightError            a flight that lacks what is asked of it (channel, window, time, units)
-    ├── VehicleError           a vehicle file that says something impossible or unknown
-    │   └── TermError          an aerodynamic term that cannot be parsed
-    ├── KernelError            equations that cannot be compiled here (compiler switched off, no disk space)
-    ├── ManeuverError          a maneuver file that cannot be flown
-    ├── SimulationError        a start point from which the model cannot be simulated or trimmed
-    ├── IdentificationError    a fit that cannot begin (nothing free, no data, unknown optimizer)
-    ├── CampaignError          a campaign that cannot go on (a run fails, workers die, a cluster is out of reach)
-    └── OutputError            an output folder or file that cannot be written
-"""
+"""One tree of exceptions; every message is one line: where, what is wrong, what to do."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
+from pathlib import Path
 
 MAX_LENGTH = 4000  #: of a message
 
@@ -27,6 +13,14 @@ def one_line(text: str) -> str:
     return "".join(c if c.isprintable() else " " for c in text)
 
 
+def raised_at(error: BaseException) -> str:
+    """Return file and line of an error."""
+    place = error.__traceback__
+    while place is not None and place.tb_next is not None:
+        place = place.tb_next
+    return "" if place is None else f"{Path(place.tb_frame.f_code.co_filename).name}:{place.tb_lineno}"
+
+
 def listed(names: Iterable[str], most: int = 40) -> str:
     """Return names with commas, those beyond the most that one line takes counted."""
     known = list(names)
@@ -34,7 +28,7 @@ def listed(names: Iterable[str], most: int = 40) -> str:
 
 
 class StoopError(Exception):
-    """Base of all errors that the user can mend; the message is one line with the fix."""
+    """Base of all errors that the user can mend, with which the command line exits with code 2."""
 
     def __str__(self) -> str:
         """Return the message on one line, whatever keys and file names are quoted in it; of a very long one both ends."""
@@ -44,11 +38,11 @@ class StoopError(Exception):
 
 
 class LogError(StoopError):
-    """A log cannot be read."""
+    """A log cannot be read: missing, empty, truncated, of an unknown format."""
 
 
 class FlightError(StoopError):
-    """A flight lacks what is asked of it."""
+    """A flight lacks what is asked of it: a channel, a window, time, units."""
 
 
 class VehicleError(StoopError):
@@ -60,7 +54,7 @@ class TermError(VehicleError):
 
 
 class KernelError(StoopError):
-    """Equations cannot be compiled here."""
+    """Equations cannot be compiled here: the compiler is switched off, or the disk is full."""
 
 
 class ManeuverError(StoopError):
@@ -72,7 +66,7 @@ class SimulationError(StoopError):
 
 
 class IdentificationError(StoopError):
-    """A fit cannot begin."""
+    """A fit cannot begin: nothing is free, there are no data, the optimizer is unknown."""
 
 
 class CampaignError(StoopError):
@@ -81,6 +75,10 @@ class CampaignError(StoopError):
 
 class OutputError(StoopError):
     """An output cannot be written."""
+
+
+class PackageError(StoopError, AttributeError):
+    """A package of somebody else cannot be used; help() passes over what is missing."""
 
 
 class StoopWarning(UserWarning):

@@ -153,7 +153,12 @@ class Exporter(ABC):
         StoopError
             The model cannot be exported so, or no steady flight is found.
         """
-        made = self.with_draws(self.files())
+        made = self.files()
+        if not isinstance(made, Exported):
+            raise StoopError(
+                f"{type(self).__module__}: files() gives {type(made).__name__}, not Exported; correct it"
+            )
+        made = self.with_draws(made)
         made = self.fly(replace(made, notes=(*self.model.notes, *made.notes, *self.lacks())))
         if not made.compared:
             return made

@@ -260,7 +260,7 @@ def _command(arguments: argparse.Namespace) -> str:
 
 def simulate(arguments: argparse.Namespace) -> int:
     """Fly from trim, write what the instruments would record, and print what to do next."""
-    from stoop import load_maneuver, load_vehicle, simulate_flight
+    from stoop import Flight, load_maneuver, load_vehicle, simulate_flight
     from stoop.extend.motion import flown_trim, numbers_set
     from stoop.extend.recordings import mapping_beside
     from stoop.extend.text import nearest
@@ -285,7 +285,7 @@ def simulate(arguments: argparse.Namespace) -> int:
         with LiveLine(options.COMPILING):
             asked = (arguments.seed, not arguments.no_noise, target.stem)
             if arguments.autopilot:
-                under_law = hook("simulate_under_law", "the law of an autopilot")
+                under_law = hook("simulate_under_law", "the law of an autopilot", Flight)
                 flight = under_law(vehicle, maneuver, arguments.autopilot, *asked)
             else:
                 flight = simulate_flight(vehicle, maneuver, *asked)

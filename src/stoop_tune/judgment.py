@@ -184,7 +184,7 @@ def _outputs(parameters: Mapping[str, float]) -> dict[str, FloatArray]:
 
     PX4 allocates by the pseudo-inverse of the shares that surfaces have in the moments; ArduPilot adds the shares themselves.
     """
-    setup = hook("read_setup", "stoop tune")(parameters)
+    setup = hook("read_setup", "stoop tune", object)(parameters)
     if not setup.surfaces:
         return {}
     shares = np.array([surface.shares for surface in setup.surfaces])

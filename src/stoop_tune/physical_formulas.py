@@ -233,7 +233,7 @@ def level_throttle(names: Names, unit: float, own: Altitude, c: Candidates) -> F
 def surface_trim(names: Names, axis: str, c: Candidates) -> FloatArray:
     """Command about an axis in level flight; where outputs move the surfaces, it is the sum of their parts of it."""
     level = c.steady(c.airspeed(names))
-    surfaces = hook("read_setup", "stoop tune")(c.parameters).surfaces
+    surfaces = hook("read_setup", "stoop tune", object)(c.parameters).surfaces
     if f"control_{axis}" in c.vehicle.inputs or not surfaces:
         return np.asarray(c.channel(level.points, f"control_{axis}") + level.none)
     total = level.none

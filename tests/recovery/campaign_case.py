@@ -27,8 +27,7 @@ def walk(arguments: Mapping[str, Any], stops: Sequence[int]) -> list[Any]:
 
 def main() -> int:
     from stoop.base.files import write_file
-    from stoop.base.verbs import shared_options
-    from stoop.cli.options import add_options
+    from stoop.base.verbs import add_options, shared_options
     from stoop.cli.progress import run_campaign
     from stoop.parallel import Plan, Run
 

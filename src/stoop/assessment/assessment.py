@@ -17,7 +17,7 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Final, Literal, Protocol
+from typing import Any, Final, Literal, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -78,6 +78,7 @@ class Finding:
     files: Mapping[str, bytes] = field(default_factory=dict)
 
 
+@runtime_checkable
 class Assessment(Protocol):
     """One more estimate of the uncertainty of a fit."""
 

@@ -34,7 +34,7 @@ from stoop.base.variables import EULER, RATES
 from stoop.errors import SimulationError
 from stoop.estimate.estimate import Estimate
 from stoop.problem.observation import at_center_of_gravity, observation_model, true_values
-from stoop.results.modes import ConditionModes, DerivedValue, ModeEstimate, StateEquations
+from stoop.results.modes import ConditionModes, DerivedValue, MeasuredMode, ModeEstimate, StateEquations
 from stoop.simulation import Trim, trim
 from stoop.simulation.linearize import (
     INTEGRATORS,
@@ -308,7 +308,7 @@ def _at(
         linear = state_equation_estimates(linearized, model_inputs(vehicle), covariance)
     except (SimulationError, np.linalg.LinAlgError):
         return nothing
-    measure = hooks("measured_modes")
+    measure = hooks("measured_modes", list[MeasuredMode])
     recorded = (replace(m, measured=tuple(y for f in measure for y in f(fit, condition, m))) for m in found)
     known = replace(nothing, about=about, alpha=point.start["alpha"], remark=remark, linear=linear)
     return replace(known, modes=tuple(recorded))

@@ -97,7 +97,7 @@ def with_uncertainty(result: Result, fit: Estimate, bars: ErrorBars, flown: Flow
     variances = {c: dict(zip(names, own, strict=True)) for c, own in parts.items()}
     components = Components(variances, tuple(n for n in COMPONENTS if n in bars.left_out))
     related = correlation(bars.covariance[: len(names), : len(names)])
-    advisers = hooks("advice")
+    advisers = hooks("advice", list[Notice])
     singular, directions = _directions(fit, bars, names)
     analyses = {}
     for i, name in enumerate(names):

@@ -13,14 +13,13 @@ import tomllib
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from importlib.resources import files
-from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Literal, ParamSpec, TypeAlias, TypeVar, get_args
 
 from stoop.base.numbers import MAX_NUMBER
 from stoop.base.text import enumerated
 from stoop.base.units import DEGREE
-from stoop.errors import StoopError, one_line
+from stoop.errors import StoopError, one_line, raised_at
 
 Given = ParamSpec("Given")
 Found = TypeVar("Found")
@@ -179,11 +178,8 @@ def attempt(
 
 def detector_failed(detector: str, error: Exception) -> Notice:
     """Return the notice of a detector that failed; tests and trials raise the error instead."""
-    place = error.__traceback__
-    while place is not None and place.tb_next is not None:
-        place = place.tb_next
-    line = "" if place is None else f"{Path(place.tb_frame.f_code.co_filename).name}:{place.tb_lineno}"
-    return notice("detector-failed", detector, error=f"{type(error).__name__}: {error}", place=line)
+    why = f"{type(error).__name__}: {error}"
+    return notice("detector-failed", detector, error=why, place=raised_at(error))
 
 
 def distinct(found: Iterable[Notice]) -> tuple[Notice, ...]:

@@ -5,24 +5,24 @@ Packages add theirs (`stoop.base.packages`).
 
 from __future__ import annotations
 
+import argparse
 import functools
+import math
 import re
-import tomllib
-from collections.abc import Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from importlib.resources import files
+from pathlib import Path
 from typing import Any, Final
 
 from stoop.base import packages
-from stoop.errors import StoopError
+from stoop.base.numbers import MAX_NUMBER
+from stoop.base.text import nearest
 
 #: of verbs, in the order of their list
 GROUPS: Final = ("flights", "models", "uses", "fleets", "studies", "help")
-KINDS: Final = (
-    "text", "switch", "file", "data", "vehicle", "source", "output", "output-or-print", "page", "folder", "names", "count",
-    "at-least-one", "positive", "finite",
-)  #: of options  # fmt: skip
 MOST_EXPLAINED = 16  #: choices with titles that the help of an option lists
+#: largest whole number of an option that has no range of its own: any generator of random numbers takes it as a seed
+MAX_COUNT: Final = 2**32 - 1
 _LINK = re.compile(r"\[([^\]]*)\]\((?:([\w-]+\.md)[^)]*|[^)]*)\)")
 _PLACE = re.compile(r"[\w.]+:\w+")  #: a text that stands for an object of a module
 
@@ -35,49 +35,7 @@ def plain(markdown: str) -> str:
 
 @dataclass(frozen=True)
 class Option:
-    """An argument of a verb: one row of the table.
-
-    Attributes
-    ----------
-    name : str
-        Such as ``--airspeed``, or without dashes that of a positional argument.
-    help : str
-        What it is, as Markdown, without its default.
-    kind : str
-        What a value is: ``text``; ``switch``, which takes none; what is read: ``file``, ``data`` (a folder), ``vehicle`` (a
-        name or a file), ``source`` (a text, or a file that holds it); what is written: ``output`` (a file), ``output-or-print``
-        (likewise, or ``-``), ``page`` (an HTML file), ``folder``; ``names``; ``count``, ``at-least-one``, ``positive``,
-        ``finite``.
-    metavar : str or sequence of str
-        A value, or several of a fixed number, as the help calls it.
-    unit : str
-        Unit of a value on the command line.
-    range : sequence of two floats, optional
-        Limits of a number, in its unit; an angle with limits becomes rad.
-    default : any
-        When it is not given.
-    otherwise : str
-        What holds then, in words, if `default` does not say it; Markdown.
-    allowed : sequence, or str
-        Choices, or the place ``module:NAME`` of an iterable of them.
-    required : bool
-    many : int or str
-        Number of values: a number, or ``?``, ``*``, ``+`` as in argparse.
-    repeat : bool
-        Whether it may be given several times; the values are joined.
-    const : any
-        Value of an option that is given without one.
-    short : str
-        One-letter form.
-    group : str
-        Options of one group exclude each other.
-    dest : str
-        Name in the program, if it is not `name`.
-    parameter : str
-        Name of the parameter of the verb's Python function, if it is not `dest`.
-    run : str
-        Place of the function that runs the verb instead where it is given.
-    """
+    """An argument of a verb; ``data/packages.toml`` describes its fields, and has `allowed` as ``choices``."""
 
     name: str
     help: str
@@ -113,13 +71,9 @@ class Option:
     @property
     def choices(self) -> dict[str, str]:
         """Choices, each with its title, which is empty for most."""
-        try:
-            found = _resolved(self.allowed)
-        except StoopError as error:  # of a package that is absent or broken
-            packages.warn(str(error).partition(":")[0], f"choices of {self.name} are unknown: {error}")
-            return {}
+        found = _resolved(self.allowed, Collection, dict)
         titles = found if isinstance(found, Mapping) else {}
-        return {name: str(getattr(titles.get(name), "title", "")) for name in found}
+        return {str(name): str(getattr(titles.get(name), "title", "")) for name in found}
 
     @property
     def usual(self) -> str:
@@ -141,24 +95,7 @@ class Option:
 
 @dataclass(frozen=True)
 class Verb:
-    """A verb of the command line.
-
-    Attributes
-    ----------
-    name : str
-        One word, or two.
-    summary : str
-        What it does, on one line.
-    run : str
-        Place ``module:function`` of the function that runs it; the module is imported when the verb is chosen.
-    options : sequence of Option
-    python : str
-        Place of the function of the Python interface that does the same; empty if there is none.
-    closing : str
-        Text at the end of its help, or the place of one.
-    group : str
-        One of `GROUPS`.
-    """
+    """A verb of the command line; ``data/packages.toml`` describes its fields, and has `closing` as ``epilog``."""
 
     name: str
     summary: str
@@ -171,7 +108,7 @@ class Verb:
     @property
     def epilog(self) -> str:
         """Text at the end of its help."""
-        return str(_resolved(self.closing)).strip("\n")
+        return str(_resolved(self.closing, str, str)).strip("\n").replace("%(", "% (")
 
     def option(self, key: str) -> Option:
         """Return the option whose value has this name in the program."""
@@ -179,73 +116,190 @@ class Verb:
 
 
 @functools.cache
-def shared_options() -> dict[str, Option]:
-    """Return the options that several verbs share, by the names under which the table has them."""
-    return {name: _option(row, {}) for name, row in table()["options"].items()}
+def shared_options(package: str = "stoop") -> dict[str, Option]:
+    """Return the options that several verbs of a package may share, by name: those of stoop, and its own."""
+    own = packages.packages()[package].get("options", {})
+    shared = {} if package == "stoop" else shared_options()
+    return shared | {name: _option(row, {}) for name, row in own.items()}
 
 
 @functools.cache
 def verbs() -> dict[str, Verb]:
-    """Return all verbs by name, in the order of `GROUPS`, those of stoop before those of packages."""
-    found = read_verbs({"verbs": table()["verbs"]})
-    for package, name, row in packages.rows("verbs", found):
-        with packages.guarded(package, f"its verb '{name}'"):
-            options = packages.packages()[package].get("options", {})
-            found |= read_verbs({"options": options, "verbs": {name: row}})
-    for package, content in packages.packages().items():
-        with packages.guarded(package, "its options of verbs"):
-            for name, row in content.get("more", {}).items():
-                added = tuple(_option(one, shared_options()) for one in row["options"])
-                if name in found:  # else the package of the verb is absent
-                    found[name] = _checked(replace(found[name], options=found[name].options + added))
+    """Return all verbs by name, in the order of `GROUPS`, those of stoop before those of packages.
+
+    A row of a package of which no parser can be made is left out, with a warning.
+    """
+    found = dict[str, Verb]()
+    for package, name, row in packages.rows("verbs"):
+        with packages.left_out(package, f"verbs.{name}"):
+            found[name] = read_verb(name, row, package)
+    for package, more in packages.tables("more"):
+        for name, row in more.items():
+            with packages.left_out(package, f"more.{name}"):
+                if name in found:
+                    found[name] = _with_options(found[name], row["options"], package)
+                elif package not in packages.OWN:  # of stoop: the package of the verb is absent
+                    raise ValueError(f"there is no such verb; {nearest(name, found)}")
     return {one.name: one for one in sorted(found.values(), key=lambda verb: GROUPS.index(verb.group))}
 
 
-def read_verbs(table: Mapping[str, Any]) -> dict[str, Verb]:
-    """Return the verbs of a table such as ``data/verbs.toml``, which may name the shared options of that."""
-    shared = shared_options() | {n: _option(row, {}) for n, row in table.get("options", {}).items()}
-    found = {}
-    for name, row in table["verbs"].items():
-        options = tuple(_option(one, shared) for one in row["options"])
-        more = row.get("python", ""), row.get("epilog", ""), row.get("group", GROUPS[2])
-        found[name] = _checked(Verb(name, row["summary"], row["run"], options, *more))
-    return found
+def read_verb(name: str, row: Mapping[str, Any], package: str = "stoop") -> Verb:
+    """Return the verb of a row."""
+    fields = row.get("python", ""), row.get("epilog", ""), row.get("group", GROUPS[2])
+    return _with_options(Verb(name, row["summary"], row["run"], (), *fields), row["options"], package)
 
 
-def _checked(verb: Verb) -> Verb:
-    """Return a verb; raise an error where no parser can be made of it."""
-    if verb.group not in GROUPS:
-        raise ValueError(f"group {verb.group!r}")
-    if not isinstance(verb.summary, str) or not re.fullmatch(r"[^%\n]+", verb.summary):
-        raise TypeError(f"summary {verb.summary!r}")
-    for option in verb.options:
-        if not (isinstance(option.name, str) and isinstance(option.help, str) and option.kind in KINDS):
-            raise TypeError(f"option {option.name!r}")
-    if len({one.key for one in verb.options}) < len(verb.options):
-        raise ValueError("two options of one name")
-    return verb
+def _with_options(verb: Verb, rows: Iterable[Any], package: str) -> Verb:
+    """Return a verb with further options; raise `ValueError` where no parser can be made of those of somebody else."""
+    added = [_option(row, shared_options(package)) for row in rows]
+    if package not in packages.OWN:
+        _try(verb.options, added)
+    return replace(verb, options=(*verb.options, *added))
 
 
-@functools.cache
-def table() -> dict[str, Any]:
-    """Return what stoop offers itself: rows of options and of verbs, and methods of a fitted model."""
-    return tomllib.loads((files("stoop.data") / "verbs.toml").read_text("utf-8"))
+def _try(options: Iterable[Option], added: Sequence[Option]) -> None:
+    """Make a parser of options, and of those added to them, without choices, which may import a package."""
+    parser, keys, at = argparse.ArgumentParser(), {"run", "complain", "help", "debug"}, "its help"
+    parser.add_argument("--debug")
+    try:
+        for option in (*options, *added):
+            at = option.name or "an option without a name"
+            if not (option.name and option.help):
+                raise ValueError("name or help is missing; write both")
+            if option.key in keys:
+                raise ValueError("the name is taken; rename it")
+            if options and option in added and (option.positional or option.required):
+                raise ValueError("what is added to a verb is no option that can be left out; make it one")
+            known = option.allowed if isinstance(option.allowed, tuple) else ()
+            add_options(parser, [replace(option, allowed=known)])
+            for value in (one for one in (option.default, option.const) if isinstance(one, str)):
+                reader(option)(value)
+            keys.add(option.key)
+        at = "its help"
+        parser.format_help()
+    except Exception as error:
+        raise ValueError(f"{at}: {error}") from error
 
 
 def _option(row: str | Mapping[str, Any], shared: Mapping[str, Option]) -> Option:
     """Return the option of a row: the name of a shared one, changes of one, or all fields of its own."""
+    like = row if isinstance(row, str) else row.get("like", "")
+    if like and like not in shared:
+        raise ValueError(f"there is no shared option '{like}'; {nearest(like, shared)}")
     if isinstance(row, str):
         return shared[row]
     own = [(k, v) for k, v in row.items() if k != "like"]
     fields: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in own}
     if "choices" in fields:
         fields["allowed"] = fields.pop("choices")
-    return replace(shared[row["like"]], **fields) if "like" in row else Option(**fields)
+    return replace(shared[like] if like else Option("", ""), **fields)
 
 
-def _resolved(value: Any) -> Any:
+def _resolved(value: Any, kind: Any, instead: Callable[[], Any]) -> Any:
     """Return a value, or what the place ``module:NAME`` holds: an object, or a function that returns it."""
     if not isinstance(value, str) or not _PLACE.fullmatch(value):
         return value
-    found = packages.resolved(value)
+    found = packages.guarded(value, kind, instead)
     return found() if callable(found) else found
+
+
+def _reader(allowed: Callable[[Any], bool], what: str, whole: bool = False) -> Callable[[str], Any]:
+    """Return what reads a number and refuses others in one line."""
+
+    def read(text: str) -> Any:
+        try:
+            value = (int(text) if text.isascii() and text.isdigit() else math.nan) if whole else float(text)
+        except ValueError:
+            value = math.nan
+        if not allowed(value):
+            raise argparse.ArgumentTypeError(f"'{text}' is not {what}")
+        return value
+
+    return read
+
+
+def page_path(text: str) -> Path:
+    """Return the file of a page: a name without an ending gets ``.html``, unless a folder or device has it; others raise."""
+    path = Path(text)
+    if path.suffix.lower() not in ("", ".html", ".htm") and not path.is_dir():
+        raise argparse.ArgumentTypeError(f"{text}: a page is written as .html; name it so")
+    taken = path.exists() and not path.is_file()
+    return path if path.suffix or taken or not path.name else path.with_name(f"{path.name}.html")
+
+
+def names(text: str) -> tuple[str, ...]:
+    """Return names that commas separate, each once."""
+    found = tuple(dict.fromkeys(name.strip() for name in text.split(",") if name.strip()))
+    if not found:
+        raise argparse.ArgumentTypeError("names are missing; separate them by commas")
+    return found
+
+
+#: kind of a number -> which are allowed, in code and in words
+NUMBERS: Final[Mapping[str, tuple[Callable[[float], bool], str]]] = {
+    "positive": (lambda x: 1.0 / MAX_NUMBER <= x <= MAX_NUMBER, "a positive number from 1e-30 to 1e30"),
+    "finite": (lambda x: abs(x) <= MAX_NUMBER, "a number up to 1e30"),
+}
+positive = _reader(*NUMBERS["positive"])
+#: kind of a whole number -> the smallest
+WHOLE: Final = {"count": 0, "at-least-one": 1}
+#: kind of an option's value -> what reads it
+READERS: Final[dict[str, Callable[[str], Any]]] = {
+    **dict.fromkeys(("text", "vehicle", "source"), str),
+    **dict.fromkeys(("file", "data", "folder", "output", "output-or-print"), Path),
+    "page": page_path,
+    "names": names,
+}
+
+
+def reader(option: Option) -> Callable[[str], Any]:
+    """Return what reads a value of an option; an angle within limits is returned in rad."""
+    if (least := WHOLE.get(option.kind)) is not None:
+        first, last = option.range or (least, MAX_COUNT)
+        return _reader(
+            lambda n: first <= n <= last, f"a whole number from {first:.0f} to {last:.0f}", whole=True
+        )
+    if option.range is None and option.kind not in NUMBERS:
+        return READERS[option.kind]
+    allowed, what = NUMBERS["positive" if option.kind == "positive" else "finite"]
+    base = _reader(allowed, f"{what}; write it in {option.unit}, without the unit" if option.unit else what)
+    if option.range is None:
+        return base
+    low, high = option.range
+
+    def read(text: str) -> Any:
+        value = base(text)
+        if not low <= value <= high:
+            raise argparse.ArgumentTypeError(
+                f"{text} is not between {low:g} and {high:g} {option.unit}".rstrip()
+            )
+        return math.radians(value) if option.unit == "deg" else value
+
+    return read
+
+
+def add_options(parser: argparse.ArgumentParser, options: Sequence[Option]) -> dict[str, argparse.Action]:
+    """Add the options of a verb; return what argparse made of them, by their names in the program."""
+    groups: dict[str, Any] = {"": parser}
+    for option in options:
+        if option.group not in groups:
+            groups[option.group] = parser.add_mutually_exclusive_group()
+    return {option.key: _add(groups[option.group], option) for option in options}
+
+
+def _add(parser: Any, option: Option) -> argparse.Action:
+    usual = f" (default: {option.usual})" if option.usual else ""
+    settings: dict[str, Any] = {"help": plain(option.meaning + usual).replace("%", "%%")}
+    if option.kind == "switch":
+        settings["action"] = "store_true"
+    else:
+        default = [] if option.repeat and not option.required else option.default
+        settings |= {"type": reader(option), "metavar": option.metavar or None, "default": default}
+        settings |= {"choices": tuple(option.choices) or None, "const": option.const}
+        settings |= {"nargs": option.many} if option.many else {}
+        if option.repeat:
+            settings["action"] = "extend" if option.many else "append"
+    if not option.positional:
+        settings |= {"dest": option.key, "required": option.required}
+    added: argparse.Action = parser.add_argument(*filter(None, (option.short, option.name)), **settings)
+    return added

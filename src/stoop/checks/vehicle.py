@@ -49,7 +49,7 @@ def check_rotors(vehicle: Vehicle, flights: Mapping[str, Flight], windows: Seque
     """Return what the motors of flights, and the windows that were chosen, say against a vehicle file."""
     taken, kind = windows or whole(flights), KINDS[vehicle.frame]
     by_flight = {w.flight: [x for x in taken if x.flight == w.flight] for w in taken}
-    checks = (*kind.motors, *hooks("check_motors"), *(kind.windows if windows else ()))
+    checks = (*kind.motors, *hooks("check_motors", list[Notice]), *(kind.windows if windows else ()))
     found: list[Notice] = []
     for detector in checks:
         for name, own in by_flight.items():

@@ -12,9 +12,8 @@ from collections.abc import Iterable
 from typing import Any
 
 from stoop.base.text import show
-from stoop.base.verbs import Verb, verbs
+from stoop.base.verbs import Verb, add_options, verbs
 from stoop.cli.main import DEBUG_HELP
-from stoop.cli.options import add_options
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -48,6 +48,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _run(arguments: argparse.Namespace) -> int:
+    from stoop.assessment.assessment import Assessment
     from stoop.assessment.profile import DOUBTFUL
     from stoop.checks.vehicle import check_vehicle
     from stoop.cli.progress_file import ProgressFile
@@ -65,7 +66,7 @@ def _run(arguments: argparse.Namespace) -> int:
     check_folder(arguments.output, names, overwrite, arguments.flight, attached)
     windows = arguments.maneuver, arguments.validate
     if any(one.endswith(".toml") for given in windows for one in given):
-        windows = hook("windows_of_files", "a file of windows")(*windows)
+        windows = hook("windows_of_files", "a file of windows", tuple)(*windows)
     arguments.maneuver, arguments.validate = windows
     strategy, (vehicle, flights, settings) = strategy_of(arguments), _read(arguments)
     known = {flight.name: flight for flight in flights}
@@ -75,7 +76,7 @@ def _run(arguments: argparse.Namespace) -> int:
     if arguments.bootstrap:
         assessments.append(Bootstrap(arguments.bootstrap, store=stores[0]))
     if arguments.posterior:
-        assessments.append(hook("posterior", "--posterior")())
+        assessments.append(hook("posterior", "--posterior", Assessment)())
     if arguments.profile is not None:
         assessments.append(Profile(tuple(arguments.profile) or (DOUBTFUL,), store=stores[1]))
     state = None if arguments.progress is None else ProgressFile(arguments.progress)
@@ -125,7 +126,7 @@ def strategy_of(arguments: argparse.Namespace) -> Strategy:
 
 def _read(arguments: argparse.Namespace) -> tuple[Vehicle, list[Flight], Options]:
     """Return vehicle, flights and options; refuse a method, a name or an assessment before the search."""
-    from stoop.assessment.assessment import check_method
+    from stoop.assessment.assessment import Assessment, check_method
     from stoop.assessment.profile import check_names
     from stoop.estimate.fit import Options
     from stoop.estimate.methods import find
@@ -149,7 +150,7 @@ def _read(arguments: argparse.Namespace) -> tuple[Vehicle, list[Flight], Options
         chosen = choose_method(arguments.method, vehicle, flights, strategy=strategy_of(arguments))
         check_method(chosen.options.method, [n for n in asked if asked[n]])
         if arguments.posterior:
-            hook("posterior", "--posterior")()
+            hook("posterior", "--posterior", Assessment)()
         check_names([p.name for p in vehicle.parameters if p.free], arguments.profile or ())
     return vehicle, flights, settings
 

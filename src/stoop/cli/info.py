@@ -220,7 +220,7 @@ def info_document(summary: FlightSummary, found: Found) -> dict[str, Any]:
         "stop": float(flight.time[-1]),
         "rate": flight.rate,
         "channels": [asdict(row) for row in summary.rows],
-        "control_laws": [t for titles in hooks("control_laws") for t in titles(flight.parameters)],
+        "control_laws": [t for titles in hooks("control_laws", list[str]) for t in titles(flight.parameters)],
         "faults": [fault.to_dict() for fault in flight.faults],
         "maneuvers": [asdict(maneuver) for maneuver in summary.maneuvers],
         "windows": [

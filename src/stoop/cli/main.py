@@ -25,16 +25,16 @@ from typing import Any, Final, NoReturn
 from stoop.base.cache import fonts_folder
 from stoop.base.files import recorded_inputs
 from stoop.base.interrupts import keep_freed_memory, restore_interrupts, unblock_interrupts
-from stoop.base.packages import PREFIX, resolved
+from stoop.base.packages import PREFIX, culprit, guarded, others
 from stoop.base.streams import flush_or_discard, open_missing_streams
 from stoop.base.text import nearest, printable, show
-from stoop.base.verbs import Verb, verbs
-from stoop.cli.options import add_options, check_outputs
+from stoop.base.verbs import Verb, add_options, verbs
+from stoop.cli.options import check_outputs
 from stoop.errors import StoopError, StoopWarning
 
 GARBAGE: Final = 50_000  #: new objects until cycles are looked for; with 700 it took a tenth of the time
 BUG, USER_ERROR, INTERRUPTED, UNREAD = 1, 2, 130, 141
-BUG_MESSAGE = "this is a bug in stoop: please report it with the lines above and your command"
+BUG_MESSAGE = "this is a bug in stoop{}: please report it with the lines above and your command"
 #: of a write, which names no file
 OUTPUT_ERRORS: Final = {errno.EBADF, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.ENOSPC}
 #: least resemblance of options; names resemble each other by their two dashes already
@@ -79,7 +79,8 @@ def main(given: Sequence[str] | None = None) -> int:
         given = sys.argv[1:]
         gc.set_threshold(GARBAGE)
         keep_freed_memory()
-        atexit.register(gc.freeze)  # else the interpreter looks through all objects as it leaves: 0.5 s
+        # else the interpreter looks through all objects, half a second, before it leaves
+        atexit.register(gc.freeze)
         open_missing_streams()
         for stream in (sys.stdout, sys.stderr):
             if isinstance(stream, io.TextIOWrapper):  # an output that takes any character
@@ -105,11 +106,11 @@ def main(given: Sequence[str] | None = None) -> int:
         flush_or_discard(sys.stdout)
         return _complain(f"error: {_lacking(error)}", USER_ERROR)
     except Exception as error:
-        # a C library without memory
-        if isinstance(error, SystemError) and str(error).endswith("without exception set"):
+        # of a C library without memory
+        if isinstance(error, SystemError) and "without exception set" in str(error):
             return _complain(f"error: {_lacking(MemoryError())}", USER_ERROR)
         _print_traceback()
-        return _complain(BUG_MESSAGE, BUG)
+        return _complain(BUG_MESSAGE.format("".join(f" or in {name}" for name in others())), BUG)
 
 
 def _guarded(given: Sequence[str], debug: bool) -> int:
@@ -128,16 +129,17 @@ def _guarded(given: Sequence[str], debug: bool) -> int:
                 os.environ.setdefault("MPLCONFIGDIR", str(fonts_folder()))
             code = int(arguments.run(arguments))
     except SystemExit as leaving:  # argparse leaves this way after --help and after errors
-        code = leaving.code if isinstance(leaving.code, int) else 0
-    except ModuleNotFoundError as error:
-        if not str(error.name).startswith(PREFIX):
+        left = leaving.code or 0
+        code = left if isinstance(left, int) else _complain(f"error: {left}", USER_ERROR)
+    except Exception as error:
+        if isinstance(error, ModuleNotFoundError) and str(error.name).startswith(PREFIX):
+            error = StoopError(f"this needs the package {error.name}; install stoop anew")
+        if (known := error if isinstance(error, StoopError) else culprit(error)) is None:
             raise
-        code = _complain(f"error: this needs the package {error.name}; install stoop anew", USER_ERROR)
-    except StoopError as error:
         if debug:
             _print_traceback()
         # The first line is the error; more lines are a file to start from, for the user to redirect.
-        message, *attached = "".join(map(str, error.args)).splitlines() or [type(error).__name__]
+        message, *attached = "".join(map(str, known.args)).splitlines() or [type(error).__name__]
         code = _complain(f"error: {message}", USER_ERROR)
         for line in attached:
             show(line)
@@ -191,10 +193,11 @@ def parser_for(given: Sequence[str]) -> Parser:
 def _run(verb: Verb, arguments: argparse.Namespace) -> int:
     """Import the function of a verb, or of an option that runs it instead; with ``--overwrite`` it replaces nothing it reads."""
     given = {one.run: getattr(arguments, one.key) for one in verb.options if one.run}
-    others = [run for run, value in given.items() if value not in (None, False, [])]
+    runs = [run for run, value in given.items() if value not in (None, False, [])]
     with recorded_inputs() if hasattr(arguments, "overwrite") else contextlib.nullcontext():
         check_outputs(verb.options, arguments)
-        return int(resolved(*others[:1] or [verb.run])(arguments))
+        code = guarded((*runs, verb.run)[0], int | None)(arguments)
+        return code or 0
 
 
 def _verb(words: Sequence[str]) -> str | None:

@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import argparse
-import math
 import shlex
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from stoop.base.files import check_target as check_target
 from stoop.base.files import note_input
-from stoop.base.numbers import MAX_NUMBER
 from stoop.base.text import show
-from stoop.base.verbs import Option, plain
+from stoop.base.verbs import Option
+from stoop.base.verbs import positive as positive
 from stoop.errors import IdentificationError, OutputError
 
 if TYPE_CHECKING:
@@ -22,110 +21,7 @@ if TYPE_CHECKING:
     from stoop.vehicle import Vehicle
 
 STDOUT: Final = Path("-")  #: the file that stands for standard output
-#: largest whole number of an option that has no range of its own: any generator of random numbers takes it as a seed
-MAX_COUNT: Final = 2**32 - 1
 COMPILING: Final = "preparing the equations (some seconds the first time)"
-
-
-def _reader(allowed: Callable[[Any], bool], what: str, whole: bool = False) -> Callable[[str], Any]:
-    """Return what reads a number and refuses others in one line."""
-
-    def read(text: str) -> Any:
-        try:
-            value = (int(text) if text.isascii() and text.isdigit() else math.nan) if whole else float(text)
-        except ValueError:
-            value = math.nan
-        if not allowed(value):
-            raise argparse.ArgumentTypeError(f"'{text}' is not {what}")
-        return value
-
-    return read
-
-
-def page_path(text: str) -> Path:
-    """Return the file of a page: a name without an ending gets ``.html``, unless a folder or device has it; others raise."""
-    path = Path(text)
-    if path.suffix.lower() not in ("", ".html", ".htm") and not path.is_dir():
-        raise argparse.ArgumentTypeError(f"{text}: a page is written as .html; name it so")
-    taken = path.exists() and not path.is_file()
-    return path if path.suffix or taken or not path.name else path.with_name(f"{path.name}.html")
-
-
-def names(text: str) -> tuple[str, ...]:
-    """Return names that commas separate, each once."""
-    found = tuple(dict.fromkeys(name.strip() for name in text.split(",") if name.strip()))
-    if not found:
-        raise argparse.ArgumentTypeError("names are missing; separate them by commas")
-    return found
-
-
-#: kind of a number -> which are allowed, in code and in words
-NUMBERS: Final[Mapping[str, tuple[Callable[[float], bool], str]]] = {
-    "positive": (lambda x: 1.0 / MAX_NUMBER <= x <= MAX_NUMBER, "a positive number from 1e-30 to 1e30"),
-    "finite": (lambda x: abs(x) <= MAX_NUMBER, "a number up to 1e30"),
-}
-positive = _reader(*NUMBERS["positive"])
-#: kind of a whole number -> the smallest
-WHOLE: Final = {"count": 0, "at-least-one": 1}
-#: kind of an option's value -> what reads it
-READERS: Final[dict[str, Callable[[str], Any]]] = {
-    **dict.fromkeys(("text", "vehicle", "source"), str),
-    **dict.fromkeys(("file", "data", "folder", "output", "output-or-print"), Path),
-    "page": page_path,
-    "names": names,
-}
-
-
-def reader(option: Option) -> Callable[[str], Any]:
-    """Return what reads a value of an option; an angle within limits is returned in rad."""
-    if (least := WHOLE.get(option.kind)) is not None:
-        first, last = option.range or (least, MAX_COUNT)
-        what = f"a whole number from {first:.0f} to {last:.0f}"
-        return _reader(lambda n: first <= n <= last, what, whole=True)
-    if option.range is None and option.kind not in NUMBERS:
-        return READERS[option.kind]
-    allowed, what = NUMBERS["positive" if option.kind == "positive" else "finite"]
-    base = _reader(allowed, f"{what}; write it in {option.unit}, without the unit" if option.unit else what)
-    if option.range is None:
-        return base
-    low, high = option.range
-
-    def read(text: str) -> Any:
-        value = base(text)
-        if not low <= value <= high:
-            raise argparse.ArgumentTypeError(
-                f"{text} is not between {low:g} and {high:g} {option.unit}".rstrip()
-            )
-        return math.radians(value) if option.unit == "deg" else value
-
-    return read
-
-
-def add_options(parser: argparse.ArgumentParser, options: Sequence[Option]) -> dict[str, argparse.Action]:
-    """Add the options of a verb; return what argparse made of them, by their names in the program."""
-    groups: dict[str, Any] = {"": parser}
-    for option in options:
-        if option.group not in groups:
-            groups[option.group] = parser.add_mutually_exclusive_group()
-    return {option.key: _add(groups[option.group], option) for option in options}
-
-
-def _add(parser: Any, option: Option) -> argparse.Action:
-    usual = f" (default: {option.usual})" if option.usual else ""
-    settings: dict[str, Any] = {"help": plain(option.meaning + usual).replace("%", "%%")}
-    if option.kind == "switch":
-        settings["action"] = "store_true"
-    else:
-        default = [] if option.repeat and not option.required else option.default
-        settings |= {"type": reader(option), "metavar": option.metavar or None, "default": default}
-        settings |= {"choices": tuple(option.choices) or None, "const": option.const}
-        settings |= {"nargs": option.many} if option.many else {}
-        if option.repeat:
-            settings["action"] = "extend" if option.many else "append"
-    if not option.positional:
-        settings |= {"dest": option.key, "required": option.required}
-    added: argparse.Action = parser.add_argument(*filter(None, (option.short, option.name)), **settings)
-    return added
 
 
 def check_outputs(options: Sequence[Option], arguments: argparse.Namespace) -> None:
@@ -136,17 +32,16 @@ def check_outputs(options: Sequence[Option], arguments: argparse.Namespace) -> N
     OutputError
         Before any work is done.
     """
-    given = [(option.kind, getattr(arguments, option.key)) for option in options]
-    for kind, value in given:
-        for one in value if isinstance(value, list | tuple) else [value]:
-            if kind in ("file", "vehicle", "source") and one is not None:
+    targets = []
+    for option in options:
+        value = getattr(arguments, option.key)
+        for one in value if isinstance(value, list | tuple) else [value] * (value is not None):
+            if option.kind in ("file", "vehicle", "source"):
                 note_input(one)
-    targets: list[Path] = []
-    for kind, value in given:
-        if kind in ("output", "page") or (kind == "output-or-print" and value != STDOUT):
-            targets += [] if value is None else [value]
+            if option.kind in ("output", "page") or (option.kind == "output-or-print" and one != STDOUT):
+                targets.append(Path(one))
     for target in targets:
-        check_target(target, arguments.overwrite)
+        check_target(target, getattr(arguments, "overwrite", False))
     if len({target.absolute() for target in targets}) < len(targets):
         raise OutputError(f"{targets[-1]}: named for two outputs; name another file for one of them")
 

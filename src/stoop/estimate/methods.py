@@ -5,8 +5,8 @@
 
     `callback` receives the state after each step, and a search resumes from `state`; regressions ignore both.
 
-To add a method, write its function and its :class:`stoop.estimate.estimate.Estimate`, and add one row to `_METHODS`; packages
-add theirs as rows of ``estimators`` (`stoop.base.packages`).
+To add a method, write its function and its :class:`stoop.estimate.estimate.Estimate`, and add one row of ``estimators`` to
+``data/verbs.toml``; packages have theirs in ``stoop.toml`` (`stoop.base.packages`).
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING, Any, Final
 
-from stoop.base.packages import PREFIX, made, resolved
+from stoop.base.packages import guarded, made, resolved
 from stoop.base.text import nearest
 from stoop.errors import IdentificationError, StoopError
 
@@ -31,10 +31,10 @@ DEFAULT: Final = "output-error"
 class Method:
     """One method; its function is imported when it is first used."""
 
-    #: ``"module:function"`` of this room, or of a package; see the head of this module
+    #: ``"module:function"``; see the head of this module
     fit: str
     #: ``"module:class"``, the :class:`stoop.estimate.estimate.Estimate` that it returns
-    estimate: str = "fit:OutputErrorEstimate"
+    estimate: str = "stoop.estimate.fit:OutputErrorEstimate"
     #: purpose, in a few words
     purpose: str = ""
     #: whether residuals are those of a simulation, whose likelihood posterior and profile show
@@ -42,62 +42,19 @@ class Method:
 
     def fitter(self) -> Callable[..., Any]:
         """Return the function that fits."""
-        found: Callable[..., Any] = _imported(self.fit)
-        return found
+        from stoop.estimate.estimate import Estimate
+
+        return guarded(self.fit, Estimate)
 
     def estimates(self) -> type[Estimate]:
         """Return the class of its estimates."""
-        found: type[Estimate] = _imported(self.estimate)
-        return found
-
-
-def _imported(place: str) -> Any:
-    return resolved(place if place.startswith(PREFIX) else f"stoop.estimate.{place}")
-
-
-FILTER: Final = "filter_error:FilterEstimate"
-REGRESSION: Final = "regression.method:RegressionEstimate"
-_METHODS: Final[dict[str, Method]] = {
-    DEFAULT: Method("fit:fit", "fit:OutputErrorEstimate", "flights in calm air"),
-    "filter-error": Method("filter_error:steady", FILTER, "flights in turbulence"),
-    "filter-error-ekf": Method(
-        "filter_error:varying", FILTER, "likewise, with a gain that follows large maneuvers"
-    ),
-    "stabilized-output-error": Method(
-        "filter_error:stabilized",
-        FILTER,
-        "unstable vehicles in calm air: measurements keep the simulation near the record",
-    ),
-    "multiple-shooting": Method(
-        "multiple_shooting:fit",
-        "multiple_shooting:ShootingEstimate",
-        "vehicles that are unstable or fly on rotors: short windows",
-    ),
-    "equation-error": Method(
-        "regression.method:equation_error",
-        REGRESSION,
-        "a first look without a simulation: smoothed samples",
-        False,
-    ),
-    "frequency-domain": Method(
-        "regression.method:frequency_domain",
-        REGRESSION,
-        "likewise, on the Fourier coefficients of a band",
-        False,
-    ),
-    "two-stage": Method(
-        "two_stage:two_stage",
-        REGRESSION,
-        "aircraft: flight path first, then forces and moments along it",
-        False,
-    ),
-}
+        return resolved(self.estimate)  # type: ignore[no-any-return]
 
 
 @cache
 def _methods() -> Mapping[str, Method]:
     """Return the methods of stoop and those of packages."""
-    return _METHODS | made("estimators", "estimator", Method, _METHODS)
+    return made("estimators", Method)
 
 
 #: errors of arrays that are not those of an estimate
@@ -133,7 +90,7 @@ def names() -> tuple[str, ...]:
 
 def find(name: str) -> Method:
     """Return a method by its name, output error where none is named; an IdentificationError says that there is none."""
-    found = _METHODS.get(str(name or DEFAULT)) or _methods().get(str(name))
+    found = _methods().get(str(name or DEFAULT))
     if found is None:
         raise IdentificationError(f"method '{name}': not known; {nearest(str(name), _methods())}")
     return found

@@ -1,3 +1,4 @@
+from stoop.base import rotations as rotations
 from stoop.base.arrays import BoolArray as BoolArray
 from stoop.base.arrays import ComplexArray as ComplexArray
 from stoop.base.arrays import FloatArray as FloatArray
@@ -6,4 +7,3 @@ from stoop.base.arrays import run_slices as run_slices
 from stoop.base.blas import on_one_blas_thread as on_one_blas_thread
 from stoop.base.dual import Dual as Dual
 from stoop.base.robust import robust_std as robust_std
-from stoop.base import rotations as rotations

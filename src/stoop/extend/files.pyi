@@ -1,3 +1,4 @@
+from stoop.base import toml as toml
 from stoop.base.cache import cache_folder as cache_folder
 from stoop.base.csv_text import csv_text as csv_text
 from stoop.base.files import check_targets as check_targets
@@ -6,7 +7,6 @@ from stoop.base.files import read_bounded as read_bounded
 from stoop.base.files import write_file as write_file
 from stoop.base.files import write_files as write_files
 from stoop.base.schema_errors import first_complaint as first_complaint
-from stoop.base import toml as toml
 from stoop.cli.page import to_json as to_json
 from stoop.workflow.outputs import by_name as by_name
 from stoop.workflow.outputs import file_hashes as file_hashes

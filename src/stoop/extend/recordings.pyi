@@ -1,3 +1,5 @@
+from stoop.logs import crazyflie as crazyflie
+from stoop.logs import dataflash as dataflash
 from stoop.logs.csv_tables import guess_clock as guess_clock
 from stoop.logs.csv_tables import mapping_beside as mapping_beside
 from stoop.logs.read import kind as kind
@@ -5,5 +7,3 @@ from stoop.logs.read import read as read
 from stoop.logs.read import read_unmapped as read_unmapped
 from stoop.logs.recording import Recording as Recording
 from stoop.logs.recording import Stream as Stream
-from stoop.logs import crazyflie as crazyflie
-from stoop.logs import dataflash as dataflash

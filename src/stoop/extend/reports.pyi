@@ -1,9 +1,9 @@
+from stoop.report import plots as plots
+from stoop.report import sheet as sheet
+from stoop.report import svg as svg
 from stoop.report.bode_plots import response_panels as response_panels
 from stoop.report.charts import interval_rows as interval_rows
 from stoop.report.flight import channel_panels as channel_panels
 from stoop.report.maneuvers import response_strip as response_strip
 from stoop.report.time_history import in_blocks as in_blocks
 from stoop.report.time_history import with_residual as with_residual
-from stoop.report import plots as plots
-from stoop.report import sheet as sheet
-from stoop.report import svg as svg

@@ -12,6 +12,7 @@ from stoop.vehicle.atmosphere import polynomial_density as polynomial_density
 from stoop.vehicle.builtin import BUILT_IN as BUILT_IN
 from stoop.vehicle.builtin import builtin_text as builtin_text
 from stoop.vehicle.builtin import builtin_title as builtin_title
+from stoop.vehicle.builtin import load_vehicle as load_vehicle
 from stoop.vehicle.defaults import COEFFICIENTS as COEFFICIENTS
 from stoop.vehicle.defaults import EQUATION_1 as EQUATION_1
 from stoop.vehicle.defaults import MOMENT_ARMS as MOMENT_ARMS
@@ -22,7 +23,6 @@ from stoop.vehicle.document import write_entry as write_entry
 from stoop.vehicle.document import write_fields as write_fields
 from stoop.vehicle.extensions import with_free_number as with_free_number
 from stoop.vehicle.load import STANDARD_CONTROLS as STANDARD_CONTROLS
-from stoop.vehicle.builtin import load_vehicle as load_vehicle
 from stoop.vehicle.load import parse_vehicle as parse_vehicle
 from stoop.vehicle.schema import Number as Number
 from stoop.vehicle.schema import Propeller as Propeller

@@ -1,12 +1,12 @@
 from stoop.base.extras import install as install
+from stoop.base.packages import guarded as guarded
 from stoop.base.packages import hook as hook
 from stoop.base.packages import made as made
-from stoop.base.packages import resolved as resolved
 from stoop.base.verbs import Option as Option
 from stoop.base.verbs import verbs as verbs
+from stoop.cli import options as options
 from stoop.cli.page import Page as Page
 from stoop.cli.page import column as column
 from stoop.cli.page import page as page
 from stoop.cli.progress import LiveLine as LiveLine
 from stoop.cli.progress import run_campaign as run_campaign
-from stoop.cli import options as options

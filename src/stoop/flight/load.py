@@ -152,7 +152,7 @@ def _contradictions(
     mapped: Mapped | None = None,
 ) -> tuple[Fault, ...]:
     """Return what packages find that contradicts units, signs and axes of a flight's columns, from samples in the air (`up`)."""
-    judges, span = hooks("judge_mapping"), flight.time[[0, -1]].tolist()
+    judges, span = hooks("judge_mapping", list[Notice]), flight.time[[0, -1]].tolist()
     failed += [] if judges else [notice("mapping-not-judged")]
     found = (one for judge in judges for one in judge(flight, up, channels, faults, failed, mapped))
     return tuple(contradiction(one, *span) for one in found)

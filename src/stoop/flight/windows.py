@@ -91,7 +91,8 @@ def overview(flight: Flight) -> Overview:
     """Describe a flight and find the windows that are worth fitting."""
     summary, failed = describe(flight), list[Notice]()
     try:
-        used, find_windows = without_faults(summary.flight), hook("find_windows", "the selection of windows")
+        find_windows = hook("find_windows", "the selection of windows", Found)
+        used = without_faults(summary.flight)
         found, why = attempt(failed, Found(()), find_windows, {used.name: used}), ""
     except StoopError as error:
         found, why = Found(()), str(error)

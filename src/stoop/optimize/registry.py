@@ -6,10 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from math import isfinite
-from types import MappingProxyType
-from typing import Any, Final
+from typing import Any, Final, runtime_checkable
 
-from stoop.base.packages import made, resolved
+from stoop.base.packages import guarded, made
 from stoop.errors import IdentificationError
 from stoop.optimize.state import Optimizer
 
@@ -27,18 +26,10 @@ class Entry:
     state: str = ""
 
 
-_BUILT_IN: Final[dict[str, Entry]] = {
-    DEFAULT: Entry("stoop.optimize.ps_gde_lm:PsGdeLm", residuals=True),
-    "scipy-de": Entry("stoop.optimize.libraries:scipy_de"),
-    "scipy-least-squares": Entry("stoop.optimize.libraries:scipy_least_squares", residuals=True),
-    "cma": Entry("stoop.optimize.libraries:cma"),
-}
-
-
 @cache
 def _entries() -> Mapping[str, Entry]:
     """Return the built-in optimizers and those of packages."""
-    return MappingProxyType(_BUILT_IN | made("optimizers", "optimizer", Entry, _BUILT_IN))
+    return made("optimizers", Entry)
 
 
 def names() -> tuple[str, ...]:
@@ -67,8 +58,8 @@ def create(name: str = DEFAULT, budget: float | None = None) -> Optimizer[Any]:
         If there is none of that name, or its package is not installed.
     """
     entry = _entry(name)
-    make = resolved(entry.make)
     planned = None if budget is None or not isfinite(budget) else budget
+    make = guarded(entry.make, runtime_checkable(Optimizer))
     optimizer: Optimizer[Any] = make(planned) if entry.plans else make()
     return optimizer
 
@@ -79,8 +70,8 @@ def needs_residuals(name: str) -> bool:
 
 
 def _entry(name: str) -> Entry:
-    """Return what is registered under a name; other packages are looked at only for names of theirs."""
-    entry = _BUILT_IN.get(name) or _entries().get(name)
+    """Return what is registered under a name."""
+    entry = _entries().get(name)
     if entry is None:
         raise IdentificationError(
             f"optimizer {name}: there is none of that name; use one of {', '.join(_entries())}"

@@ -6,7 +6,6 @@ registered are ever built from a file, and from their fields alone.
 
 from __future__ import annotations
 
-import importlib
 import io
 import json
 import struct
@@ -23,6 +22,7 @@ import numpy as np
 from stoop.base.arrays import FloatArray
 from stoop.base.files import write_file
 from stoop.base.npz import read_arrays
+from stoop.base.packages import resolved
 from stoop.base.toml import is_of_type, parse_json
 from stoop.errors import IdentificationError
 from stoop.optimize.ledger import Evaluations
@@ -211,7 +211,7 @@ def _decode(value: Any, arrays: dict[str, np.ndarray[Any, Any]]) -> Any:
         from stoop.optimize.registry import state_classes
 
         module = state_classes()[name]
-    kind = getattr(importlib.import_module(module), name)
+    kind = resolved(f"{module}:{name}")
     names = {old: new for old, new in FORMER_FIELDS.items() if old not in {f.name for f in fields(kind)}}
     content = {names.get(old, old): _decode(item, arrays) for old, item in value["fields"].items()}
     hints = get_type_hints(kind)

@@ -21,10 +21,9 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Final, TypedDict
 
-import stoop
 from stoop.base.interrupts import reraise_interrupt
 from stoop.base.lazy import places
-from stoop.base.packages import tables
+from stoop.base.packages import packages, tables
 from stoop.errors import CampaignError, StoopError
 from stoop.parallel.plan import from_text, to_text
 
@@ -234,7 +233,7 @@ def _module_of(base: str, name: str, roots: Roots) -> str:
 def _lazy(module: str) -> Mapping[str, str]:
     """Return name -> module that holds it, of a module that imports its names at their first use: `stoop`, or by its stub."""
     if module == "stoop":
-        return {name: place.partition(":")[0] for name, place in stoop.PLACES.items()}
+        return {name: place.partition(":")[0] for name, place in packages()["stoop"]["functions"].items()}
     extend, _, group = module.rpartition(".")
     stub = Path(__file__).parents[1] / "extend" / f"{group}.pyi"
     return places(stub) if extend == "stoop.extend" and stub.is_file() else {}

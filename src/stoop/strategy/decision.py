@@ -84,6 +84,10 @@ class Change:
     gained: float = float("nan")
     held_back: float = float("nan")
 
+    def __post_init__(self) -> None:
+        if not isinstance(self.setup, Setup):
+            raise TypeError(f"a Change is one of a Setup, not of a {type(self.setup).__name__}")
+
 
 @dataclass(frozen=True, eq=False)
 class Tested:

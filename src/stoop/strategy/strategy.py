@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 from typing import Any, Final, Literal
 
-from stoop.base.packages import guarded, resolved, rows, warn
+from stoop.base.packages import guarded, rows
 from stoop.base.text import nearest
-from stoop.errors import IdentificationError, StoopError
+from stoop.errors import IdentificationError
 from stoop.estimate.treatment import Treatment
 from stoop.results.uncertainty import COMPONENTS
 from stoop.strategy.assumptions import ASSUMPTIONS
 from stoop.strategy.bounds import BOUNDS
-from stoop.strategy.decision import Decision, Fitter, Setup
+from stoop.strategy.decision import Change, Decision, Fitted, Fitter, Setup
 from stoop.strategy.extensions import EXTENSIONS
 from stoop.strategy.faults import FAULTS
 from stoop.strategy.gusts import GUSTS
@@ -22,7 +22,8 @@ from stoop.strategy.instability import INSTABILITY
 from stoop.strategy.method import METHOD
 from stoop.strategy.sensor_delays import SENSOR_DELAYS
 
-POINTS: Final = ("data", "problem", "around")  #: at which functions of packages decide
+#: at which functions of packages decide, and what they return
+POINTS: Final = {"data": Change | None, "problem": Change | None, "around": Fitted}
 #: in the order in which they change the problem; of those around a fit each encloses the ones before it
 _BUILT_IN: Final[tuple[Decision, ...]] = (
     FAULTS,
@@ -56,22 +57,15 @@ _BUILT_IN: Final[tuple[Decision, ...]] = (
 def _offered() -> list[Decision]:
     """Return the decisions of packages; their functions are imported when they are called."""
     found = list[Decision]()
-    for package, name, row in rows("decisions", [one.name for one in _BUILT_IN]):
-        with guarded(package, f"its decision '{name}'"):
-            places = {point: str(row[point]) for point in POINTS if point in row}
-            points: dict[str, Any] = {point: partial(_call, package, x) for point, x in places.items()}
-            found.append(Decision(name, str(row["question"]), row.get("default") is True, **points))
+    for _, name, row in rows("decisions", [one.name for one in _BUILT_IN]):
+        points: dict[str, Any] = {p: guarded(row[p], POINTS[p], _undecided) for p in POINTS if p in row}
+        found.append(Decision(name, row["question"], row.get("default", False), **points))
     return found
 
 
-def _call(package: str, place: str, setup: Setup, *fitter: Fitter) -> Any:
-    """Take a decision of a package; one that cannot be imported is left out."""
-    try:
-        decide = resolved(place)
-    except (StoopError, ImportError) as error:
-        warn(package, f"a decision is left out: {error}")
-        return fitter[0](setup) if fitter else None
-    return decide(setup, *fitter)
+def _undecided(setup: Setup, *fitter: Fitter) -> Fitted | None:
+    """Return what follows where a decision fails: the fit around which it is, or no change."""
+    return fitter[0](setup) if fitter else None
 
 
 DECISIONS: Final = (*_BUILT_IN, *_offered())

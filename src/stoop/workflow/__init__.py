@@ -2,9 +2,9 @@
 
 from typing import Any
 
+import stoop
 from stoop.assessment.bootstrap import Bootstrap
 from stoop.assessment.profile import Profile
-from stoop.base.packages import places, resolved
 from stoop.workflow.fitted_model import FittedModel
 from stoop.workflow.identification import fit
 
@@ -12,8 +12,7 @@ __all__ = ["Bootstrap", "FittedModel", "Profile", "fit"]
 
 
 def __getattr__(name: str) -> Any:
-    """Return a function or class of a package, such as ``Posterior``."""
-    place = places("functions").get(name)
-    if place is None:
+    """Return `stoop.Posterior`, a class of a package."""
+    if name != "Posterior":
         raise AttributeError(f"module 'stoop.workflow' has no attribute '{name}'")
-    return resolved(place)
+    return stoop.Posterior

@@ -25,6 +25,7 @@ from stoop.errors import VehicleError
 from stoop.estimate.estimate import Estimate
 from stoop.flight import Flight
 from stoop.prediction.predict import expected_biases, predict, predictor
+from stoop.results.extensions import ResponseMisfit
 from stoop.results.result import InitialState, ParameterEstimate, Quantity, Result, SensorBiases, WindEstimate
 from stoop.strategy.decision import Fitted
 from stoop.vehicle import parse_vehicle
@@ -81,7 +82,11 @@ def fitted_model(decided: Fitted) -> FittedModel:
     failed = [*decided.tested.notices]  # of error bars, then of detectors
     found = attempt(failed, (), modes, fit, result.covariance.names, result.covariance.matrix)
     flown = (model.vehicle.coupled_to(()), flights, maneuvers, traces)
-    left = tuple(one for find in hooks("response_misfits") for one in attempt(failed, (), find, *flown))
+    left = tuple(
+        one
+        for find in hooks("response_misfits", list[ResponseMisfit])
+        for one in attempt(failed, (), find, *flown)
+    )
     result = replace(result, modes=found, extensions=decided.tested.tests, response_misfits=left)
     terms = flown_model(result, fit)
     result = with_uncertainty(result, fit, bars, terms)

@@ -125,7 +125,7 @@ def simulate(
             raise ManeuverError(
                 "autopilot: a maneuver has its own time and steady flight; remove time, airspeed and initial_state"
             )
-        simulate_under_law = hook("simulate_under_law", "the law of an autopilot")
+        simulate_under_law = hook("simulate_under_law", "the law of an autopilot", Flight)
         flight: Flight = simulate_under_law(vehicle, maneuver, autopilot, seed, noise, name)
         return flight
     return simulated(

@@ -7,7 +7,6 @@ from types import MethodType
 from typing import Any
 
 from stoop.base.packages import places, resolved
-from stoop.base.verbs import table
 
 
 class _Method:
@@ -28,6 +27,5 @@ class ModelMethods:
 def add_methods(model: type) -> None:
     """Give a class the methods of stoop and of packages; names that it has stay its own."""
     own = [*dir(model), *getattr(model, "__dataclass_fields__", ())]
-    methods = table()["methods"]
-    for name, place in (methods | places("methods", [*methods, *own])).items():
+    for name, place in places("methods", own).items():
         setattr(model, name, _Method(place))

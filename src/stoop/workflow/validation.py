@@ -168,7 +168,7 @@ def validate(
             start = {} if isinstance(initial_state, str) else dict(initial_state)
             ahead = predict_from(predictor, {name: flight}, own, biases, start)
             before = predict_from(_draft(predictor, of), {name: flight}, own, biases, start)
-            for rate in hooks("open_loop_scores"):
+            for rate in hooks("open_loop_scores", dict):
                 scores |= rate(vehicle, ahead, before, [*chain(*flown)])
         predicted = (ahead.prepared, ahead.readings, None, ahead.deviations, ahead.innovations)
         group = Simulated("validation", *predicted)

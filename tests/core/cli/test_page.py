@@ -16,8 +16,8 @@ from hypothesis import strategies as st
 from rich.console import Console
 
 from stoop.base.text import duration, printable, remaining
+from stoop.base.verbs import page_path
 from stoop.cli import page as pages
-from stoop.cli.options import page_path
 from stoop.cli.page import Page, alike, blocks, fit, fixed, number, numbers, plain, points, to_json, words
 from stoop.cli.progress import LiveLine, Timed, Watch
 

@@ -12,10 +12,10 @@ from typing import Any
 import pytest
 
 import stoop
-from stoop.base.verbs import Option, Verb, plain, read_verbs, verbs
+from stoop.base.verbs import NUMBERS, READERS, WHOLE, Option, Verb, plain, read_verb, reader, verbs
 from stoop.cli.completion import all_parsers
 from stoop.cli.main import parser_for
-from stoop.cli.options import NUMBERS, READERS, WHOLE, identify_command, reader
+from stoop.cli.options import identify_command
 from stoop.vehicle.builtin import BUILT_IN
 
 ROOT = Path(__file__).parents[3]
@@ -108,7 +108,7 @@ def test_every_kind_has_a_reader_and_a_whole_number_limits_that_its_program_can_
 
 def test_a_table_of_another_package_may_name_and_change_shared_options() -> None:
     row = {"summary": "s", "run": "m:f", "options": ["flight", {"like": "seed", "default": 7}]}
-    verb = read_verbs({"verbs": {"other": row}})["other"]
+    verb = read_verb("other", row)
     assert verb.options[0] is verbs()["info"].options[0]
     assert (verb.option("seed").default, verb.option("seed").kind) == (7, "count")
 

@@ -8,8 +8,7 @@ import pytest
 from helpers.works import walks
 
 from stoop.base.text import duration
-from stoop.base.verbs import shared_options
-from stoop.cli.options import add_options
+from stoop.base.verbs import add_options, shared_options
 from stoop.cli.progress import QUIET, Display, pool, run_campaign
 from stoop.parallel import CampaignError, Dask, LocalProcesses, Tally
 

@@ -70,8 +70,7 @@ COMMAND = """
 import argparse, sys
 from pathlib import Path
 from stoop.parallel import Plan, Run
-from stoop.base.verbs import shared_options
-from stoop.cli.options import add_options
+from stoop.base.verbs import add_options, shared_options
 from stoop.cli.progress import run_campaign
 parser = argparse.ArgumentParser()
 add_options(parser, (shared_options()["workers"], shared_options()["scheduler"]))

@@ -14,9 +14,8 @@ from scipy.signal import lfilter
 
 import stoop
 from stoop.base.notices import notice
-from stoop.base.verbs import verbs
+from stoop.base.verbs import add_options, verbs
 from stoop.cli.identify import strategy_of
-from stoop.cli.options import add_options
 from stoop.errors import IdentificationError
 from stoop.estimate.fit import Options
 from stoop.estimate.fit import fit as output_error
