@@ -24,7 +24,7 @@ FLAG = re.compile(
 )  #: tests whether a vehicle has rotors
 #: package, or room of the core -> lines at most; "stoop" is the whole core
 BUDGETS = {
-    "stoop": 52978,
+    "stoop": 52981,
     "stoop_analysis": 6447,
     "stoop_app": 4022,
     "stoop_draft": 7293,
@@ -38,7 +38,7 @@ BUDGETS = {
     "base": 2583,
     "checks": 585,
     "cli": 2124,
-    "estimate": 7153,
+    "estimate": 7151,
     "extend": 97,
     "flight": 5238,
     "kernels": 2755,
@@ -51,8 +51,8 @@ BUDGETS = {
     "report": 3123,
     "results": 1348,
     "simulation": 2979,
-    "strategy": 1463,
-    "vehicle": 3634,
+    "strategy": 1470,
+    "vehicle": 3632,
     "workflow": 2372,
 }
 #: modules that an allowed import cycle goes through, imports in functions counted: registries that name their entries
