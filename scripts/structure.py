@@ -24,7 +24,7 @@ FLAG = re.compile(
 )  #: tests whether a vehicle has rotors
 #: package, or room of the core -> lines at most; "stoop" is the whole core
 BUDGETS = {
-    "stoop": 53026,
+    "stoop": 53029,
     "stoop_analysis": 6488,
     "stoop_app": 4016,
     "stoop_draft": 7304,
@@ -38,7 +38,7 @@ BUDGETS = {
     "base": 2800,
     "checks": 585,
     "cli": 2001,
-    "estimate": 7096,
+    "estimate": 7094,
     "extend": 113,
     "flight": 5232,
     "kernels": 2755,
@@ -51,8 +51,8 @@ BUDGETS = {
     "report": 3134,
     "results": 1353,
     "simulation": 2982,
-    "strategy": 1461,
-    "vehicle": 3637,
+    "strategy": 1468,
+    "vehicle": 3635,
     "workflow": 2375,
 }
 #: modules that an allowed import cycle goes through, imports in functions counted: registries that name their entries

@@ -245,10 +245,8 @@ def averaged(vehicle: Vehicle, states: FloatArray, points: IntArray) -> FloatArr
         zero = np.zeros(states.shape[:2])
         e0, e1, e2, e3 = (states[:, :, at[n]] if n in at else zero for n in ("e0", "e1", "e2", "e3"))
         downs = [2 * (e1 * e3 - e0 * e2), 2 * (e2 * e3 + e0 * e1), e0**2 - e1**2 - e2**2 + e3**2]
-        out, (x, y, z) = (
-            np.moveaxis(np.add.reduceat(columns, first, axis=1) / counts, 2, 0)
-            for columns in (states, np.stack(downs, axis=2))
-        )
+        sums = (np.add.reduceat(columns, first, axis=1) for columns in (states, np.stack(downs, axis=2)))
+        out, (x, y, z) = (np.moveaxis(total / counts, 2, 0) for total in sums)
         phi, theta = np.arctan2(y, z), np.arctan2(-x, np.hypot(y, z))
         level = quaternions_of(np.stack([phi, theta, np.zeros_like(phi)], axis=-1))
         for i in (i for i in range(4) if f"e{i}" in at):

@@ -18,10 +18,11 @@ from stoop.base.notices import Notice, notice
 from stoop.base.variables import VELOCITY
 from stoop.errors import IdentificationError
 from stoop.estimate import methods
+from stoop.estimate.estimate import Estimate
 from stoop.estimate.regression.velocity_delay import velocity_delay
 from stoop.results.decisions import DecisionRecord
 from stoop.results.extensions import ExtensionTests
-from stoop.strategy.decision import Change, Decision, Fitted, Fitter, Setup, test
+from stoop.strategy.decision import Change, Decision, Fitted, Fitter, Setup, Tested, test
 from stoop.strategy.gusts import IN_GUSTS
 from stoop.strategy.likelihood import log_likelihood_rise, penalized_rise
 from stoop.vehicle import Vehicle
@@ -59,7 +60,7 @@ def free_delays(setup: Setup, fit: Fitter) -> Fitted:
     saved = first = best = fit(setup)
     tested, cut = test(first.estimate, setup.left_out)
     began, vehicle = time.perf_counter(), setup.vehicle
-    freed, notices = dict[str, str](), list[Notice]()  # name: that of its parameter
+    freed = dict[str, str]()  # name: that of its parameter
     ended = first.estimate.outcome.status != "interrupted"
     while ended and not cut and (extension := _late_sensor(vehicle, tested.tests)):
         box = list(USUAL.sensor_delay_bounds)
@@ -91,12 +92,18 @@ def free_delays(setup: Setup, fit: Fitter) -> Fitted:
             NAME, "applied", "score tests ask for a delay before all else", f"{', '.join(freed)} estimated",
             rise, seconds=time.perf_counter() - began,
         )  # fmt: skip
-        index = {p.name: i for i, p in enumerate(best.estimate.problem.layout.parameters)}
-        for name, one in freed.items():
-            known = {"estimate": best.estimate.estimates[one], "std": float(tested.bars.std[index[one]])}
-            notices.append(notice("sensor-delay-freed", name, **known, prior=USUAL.sensor_delay_std))
-        best = best.noting(*notices).recorded(record)
+        best = best.noting(*_notices(best.estimate, tested, freed)).recorded(record)
     return best.interrupted(DOING) if cut else best
+
+
+def _notices(fit: Estimate, tested: Tested, freed: dict[str, str]) -> list[Notice]:
+    """Return the estimates of freed delays."""
+    index = {p.name: i for i, p in enumerate(fit.problem.layout.parameters)}
+    found = {name: (fit.estimates[one], float(tested.bars.std[index[one]])) for name, one in freed.items()}
+    prior = USUAL.sensor_delay_std
+    return [
+        notice("sensor-delay-freed", n, estimate=x, std=std, prior=prior) for n, (x, std) in found.items()
+    ]
 
 
 def _late_sensor(vehicle: Vehicle, tests: ExtensionTests) -> Extension | None:

@@ -93,11 +93,9 @@ def _complete_terms(aerodynamics: dict[str, Any], controls: dict[str, Any], wher
         missing = {c for c in STANDARD_CONTROLS if c not in controls}
         default = aerodynamics.get("default", True)
         merged: dict[str, Any] = {n: {"term": t} for n, t in known.items() if default and t not in missing}
-        aerodynamics[coefficient] = {
-            name: _term(value, known.get(name), f"{where}: aerodynamics.{coefficient}.{name}")
-            for name, value in (merged | written).items()
-            if value is not False
-        }
+        kept = {name: value for name, value in (merged | written).items() if value is not False}
+        place = f"{where}: aerodynamics.{coefficient}"
+        aerodynamics[coefficient] = {n: _term(x, known.get(n), f"{place}.{n}") for n, x in kept.items()}
 
 
 def _term(value: Any, known: str | None, where: str) -> Any:

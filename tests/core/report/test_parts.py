@@ -154,8 +154,8 @@ def test_verdicts() -> None:
 
 def test_a_refused_model_is_no_good_one_however_it_predicts() -> None:
     maneuvers = good().maneuvers
-    assert prediction_verdict(maneuvers, ()).level == "good"
-    refused = prediction_verdict(maneuvers, (), refused=True)
+    assert prediction_verdict(maneuvers, refused=False).level == "good"
+    refused = prediction_verdict(maneuvers, refused=True)
     assert refused.level == "bad"
     assert refused.headline.endswith("lag, but its identification says: do not use it.")
 
