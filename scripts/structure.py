@@ -24,18 +24,18 @@ FLAG = re.compile(
 )  #: tests whether a vehicle has rotors
 #: package, or room of the core -> lines at most; "stoop" is the whole core
 BUDGETS = {
-    "stoop": 53029,
+    "stoop": 53036,
     "stoop_analysis": 6488,
-    "stoop_app": 4016,
+    "stoop_app": 4018,
     "stoop_draft": 7304,
     "stoop_export": 7248,
     "stoop_fleet": 3653,
-    "stoop_plan": 5219,
+    "stoop_plan": 5221,
     "stoop_studies": 15043,
     "stoop_tune": 4475,
     "api": 57,
     "assessment": 4745,
-    "base": 2800,
+    "base": 2804,
     "checks": 585,
     "cli": 2001,
     "estimate": 7094,
@@ -53,7 +53,7 @@ BUDGETS = {
     "simulation": 2982,
     "strategy": 1468,
     "vehicle": 3635,
-    "workflow": 2375,
+    "workflow": 2378,
 }
 #: modules that an allowed import cycle goes through, imports in functions counted: registries that name their entries
 REGISTRIES = {"stoop.optimize.registry", "stoop.vehicle.vehicle", "stoop.workflow.fitted_model"}

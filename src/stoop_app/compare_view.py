@@ -6,6 +6,7 @@ from typing import Any, Final
 
 import panel as pn
 
+from stoop.extend.files import write_files
 from stoop.extend.reports import sheet
 from stoop.extend.vehicles import load_vehicle
 from stoop_app import parts
@@ -70,7 +71,8 @@ class CompareView(View):
 
             def made() -> None:
                 place = inside(self.project.root, wanted)
-                sheet.write_sheet(comparison_sheet(*map(compared, self._both)), place)
+                page = sheet.render_sheet(comparison_sheet(*map(compared, self._both)))
+                write_files(place.parent, {place.name: page})
                 self._turn()
 
             self.act(made)()

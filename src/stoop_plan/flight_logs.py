@@ -70,6 +70,8 @@ def save_flight_as(flight: Flight, target: Path) -> Path | None:
     content, mapping = WRITERS[ending](flight)
     place = mapping_beside(target)
     beside = {place.name: mapping} if mapping else {}
+    if not target.parent.is_dir():
+        raise OutputError(f"{target}: there is no folder {target.parent}; make it first, or choose another")
     write_files(target.parent, {target.name: content, **beside}, () if mapping else [place.name])
     return place if mapping else None
 

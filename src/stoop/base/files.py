@@ -168,6 +168,15 @@ def write_files(folder: Path, files: Mapping[str, bytes | str], obsolete: Iterab
         command; the files that were there stay, and none is left half-written.
     """
     make_folder(folder)
+    _write(folder, files, obsolete)
+
+
+def write_file(path: Path, content: bytes | str) -> None:
+    """Write a file into a folder that exists, text as UTF-8; a reader sees the old or the whole new one. See `write_files`."""
+    _write(Path(path).parent, {Path(path).name: content})
+
+
+def _write(folder: Path, files: Mapping[str, bytes | str], obsolete: Iterable[str] = ()) -> None:
     target, new = folder.joinpath(*[*files][:1]), _NEW.get() or set()
     try:
         with scratch(folder) as made:
@@ -191,11 +200,6 @@ def write_files(folder: Path, files: Mapping[str, bytes | str], obsolete: Iterab
         raise OutputError(
             f"{target}: cannot be written ({error.strerror or error}); choose another output folder"
         ) from error
-
-
-def write_file(path: Path, content: bytes | str) -> None:
-    """Write a file, text as UTF-8; a reader sees the old file or the whole new one, never a part. See `write_files`."""
-    write_files(Path(path).parent, {Path(path).name: content})
 
 
 def _write_through(path: Path, content: bytes) -> None:

@@ -6,6 +6,7 @@ import hashlib
 import json
 import time
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 
 from stoop.assessment.verdict import CONFIRMED
@@ -61,6 +62,8 @@ class Checkpoint:
     def keep_last(self, outcome: Outcome) -> None:
         """Save the last whole step of a search that has ended, whatever ended it."""
         if outcome.state is not None:
+            with suppress(OSError):
+                self._path.parent.mkdir(parents=True, exist_ok=True)
             self._save(outcome.state)
 
     def forget(self, status: str) -> None:

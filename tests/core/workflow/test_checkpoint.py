@@ -66,14 +66,12 @@ def test_a_state_that_cannot_be_saved_is_told_once(
 ) -> None:
     monkeypatch.setattr(module, "INTERVAL", 0.0)
     told: list[str] = []
-    (tmp_path / "out").touch()
     checkpoint = Checkpoint(tmp_path / "out", "this", told.append)
     for _ in range(3):
         checkpoint.keep(state)
     (line,) = told
     assert "the search goes on" in line
     assert "\n" not in line
-    (tmp_path / "out").unlink()
     checkpoint.keep_last(outcome)
     assert checkpoint.load().generation == state.generation
 
