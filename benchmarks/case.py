@@ -12,7 +12,7 @@ from stoop.kernels import Kernel
 from stoop.simulation import initial_states, parameter_rows
 from stoop.simulation.fly import fly
 from stoop.simulation.maneuver import Maneuver
-from stoop.simulation.trajectories import Flown
+from stoop.vehicle.trajectories import Flown
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 

@@ -15,12 +15,12 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from stoop import Notice, Vehicle
+from stoop import Notice, Vehicle, linearize
 from stoop.extend.arrays import BoolArray, ComplexArray, FloatArray
 from stoop.extend.errors import FlightError
 from stoop.extend.fits import NORMAL_95, Result
 from stoop.extend.flights import FrequencyResponse, Window, decibels
-from stoop.extend.motion import LinearModel, Trim, linearize, linearize_lanes, neighbors
+from stoop.extend.motion import LinearModel, Trim
 from stoop.extend.notices import notice
 from stoop.extend.text import Summarized
 from stoop_analysis.draws import from_covariance
@@ -105,7 +105,7 @@ def uncertain_model(
     if result is None:
         return UncertainModel(base, (), tuple(notices))
     drawn = from_covariance(result, DRAWS, seed)
-    models = linearize_lanes(vehicle, neighbors(point)(drawn.numbers_of(vehicle)))
+    models = LinearModel.of_lanes(vehicle, point.neighbors()(drawn.numbers_of(vehicle)))
     return UncertainModel(base, tuple(models), (*notices, *drawn.notices))
 
 

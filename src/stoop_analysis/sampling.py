@@ -29,10 +29,9 @@ from typing import Any, Final, Protocol, Self
 import numpy as np
 from scipy.special import expit
 
-from stoop.extend.arrays import FloatArray
+from stoop.extend.arrays import FloatArray, thread_count
 from stoop.extend.errors import IdentificationError
 from stoop.extend.fits import MAX_RHAT
-from stoop.extend.motion import thread_count
 from stoop.extend.verbs import install
 
 

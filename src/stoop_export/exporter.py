@@ -20,7 +20,7 @@ from stoop import Vehicle, trim
 from stoop.extend.arrays import FloatArray
 from stoop.extend.errors import SimulationError, StoopError
 from stoop.extend.files import write_files
-from stoop.extend.motion import Trim, held_numbers
+from stoop.extend.motion import Trim
 from stoop.extend.text import count, printable_lines
 from stoop.extend.vehicles import leaves
 from stoop_analysis.derivatives import ParameterCovariance
@@ -146,7 +146,7 @@ class Exporter(ABC):
     @property
     def actuators(self) -> tuple[str, ...]:
         """Names of dead zones, rate limits and delays that do something."""
-        return held_numbers(self.vehicle, ("dead_zone", "rate_limit", "delay"))
+        return self.vehicle.held_numbers(("dead_zone", "rate_limit", "delay"))
 
     @abstractmethod
     def files(self) -> Exported:

@@ -33,8 +33,8 @@ import sympy as sp
 
 from stoop import Vehicle
 from stoop.extend.errors import StoopError, one_line
-from stoop.extend.motion import Trim, initial_states, parameter_rows, scalar_text
-from stoop.extend.vehicles import build_model, over_ground, slope_input
+from stoop.extend.motion import Trim
+from stoop.extend.vehicles import build_model, over_ground, scalar_text, slope_input
 from stoop_analysis.derivatives import ParameterCovariance
 from stoop_export.matlab import identifier, unit
 
@@ -88,8 +88,8 @@ def make_unit(vehicle: Vehicle, point: Trim, known: ParameterCovariance | None =
     Inputs are the recorded channels as surfaces and rotors receive them, and their rates over a step, per s (zero for inputs
     that are held); outputs are the readings of the instruments, and the position of a vehicle with the full equations.
     """
-    model, rows = build_model(vehicle), parameter_rows(vehicle, point.changes)
-    states = initial_states(vehicle, point.start, rows, point.inputs)[:, 0].tolist()
+    model, rows = build_model(vehicle), vehicle.parameter_rows(point.changes)
+    states = vehicle.initial_states(point.start, rows, point.inputs)[:, 0].tolist()
     names, derivatives = list(vehicle.states), list(model.derivatives)
     position = _position(vehicle, dict(zip(vehicle.states, model.states, strict=True)))
     readings = vehicle.kernel().evaluate(rows, np.array(states)[:, None], point.inputs[:, None])[1]

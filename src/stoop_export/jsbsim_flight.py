@@ -124,10 +124,10 @@ def own_readings(record: Record, steps: int = 1) -> FloatArray:
     vehicle, count = record.vehicle, len(record.inputs)
     fine = np.arange((count - 1) * steps + 1) / steps
     inputs = np.stack([np.interp(fine, np.arange(count), column) for column in record.inputs.T], axis=1)
-    rows, dt = motion.parameter_rows(vehicle), record.dt / steps
-    begin = motion.initial_states(vehicle, record.start, rows, inputs[0])
-    flown = vehicle.kernel().trajectories(rows, begin, motion.late_inputs(vehicle, inputs, rows, dt), dt)
-    out = motion.late_outputs(vehicle, flown[:, ::steps].copy(), rows, record.dt)[0]
+    rows, dt = vehicle.parameter_rows(), record.dt / steps
+    begin = vehicle.initial_states(record.start, rows, inputs[0])
+    flown = vehicle.kernel().trajectories(rows, begin, vehicle.late_inputs(inputs, rows, dt), dt)
+    out = vehicle.late_outputs(flown[:, ::steps].copy(), rows, record.dt)[0]
     finite = np.isfinite(out).all(axis=1)
     if not finite.all():
         at = record.time[np.argmin(finite)]
@@ -174,7 +174,7 @@ def every_control(vehicle: Vehicle, point: motion.Trim, duration: float = 30.0) 
 def maneuver_record(vehicle: Vehicle, point: motion.Trim, maneuver: motion.Maneuver) -> Record:
     """Return a maneuver from a steady flight, with the vehicle's numbers that this sets: a constant thrust."""
     flown = vehicle.with_numbers({name: {"value": value} for name, value in point.changes.items()})
-    inputs = motion.inputs_about(flown, point, maneuver.deflections(), len(maneuver.time))
+    inputs = point.inputs_about(flown, maneuver.deflections(), len(maneuver.time))
     return Record(flown, point.start, maneuver.time, inputs)
 
 
@@ -230,7 +230,7 @@ class Settings:
 
 def settings(record: Record, rate: float = FRAME_RATE) -> Settings:
     """Return what JSBSim is given for a record, with frames of a rate, Hz, of at least so much."""
-    vehicle, rows = record.vehicle, motion.parameter_rows(record.vehicle)
+    vehicle, rows = record.vehicle, record.vehicle.parameter_rows()
     rigid = {k: float(v[0]) for k, v in motion.rigid_states(record.start).items() if k in (*"uvwpqr", "h")}
     start = rigid | {a: float(record.start.get(a, 0.0)) for a in EULER}
     columns = {n: record.inputs[:, i] for i, n in enumerate(vehicle.inputs) if n != "none"}
@@ -244,7 +244,7 @@ def settings(record: Record, rate: float = FRAME_RATE) -> Settings:
         # The lag filter y1 = ca (x1 + x0) + cb y0 runs once before the flight, with zeros behind it; so the surface
         # begins at S + ca (x0 - S) for a start value S and a command x0.
         step = record.dt / frames_per_sample(record.dt, rate) / seconds
-        command = float(motion.commanded(vehicle, name, rows, record.inputs[0])[0])
+        command = float(vehicle.commanded(name, rows, record.inputs[0])[0])
         offset = float(record.start.get(f"{name}.lag", 0.0))
         constants[place] = command + offset * (2.0 + step) / 2.0
     for name in vehicle.sloped:
@@ -425,6 +425,6 @@ def instruments(vehicle: Vehicle) -> Callable[[Mapping[str, FloatArray], float],
         known = {**flown, **forces, **turn}
         columns = function(*(known[key] for key in names))
         out = np.stack([np.broadcast_to(c, flown["u"].shape) for c in columns]).T[None]
-        return np.asarray(motion.late_outputs(vehicle, out, motion.parameter_rows(vehicle), dt)[0])
+        return np.asarray(vehicle.late_outputs(out, vehicle.parameter_rows(), dt)[0])
 
     return read_flight

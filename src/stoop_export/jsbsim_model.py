@@ -18,7 +18,6 @@ from xml.etree.ElementTree import Element, SubElement
 import sympy as sp
 
 from stoop import Vehicle
-from stoop.extend.motion import commanded, input_actuators, input_delays, neutral_inputs, parameter_rows
 from stoop.extend.units import FOOT, POUND_FORCE, SLUG
 from stoop.extend.vehicles import MOMENT_ARMS, SHORTEST_LAG, Air, Numbers, forces, terms
 
@@ -222,13 +221,13 @@ def air_density(vehicle: Vehicle) -> Element:
 
 def delays(vehicle: Vehicle) -> dict[str, float]:
     """Return the delay of each channel that has one, s."""
-    return {vehicle.inputs[i]: float(vehicle.values[row]) for i, row in input_delays(vehicle)}
+    return {vehicle.inputs[i]: float(vehicle.values[row]) for i, row in vehicle.input_delays()}
 
 
 def actuators(vehicle: Vehicle) -> dict[str, tuple[float, float, float]]:
     """Return dead zone, rate limit (per s) and delay (s) of each channel that has one, in the channel's unit."""
-    rows = parameter_rows(vehicle)
-    found = {vehicle.inputs[a.column]: a.numbers(rows, 1.0)[:, 0].tolist() for a in input_actuators(vehicle)}
+    rows = vehicle.parameter_rows()
+    found = {vehicle.inputs[a.column]: a.numbers(rows, 1.0)[:, 0].tolist() for a in vehicle.actuators()}
     return {name: (zone, limit, delay) for name, (zone, limit, delay) in found.items()}
 
 
@@ -247,14 +246,14 @@ def received(vehicle: Vehicle) -> dict[str, str]:
 def flight_control(vehicle: Vehicle) -> Element:
     """Return the flight control section: properties of channels and start values, then actuators, mixers and lags."""
     out = Element("flight_control", {"name": "controls"})
-    neutral = neutral_inputs(vehicle, 0.0)
-    late, rows = actuators(vehicle), parameter_rows(vehicle)
+    neutral = vehicle.neutral_inputs(0.0)
+    late, rows = actuators(vehicle), vehicle.parameter_rows()
     declared: list[tuple[str, float]] = []
     for name, x in zip(vehicle.inputs, neutral.tolist(), strict=True):
         declared += [(channel(name), x)] if name != "none" else []
         declared += [(channel_start(name), x)] if name in late else []
     for control in lagged(vehicle):
-        declared.append((lag_start(control), float(commanded(vehicle, control, rows, neutral)[0])))
+        declared.append((lag_start(control), float(vehicle.commanded(control, rows, neutral)[0])))
     for name, x in [*declared, *constant_thrust(vehicle).items()]:
         SubElement(out, "property", {"value": number(x)}).text = name
     for name, numbers in late.items():

@@ -20,7 +20,7 @@ import sympy as sp
 from numpy.typing import NDArray
 from sympy.printing.octave import OctaveCodePrinter
 
-from stoop import Vehicle
+from stoop import Vehicle, linearize
 from stoop.extend import motion
 from stoop.extend.arrays import FloatArray
 from stoop.extend.errors import one_line
@@ -66,11 +66,11 @@ class StateSpace:
 
 def state_space(vehicle: Vehicle, point: motion.Trim, known: ParameterCovariance | None = None) -> StateSpace:
     """Linearize a vehicle about a steady flight."""
-    model = motion.linearize(vehicle, point)
-    rows = motion.parameter_rows(vehicle, point.changes)
-    states = motion.initial_states(vehicle, point.start, rows, point.inputs)
+    model = linearize(vehicle, point)
+    rows = vehicle.parameter_rows(point.changes)
+    states = vehicle.initial_states(point.start, rows, point.inputs)
     _, readings = vehicle.kernel().evaluate(rows, states, point.inputs[:, None])
-    surfaces = {c: float(motion.commanded(vehicle, c, rows, point.inputs)[0]) for c in vehicle.controls}
+    surfaces = {c: float(vehicle.commanded(c, rows, point.inputs)[0]) for c in vehicle.controls}
     begin = point.start | {
         n: x for n, x in zip(vehicle.states, states[:, 0], strict=True) if n.endswith(".lag")
     }
@@ -93,7 +93,7 @@ def standard_errors(
 
     def slopes(name: str, step: float) -> list[FloatArray]:
         shifted = [{name: {"value": vehicle.value(name) + s}} for s in (step, -step)]
-        up, down = (motion.linearize(vehicle.with_numbers(change), point) for change in shifted)
+        up, down = (linearize(vehicle.with_numbers(change), point) for change in shifted)
         return [(getattr(up, m) - getattr(down, m)) / (2.0 * step) for m in MATRICES]
 
     variances = np.diag(known.covariance)
@@ -239,11 +239,11 @@ def matlab(vehicle: Vehicle, point: motion.Trim, linear: StateSpace) -> Matlab:
         f"{name}_fly.m": _FLY.format(name=name, slopes=slopes, hold=hold, turn=turn),
         f"{name}_simulink.m": _SIMULINK.format(name=name),
     }
-    parameters, rows = numbers(vehicle, point), motion.parameter_rows(vehicle, point.changes)
+    parameters, rows = numbers(vehicle, point), vehicle.parameter_rows(point.changes)
     content = {
         "p": np.array(list(parameters.values()))[:, None],
         "parameter_names": _cells(parameters),
-        "x0": motion.initial_states(vehicle, point.start, rows, point.inputs),
+        "x0": vehicle.initial_states(point.start, rows, point.inputs),
         "u0": point.inputs[:, None],
         "state_names": _cells(vehicle.states),
         "input_names": _cells(vehicle.inputs),
@@ -359,7 +359,7 @@ class LinearExporter(Exporter):
 
     def lacks(self) -> list[str]:
         """Return what a linear model cannot express."""
-        return [str(one) for one in motion.left_out(self.vehicle)]
+        return [str(one) for one in motion.LinearModel.left_out(self.vehicle)]
 
 
 class StateSpaceFiles(LinearExporter):

@@ -13,8 +13,7 @@ import sympy as sp
 
 from stoop import Vehicle
 from stoop.extend.errors import SimulationError
-from stoop.extend.motion import scalar_text
-from stoop.extend.vehicles import Numbers, airflow, forces, polynomial_density
+from stoop.extend.vehicles import Numbers, airflow, forces, polynomial_density, scalar_text
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Final
 from stoop.extend.errors import FlightError, ManeuverError, SimulationError, VehicleError
 from stoop.extend.files import check_target, check_targets
 from stoop.extend.fits import estimate_blocks
-from stoop.extend.motion import unit_of
+from stoop.extend.motion import Maneuver
 from stoop.extend.notices import as_notice
 from stoop.extend.text import count, enumerated, remaining
 from stoop.extend.variables import EULER, RATES
@@ -220,7 +220,7 @@ def _sizes(texts: Sequence[str], option: str, controls: Sequence[str]) -> dict[s
         size = _number(value, option, text, "DEG or CONTROL=DEG")
         named = (control,) if equals else controls
         for name in named:
-            angle = unit_of(name) == "rad"
+            angle = Maneuver.unit_of(name) == "rad"
             if not 0.0 <= size < (90.0 if angle else math.inf):
                 raise SimulationError(
                     f"{option} {text}: {value} is {'not between 0 and 90 degrees' if angle else 'negative'}"
@@ -256,8 +256,8 @@ def _command(arguments: argparse.Namespace) -> str:
 
 def simulate(arguments: argparse.Namespace) -> int:
     """Fly from trim, write what the instruments would record, and print what to do next."""
-    from stoop import load_maneuver, load_vehicle, simulate_flight
-    from stoop.extend.motion import flown_trim, numbers_set, simulate_under_law
+    from stoop import load_maneuver, load_vehicle
+    from stoop import simulate as simulated
     from stoop.extend.recordings import mapping_beside
     from stoop.extend.text import nearest
     from stoop.extend.variables import VARIABLES
@@ -279,12 +279,11 @@ def simulate(arguments: argparse.Namespace) -> int:
     maneuver = load_maneuver(arguments.maneuver)
     try:
         with LiveLine(options.COMPILING):
-            asked = (arguments.seed, not arguments.no_noise, target.stem)
-            if arguments.autopilot:
-                flight = simulate_under_law(vehicle, maneuver, arguments.autopilot, *asked)
-            else:
-                flight = simulate_flight(vehicle, maneuver, *asked)
-            flown = numbers_set(vehicle, flown_trim(vehicle, maneuver))
+            flight = simulated(
+                vehicle, maneuver, seed=arguments.seed, noise=not arguments.no_noise, name=target.stem,
+                autopilot=arguments.autopilot or None,
+            )  # fmt: skip
+            flown = maneuver.trim(vehicle).numbers_set(vehicle)
     except ManeuverError as error:
         raise ManeuverError(f"{arguments.maneuver}: {error}") from None
     mapping = save_flight_as(flight, target)

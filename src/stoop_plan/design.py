@@ -18,7 +18,7 @@ from stoop.extend.arrays import FloatArray
 from stoop.extend.files import check_targets, csv_text, make_folder, versions, write_files
 from stoop.extend.fits import refusal, takes_model_or_vehicle
 from stoop.extend.flights import Found
-from stoop.extend.motion import Maneuver, Trim, unit_of
+from stoop.extend.motion import Maneuver, Trim
 from stoop.extend.text import finite_or_none
 from stoop_plan.injection import Injection
 from stoop_plan.input_design.information import Knowledge, Limits, Setup, flights_from_trim
@@ -236,7 +236,7 @@ def write_proposal(
     flight = flight or {}
     best = proposal.best.maneuver
     deflections = best.deflections()  # from the trim, rad; on rotors in the unit of the command
-    units = {control: unit_of(control).replace("/", "_") for control in deflections}
+    units = {control: Maneuver.unit_of(control).replace("/", "_") for control in deflections}
     head = ("time_s", *(f"{control}_{unit}" for control, unit in units.items()))
     rows = zip(best.time, *deflections.values(), strict=True)
     cells = ([f"{t:.6g}", *(f"{value:.9g}" for value in values)] for t, *values in rows)

@@ -12,7 +12,7 @@ import numpy as np
 from stoop import Flight
 from stoop.extend import reports
 from stoop.extend.flights import commands
-from stoop.extend.motion import unit_of
+from stoop.extend.motion import Maneuver
 from stoop.extend.text import NOTHING, factor_and_unit, number, readable_unit
 from stoop.extend.variables import RATES, VARIABLES, VELOCITY
 from stoop_plan.injection_targets import MANUAL_THROTTLE
@@ -175,7 +175,7 @@ def design_sheet(proposal: Proposal, command: str, flown: Mapping[str, str] | No
 
 def _given_in(control: str) -> tuple[float, str]:
     """Return factor and unit in which a control is given: degrees of a surface, the unit of a command as it is."""
-    unit = unit_of(control)
+    unit = Maneuver.unit_of(control)
     return factor_and_unit(unit) if unit == "rad" else (1.0, readable_unit(unit))
 
 

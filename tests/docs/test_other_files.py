@@ -16,9 +16,9 @@ from stoop.flight import OUTPUTS, VARIABLES
 from stoop.flight.alignment import QUANTITIES
 from stoop.flight.conversion import MIXERS
 from stoop.flight.mapping import READY, GroupTable, SourceTable, TimeUnit, VariableTable, read_flight_mapping
-from stoop.simulation import maneuver, rotors
+from stoop.simulation import maneuver
 from stoop.simulation.maneuver import parse_maneuver
-from stoop.vehicle import parse_vehicle, schema
+from stoop.vehicle import parse_vehicle, rotor_channels, schema
 from stoop.vehicle.defaults import EQUATION_1
 from stoop.vehicle.schema import Quantity
 from stoop.vehicle.terms import STATE_VARIABLES
@@ -100,7 +100,7 @@ def test_inputs_on_rotors_have_a_row_and_its_unit_and_the_maneuver_of_the_page_f
         for row in table(MANEUVERS, "On rotors", "control").rows
         for name in row[0].replace(" to ", ", ").split(", ")
     }
-    known = rotors.EXCITATIONS | rotors.SETPOINTS
+    known = rotor_channels.EXCITATIONS | rotor_channels.SETPOINTS
     assert {name: told[name] for name in known} == known
     flown = parse_maneuver(blocks(MANEUVERS, "toml")[0], "page")
     assert set(flown.deflections()) == {"rudder", "aileron"}

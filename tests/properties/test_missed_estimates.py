@@ -31,7 +31,6 @@ from stoop.reconstruction.kinematics import OUTPUTS
 from stoop.reconstruction.problem import START, Piece, Problem
 from stoop.report import charts, estimates
 from stoop.results.result import ParameterEstimate
-from stoop.simulation import initial_states, parameter_rows
 from stoop.vehicle import parse_vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop_draft.vehicle_draft.autopilot import read_setup
@@ -76,9 +75,9 @@ def test_one_of_forty_levels_lies_three_deviations_off_by_chance() -> None:
 
 def test_a_cost_knows_no_turns_of_the_heading() -> None:
     vehicle = resolve_vehicle("twin-boom")
-    rows, inputs = parameter_rows(vehicle), np.zeros((30, len(vehicle.inputs)))
+    rows, inputs = vehicle.parameter_rows(), np.zeros((30, len(vehicle.inputs)))
     start = {"V": 35.0, "psi": math.pi - 0.01, "r": 0.3, "h": 100.0}
-    states = initial_states(vehicle, start, rows, inputs[0])
+    states = vehicle.initial_states(start, rows, inputs[0])
     outputs = vehicle.kernel().trajectories(rows, states, inputs, 0.01)[0]
     turned = outputs + 0.1 + np.array([2.0 * np.pi * (c in ("phi", "psi")) for c in vehicle.outputs])
     for z in (outputs + 0.1, turned, turned - 4.0 * (turned - outputs - 0.1) / 2.0):

@@ -22,7 +22,6 @@ from stoop.flight.flight import from_columns
 from stoop.problem.prepare import prepare
 from stoop.problem.windows import Window
 from stoop.results.extensions import ExtensionTests
-from stoop.simulation import parameter_rows
 from stoop.simulation.linearize import linear_models
 from stoop.strategy.run import FIT_ALONE, choose_method
 from stoop.strategy.run import fit as fit_by
@@ -58,7 +57,7 @@ def test_growth_is_that_of_the_exact_linear_model(scene: Scene) -> None:
     true = scene.start.with_numbers(known)
     A = linear_models(true, trim(true, None, ALTITUDE).lanes(true))[1][0]
     piece = prepare(true, scene.flights, WINDOW).pieces[0]
-    at = growth(true, piece, parameter_rows(true, piece.changes))
+    at = growth(true, piece, true.parameter_rows(piece.changes))
     assert at.rate == pytest.approx(float(np.linalg.eigvals(A).real.max()), rel=0.1)
     assert at.factor == pytest.approx(np.exp(10.0 * at.rate), rel=0.05)
     assert np.exp(at.rate * at.horizon) == pytest.approx(PREDICTED_GROWTH)

@@ -23,7 +23,7 @@ from stoop.parallel.plan import Plan, Run
 from stoop.parallel.store import forget, open_store
 from stoop.report.identification import render_validation
 from stoop.results.result import from_json, read_result
-from stoop.simulation.maneuver import check_maneuver, load_maneuver
+from stoop.simulation.maneuver import load_maneuver
 from stoop.vehicle import load_vehicle, parse_vehicle
 from stoop.vehicle.builtin import BUILT_IN, builtin_text
 from stoop.vehicle.symbolic import build_model
@@ -69,7 +69,7 @@ def ask_maneuver(path: Path, number: int) -> None:
     time, inputs = maneuver.time, maneuver.deflections().values()
     promise((np.diff(time) > 0.0).all(), "the time does not grow")
     promise(all(x.shape == time.shape and np.isfinite(x).all() for x in inputs), "an input is not finite")
-    check_maneuver(vehicles()[number // 17], maneuver)
+    maneuver.check(vehicles()[number // 17])
 
 
 def ask_windows(path: Path, number: int) -> None:

@@ -16,11 +16,8 @@ from stoop.flight import Flight
 from stoop.flight.airborne import carried_by_speed, flying, lift_command, require_motors_ran
 from stoop.problem import Misfit, Piece
 from stoop.problem.windows import Window, within
-from stoop.simulation import parameter_rows
-from stoop.simulation.initial import commanded
-from stoop.simulation.rotors import channel_range
 from stoop.vehicle import Vehicle
-from stoop.vehicle.vehicle import AIR_FRAME, GROUND_FRAME
+from stoop.vehicle.channels import AIR_FRAME, GROUND_FRAME
 
 #: value at full power of channels, by name or kind; N and rad/s: enough to be no noise
 POWER: Final = {"motor": 1.0, "rotor": 300.0, "control_throttle": 1.0, "throttle": 1.0, "thrust": 10.0}
@@ -159,7 +156,7 @@ def _require_flight(vehicle: Vehicle, windows: Sequence[Window], pieces: Sequenc
                 "--maneuver START:STOP where they carry the vehicle (stoop maneuvers), and check rotors.idle and rotors.gain "
                 f"in {vehicle.where}"
             )
-    area = channel_range(vehicle)
+    area = vehicle.rotor_range
     moved = np.max([np.ptp(p.inputs[:, area.columns], axis=0) for p in pieces], axis=0)
     still = [name for name, size in sorted(zip(area.names, moved, strict=True)) if size == 0.0]
     if still and len(still) < len(area.names):
@@ -227,7 +224,7 @@ def rotor_notices(problem: Misfit) -> list[Notice]:
 
 def _limited(vehicle: Vehicle, pieces: Sequence[Piece]) -> Iterator[Notice]:
     """Yield commands at an end of their range, and those that stop again and again at one number inside of it."""
-    area = channel_range(vehicle)
+    area = vehicle.rotor_range
     inputs = np.concatenate([p.inputs for p in pieces])
     plateaus = []
     for name, column, low, high in zip(area.names, area.columns, area.idle, area.full, strict=True):
@@ -270,8 +267,8 @@ def _largest_rms(x: FloatArray, dt: float) -> float:
 
 def _spins(vehicle: Vehicle, piece: Piece) -> FloatArray:
     """Return x of every rotor (rotors, n), before lag and delay."""
-    rows = np.repeat(parameter_rows(vehicle, piece.changes), len(piece.time), axis=1)
-    return np.array([commanded(vehicle, name, rows, piece.inputs.T) for name in vehicle.rotors])
+    rows = np.repeat(vehicle.parameter_rows(piece.changes), len(piece.time), axis=1)
+    return np.array([vehicle.commanded(name, rows, piece.inputs.T) for name in vehicle.rotors])
 
 
 def _off(vehicle: Vehicle, piece: Piece) -> BoolArray:

@@ -37,8 +37,8 @@ from stoop.flight.air_data import RECONSTRUCTED
 from stoop.flight.airborne import in_flight
 from stoop.problem.observation import along_body, at_center_of_gravity, state_channels
 from stoop.problem.windows import Window
-from stoop.simulation.initial import rigid_states
 from stoop.vehicle import Vehicle
+from stoop.vehicle.channels import rigid_states
 from stoop.vehicle.document import write_entry
 from stoop.vehicle.schema import Turbulence
 

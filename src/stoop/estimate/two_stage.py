@@ -43,8 +43,8 @@ from stoop.estimate.regression.least_squares import Estimates, TimeDomain
 from stoop.estimate.regression.method import regression
 from stoop.problem import Layout, Piece
 from stoop.problem.observation import observation_model, true_values
-from stoop.simulation.initial import rigid_states
 from stoop.vehicle import Vehicle
+from stoop.vehicle.channels import rigid_states
 from stoop.vehicle.symbolic.frames import body_acceleration, euler_rates
 
 INERTIAL: Final = (*SPECIFIC_FORCE, *RATES)

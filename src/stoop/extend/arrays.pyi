@@ -19,3 +19,4 @@ from stoop.base.rotations import quaternions_of as quaternions_of
 from stoop.base.rotations import to_body as to_body
 from stoop.base.rotations import to_ground as to_ground
 from stoop.base.rotations import vectors_of as vectors_of
+from stoop.kernels.kernel import thread_count as thread_count

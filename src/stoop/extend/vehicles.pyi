@@ -3,6 +3,7 @@ from stoop.checks.rotors import foreign_motors as foreign_motors
 from stoop.checks.vehicle import check_vehicle as check_vehicle
 from stoop.checks.vehicle import inertia_notices as inertia_notices
 from stoop.checks.vehicle import require_channels as require_channels
+from stoop.kernels.emit import scalar_text as scalar_text
 from stoop.vehicle import schema as schema
 from stoop.vehicle import terms as terms
 from stoop.vehicle.arrays import array_equations as array_equations
@@ -12,6 +13,11 @@ from stoop.vehicle.atmosphere import polynomial_density as polynomial_density
 from stoop.vehicle.builtin import BUILT_IN as BUILT_IN
 from stoop.vehicle.builtin import builtin_text as builtin_text
 from stoop.vehicle.builtin import builtin_title as builtin_title
+from stoop.vehicle.channels import AIR_FRAME as AIR_FRAME
+from stoop.vehicle.channels import Frame as Frame
+from stoop.vehicle.channels import GROUND_FRAME as GROUND_FRAME
+from stoop.vehicle.channels import noise_input as noise_input
+from stoop.vehicle.channels import slope_input as slope_input
 from stoop.vehicle.defaults import COEFFICIENTS as COEFFICIENTS
 from stoop.vehicle.defaults import EQUATION_1 as EQUATION_1
 from stoop.vehicle.defaults import MOMENT_ARMS as MOMENT_ARMS
@@ -44,9 +50,4 @@ from stoop.vehicle.symbolic.frames import over_ground as over_ground
 from stoop.vehicle.terms import parameter_name as parameter_name
 from stoop.vehicle.usual import ASPECT_RATIOS as ASPECT_RATIOS
 from stoop.vehicle.usual import MASS_BY_SPAN as MASS_BY_SPAN
-from stoop.vehicle.vehicle import AIR_FRAME as AIR_FRAME
-from stoop.vehicle.vehicle import Frame as Frame
-from stoop.vehicle.vehicle import GROUND_FRAME as GROUND_FRAME
 from stoop.vehicle.vehicle import leaves as leaves
-from stoop.vehicle.vehicle import noise_input as noise_input
-from stoop.vehicle.vehicle import slope_input as slope_input

@@ -43,10 +43,9 @@ from stoop.problem.observation import START_TIME
 from stoop.problem.prepare import Prepared, decoupled, prepare
 from stoop.problem.windows import Window
 from stoop.results.result import Covariance, NoiseCovariance
-from stoop.simulation import START_NAMES, parameter_rows, trim
-from stoop.simulation.initial import check_states
+from stoop.simulation import START_NAMES, trim
 from stoop.vehicle import Vehicle
-from stoop.vehicle.vehicle import AIR_FRAME, GROUND_FRAME
+from stoop.vehicle.channels import AIR_FRAME, GROUND_FRAME, check_states
 
 #: Hz, of the specific force
 CUTOFF: Final = 5.0
@@ -200,7 +199,7 @@ def _of_window(
         stretch, missing, code = _about_steady_flight(biased, stretch)
         stretch = replace(stretch, piece=replace(stretch.piece, changes={**piece.changes, **biases}))
         n, length = len(piece.time), kind.length
-        errors = growth(biased, piece, parameter_rows(biased, stretch.piece.changes))
+        errors = growth(biased, piece, biased.parameter_rows(stretch.piece.changes))
         if errors.excessive and (stable := max(errors.horizon, WINDOW_LENGTH)) < length:
             length = stable
             about = {"rate": errors.rate, "length": length, "stretch": STRETCH}
@@ -346,7 +345,7 @@ def force_curves(
     parts = [(np.empty(0), np.empty((0, 7)))]
     for piece in prepare(vehicle, flights, [window]).pieces:
         for stretch in stretches(vehicle, replace(piece, changes={**piece.changes, **biases})):
-            rows, own = parameter_rows(vehicle, stretch.piece.changes), stretch.samples
+            rows, own = vehicle.parameter_rows(stretch.piece.changes), stretch.samples
             spins = [lagged_command(vehicle, stretch.piece, name, rows)[own] for name in vehicle.rotors]
             forces = [stretch.measured[:, 3:], stretch.modeled(vehicle, rows)[:, 3:]]
             columns = np.column_stack([*forces, np.sum(np.square(spins), axis=0)])

@@ -20,14 +20,12 @@ from stoop.optimize.normal_equations import TallMatrix, project
 from stoop.problem.layout import Layout, Nuisance
 from stoop.problem.starts import Starts
 from stoop.problem.weights import Weights
-from stoop.simulation.delays import (
+from stoop.vehicle import Vehicle
+from stoop.vehicle.delays import (
     actuator_rows,
     distinct_actuators,
-    late_inputs,
-    late_outputs,
     output_delays,
 )
-from stoop.vehicle import Vehicle
 
 STEP = 1e-7  #: of a forward difference
 CACHED = 2**16  #: numbers that are whitened at a time
@@ -92,8 +90,8 @@ class Piece:
         )
 
     def received(self, vehicle: Vehicle, rows: FloatArray) -> FloatArray:
-        """Return :func:`~stoop.simulation.delays.late_inputs` of the piece for kernel parameters (n_p, B)."""
-        return late_inputs(vehicle, self.inputs, rows, self.dt, self.before)
+        """Return :func:`~stoop.vehicle.delays.late_inputs` of the piece for kernel parameters (n_p, B)."""
+        return vehicle.late_inputs(self.inputs, rows, self.dt, self.before)
 
 
 @dataclass(frozen=True, eq=False)
@@ -397,7 +395,7 @@ class Misfit:
             lanes, inputs = which == k, self._inputs(piece, rows[:, first[k], None])
             out[lanes] = self.kernel.trajectories(rows[:, lanes], start[:, lanes], inputs, piece.dt, count)
         return (
-            late_outputs(self.layout.vehicle, out, rows, piece.dt, piece.moved) if self._late_outputs else out
+            self.layout.vehicle.late_outputs(out, rows, piece.dt, piece.moved) if self._late_outputs else out
         )
 
 

@@ -31,8 +31,6 @@ from stoop.problem.observation import (
 )
 from stoop.problem.windows import Window
 from stoop.results.decisions import DecisionRecord, applied
-from stoop.simulation import parameter_rows
-from stoop.simulation.initial import commanded
 from stoop.vehicle import Vehicle
 
 SPIKE_SAMPLES: Final = 7  #: of a running median, which takes off up to three spikes
@@ -297,8 +295,8 @@ def nuisances(vehicle: Vehicle, prepared: Prepared) -> tuple[Nuisance, ...]:
         for name in model.start_names(vehicle):
             scale, actuator = model.start_scales.get(name, OTHER_SCALE), name.removesuffix(".lag")
             if actuator != name and actuator in vehicle.rotors:
-                rows = np.repeat(parameter_rows(vehicle, piece.changes), len(piece.inputs), axis=1)
-                largest = float(np.max(commanded(vehicle, actuator, rows, piece.inputs.T)))
+                rows = np.repeat(vehicle.parameter_rows(piece.changes), len(piece.inputs), axis=1)
+                largest = float(np.max(vehicle.commanded(actuator, rows, piece.inputs.T)))
                 scale *= largest or vehicle.value("rotors.gain")
             scale = math.hypot(scale, *errors_of_start(priors, name, piece.start))
             out.append(Nuisance(name, piece.maneuver, i, piece.start.get(name, 0.0), scale))

@@ -34,8 +34,8 @@ from stoop.flight.instrument_errors import RATES_DELAY, instrument_errors
 from stoop.problem.evidence import PieceEvidence, Unknown
 from stoop.reconstruction.kinematics import INPUTS, OUTPUTS
 from stoop.reconstruction.problem import LATE, PIECES, Pieces, Problem, cut_pieces
-from stoop.simulation.delays import delayed
-from stoop.simulation.initial import rigid_states
+from stoop.vehicle.channels import rigid_states
+from stoop.vehicle.delays import delayed
 
 FORMAT: Final = "stoop-compatibility/1"
 MIN_SIGMAS: Final = 3.0  #: standard errors by which something is off

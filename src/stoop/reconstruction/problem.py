@@ -28,8 +28,8 @@ from stoop.optimize import forward_jacobian
 from stoop.optimize.normal_equations import TallMatrix
 from stoop.problem import on_circle
 from stoop.reconstruction.kinematics import INPUTS, OUTPUTS, PARAMETERS, SCALED, kernel
-from stoop.simulation.delays import delayed
-from stoop.simulation.initial import rigid_states
+from stoop.vehicle.channels import rigid_states
+from stoop.vehicle.delays import delayed
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,6 @@ from typing import Any, Final
 from stoop.base.notices import Notice, notice
 from stoop.estimate.regression.command_delay import scan_delays
 from stoop.problem.prepare import decoupled, prepare
-from stoop.simulation.delays import input_delays
 from stoop.strategy.decision import Setup
 from stoop.vehicle import Vehicle
 from stoop.vehicle.assumptions import USUAL
@@ -59,7 +58,7 @@ def with_found_delays(setup: Setup, vehicle: Vehicle) -> tuple[Vehicle, tuple[No
 def _delays(vehicle: Vehicle) -> Iterator[Delay]:
     """Yield the delays of commands that the file neither fixes nor bounds; one for all where it has none."""
     numbers, columns = dict(leaves(vehicle.file)), dict[int, list[int]]()
-    for column, row in input_delays(vehicle):
+    for column, row in vehicle.input_delays():
         columns.setdefault(row, []).append(column)
     for row, own in columns.items():
         parameter = vehicle.parameters[row]

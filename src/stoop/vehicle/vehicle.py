@@ -22,17 +22,21 @@ from stoop.base.text import nearest, printable
 from stoop.base.variables import POSITION
 from stoop.errors import VehicleError
 from stoop.kernels import Kernel, load_kernel
-from stoop.vehicle import terms
+from stoop.vehicle import channels, delays, rotor_channels, terms, trajectories
+from stoop.vehicle.channels import (
+    AIR_FRAME,
+    GROUND_FRAME,
+    GUST_STATES,
+    RIGID_STATES,
+    Frame,
+    motion_input,
+    noise_input,
+    slope_input,
+)
 from stoop.vehicle.defaults import COEFFICIENTS, POSITIVE, bounds, free_by_default, unit
 from stoop.vehicle.schema import CHANNELS, WIND, Quantity, Term, VehicleFile
 
 _BIASES = frozenset(f"sensors.{channel}.bias" for channel in (*WIND, *CHANNELS, *POSITION))
-RIGID_STATES = ("u", "v", "w", "p", "q", "r", "e0", "e1", "e2", "e3", "h")
-GUST_STATES = {
-    "u": ("gust.u",),
-    "v": ("gust.v.fast", "gust.v.slow"),
-    "w": ("gust.w.fast", "gust.w.slow"),
-}  #: of the Dryden filters, m/s
 #: absent from the structure where the file lacks them, as in kernels made before they were keys
 _LATER = (
     "turbulence", "vn", "ve", "vd", "airspeed", "rotors", "rotor", "body_drag", "ground_effect", "rate_limit", "dead_zone",
@@ -41,27 +45,9 @@ _LATER = (
 _NO_ROWS = ("name", "notes", "loadings", "sigma", "estimate_biases", "voltage_average")  #: of the kernel
 #: beside all of symbolic/
 _EQUATION_SOURCES = (
-    "vehicle.py", "terms.py", "atmosphere.py", "schema.py", "defaults.py", "notation.py",
+    "vehicle.py", "channels.py", "terms.py", "atmosphere.py", "schema.py", "defaults.py", "notation.py",
     "../base/atmosphere.py", "../base/numbers.py", "../base/units.py", "../base/variables.py",
 )  # fmt: skip
-
-
-@dataclass(frozen=True)
-class Frame:
-    """Frame in which the velocity of a kind of vehicle is observed: of the air, or of the ground.
-
-    Every package attaches to it what differs by the kind: equations, checks, the usual method, how windows begin.
-    """
-
-    outputs: tuple[str, ...]
-    start: tuple[str, ...]  #: names of an initial state: m/s and rad, rad/s, rad, m
-    reductions: tuple[str, ...]  #: sets of equations that it can be reduced to
-
-
-#: of an aircraft: airspeed and flow angles
-AIR_FRAME = Frame(CHANNELS, (*CHANNELS[:9], "h"), ("full", "longitudinal", "lateral"))
-#: of a vehicle with rotors
-GROUND_FRAME = Frame((*WIND, *CHANNELS[3:]), ("u", "v", "w", *CHANNELS[3:9], "h"), ("full",))
 
 
 @dataclass(frozen=True)
@@ -150,21 +136,6 @@ class Parameters(tuple[Parameter, ...]):
     def __repr__(self) -> str:
         """Return how many there are, and how many are free, on one line."""
         return f"<Parameters: {len(self)}, {sum(p.free for p in self)} of them free>"
-
-
-def noise_input(axis: str) -> str:
-    """Return the name of the white noise (unit intensity) that drives the gust along an axis."""
-    return f"gust.{axis}.noise"
-
-
-def motion_input(state: str) -> str:
-    """Return the name of the input that stands for a state which a reduced model takes from the record."""
-    return f"motion.{state}"
-
-
-def slope_input(channel: str) -> str:
-    """Return the name of the slope of a recorded channel, per s."""
-    return f"{channel}.slope"
 
 
 def leaves(node: Any, path: str = "") -> Iterator[tuple[str, Quantity]]:
@@ -492,3 +463,28 @@ class Vehicle:
     def coupled_to(self, measured: Collection[str]) -> Vehicle:
         """Return the vehicle with held states taken from channels of a record, among :attr:`held_channels`; none: constant."""
         return replace(self, measured=tuple(c for c in self.held_channels if c in measured))
+
+    parameter_rows = channels.parameter_rows
+    initial_states = channels.initial_states
+    commanded = channels.commanded
+    mixed_inputs = channels.mixed_inputs
+    mixing = channels.mixing
+    channel_gains = channels.channel_gains
+    neutral_inputs = channels.neutral_inputs
+    model_inputs = channels.model_inputs
+    model_mixing = channels.model_mixing
+    inertia_tensor = channels.inertia_tensor
+    rotor_range = functools.cached_property(rotor_channels.rotor_range)
+    accelerations = rotor_channels.accelerations
+    rotor_effects = rotor_channels.rotor_effects
+    rotor_allocation = rotor_channels.rotor_allocation
+    input_delays = delays.input_delays
+    actuators = delays.actuators
+    held_numbers = delays.held_numbers
+    late_inputs = delays.late_inputs
+    late_outputs = delays.late_outputs
+    gust_start = trajectories.gust_start
+    states_along = trajectories.states_along
+    readings_along = trajectories.readings_along
+    next_state = trajectories.next_state
+    next_states = trajectories.next_states

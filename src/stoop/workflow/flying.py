@@ -114,29 +114,7 @@ def simulate(
             raise ManeuverError(
                 "autopilot: a maneuver has its own time and steady flight; remove time, airspeed and initial_state"
             )
-        return simulate_under_law(vehicle, maneuver, autopilot, seed, noise, name)
-    return simulated(
-        vehicle,
-        inputs,
-        time,
-        airspeed=airspeed,
-        altitude=altitude,
-        seed=seed,
-        noise=noise,
-        name=name,
-        initial_state=initial_state,
-    )
-
-
-def simulate_under_law(
-    vehicle: Vehicle,
-    maneuver: Maneuver,
-    autopilot: str | Path | Sequence[str | Path] | Mapping[str, float],
-    seed: int,
-    noise: bool,
-    name: str,
-) -> Flight:
-    """Simulate a maneuver under the law of an autopilot; parameters and errors as of :func:`simulate`."""
-    simulated_under_law = hook("simulate_under_law", "the law of an autopilot")
-    flight: Flight = simulated_under_law(vehicle, maneuver, autopilot, seed, noise, name)
-    return flight
+        under_law = hook("simulate_under_law", "the law of an autopilot")
+        flight: Flight = under_law(vehicle, maneuver, autopilot, seed, noise, name)
+        return flight
+    return simulated(vehicle, inputs, time, airspeed, altitude, seed, noise, name, initial_state)

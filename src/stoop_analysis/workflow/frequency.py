@@ -76,8 +76,8 @@ def axis_commands(
     SimulationError
         They do not command all four, each apart from the others.
     """
-    effect = motion.effects(vehicle, start, inputs, {})
-    return AxisCommands(motion.channel_range(vehicle).names, effect, motion.allocation(vehicle, effect))
+    effect = vehicle.rotor_effects(start, inputs, {})
+    return AxisCommands(vehicle.rotor_range.names, effect, vehicle.rotor_allocation(effect))
 
 
 @takes_model_or_vehicle
@@ -193,7 +193,7 @@ def _columns(
     if vehicle is None:
         return {**columns, **({} if inputs else {one.variable: one.u for one in commands(flight)})}
     recorded = {name: flight.column(name) for name in vehicle.inputs if name in flight.names}
-    axes = None if steady is None or set(inputs) & set(motion.channel_range(vehicle).names) else steady.axes
+    axes = None if steady is None or set(inputs) & set(vehicle.rotor_range.names) else steady.axes
     return columns | control_inputs(vehicle, recorded, axes)
 
 
@@ -204,13 +204,13 @@ def control_inputs(
 
     Without axes the channels of rotors stand for themselves.
     """
-    rows, count = motion.parameter_rows(vehicle), len(next(iter(recorded.values())))
+    rows, count = vehicle.parameter_rows(), len(next(iter(recorded.values())))
     values = np.array([recorded.get(name, np.full(count, np.nan)) for name in vehicle.inputs])
     columns = {
-        control: np.broadcast_to(motion.commanded(vehicle, control, rows, values), (count,)).copy()
+        control: np.broadcast_to(vehicle.commanded(control, rows, values), (count,)).copy()
         for control in vehicle.controls
     }
-    by_channel = {name: values[vehicle.inputs.index(name)] for name in motion.channel_range(vehicle).names}
+    by_channel = {name: values[vehicle.inputs.index(name)] for name in vehicle.rotor_range.names}
     if axes is None:
         return columns | by_channel
     demanded = axes.effect @ np.array([by_channel[name] for name in axes.channels])

@@ -25,7 +25,7 @@ from stoop.extend import fits
 from stoop.extend.arrays import FloatArray
 from stoop.extend.errors import IdentificationError, SimulationError
 from stoop.extend.flights import Window
-from stoop.extend.motion import Maneuver, Trim, inputs_about, simulate_together, unit_of
+from stoop.extend.motion import Maneuver, Trim, fly_together, recorded
 from stoop_plan.input_design.sensitivity import BOX_INFORMATION, PIECES, CandidateProblem, VehicleInformation
 
 Span = tuple[float, float]
@@ -48,7 +48,7 @@ ROTOR_WIDTH: Final = {
 
 def amplitude_text(control: str, value: float) -> str:
     """Return an amplitude of an input, SI, with its unit."""
-    unit = unit_of(control)
+    unit = Maneuver.unit_of(control)
     return f"{math.degrees(value):.3g} deg" if unit == "rad" else f"{value:.3g} {unit}"
 
 
@@ -319,7 +319,10 @@ def forecasts(flights: Sequence[tuple[Setup, Maneuver]], only_inside: bool = Fal
     """
     hovering = {i: one for i, one in enumerate(flights) if not one[0].trim.on_wings}
     vehicles = [(setup.vehicle, maneuver) for setup, maneuver in hovering.values()]
-    flown = dict(zip(hovering, simulate_together(vehicles, noise=False, name="design"), strict=True))
+    flown = {
+        i: one if isinstance(one, SimulationError) else recorded(*pair, one, 0, False, "design")
+        for i, pair, one in zip(hovering, vehicles, fly_together(vehicles), strict=True)
+    }
     return [
         forecast_on_rotors(*one, flown[i], only_inside)
         if i in hovering
@@ -357,7 +360,7 @@ def forecast_on_wings(setup: Setup, maneuver: Maneuver, only_inside: bool) -> Fo
 def _forecast_of_line(setup: Setup, maneuver: Maneuver, only_inside: bool) -> Forecast:
     """Return the forecast of one flight, whose initial state and sensor biases are its own, as those of a window in a fit."""
     vehicle, t = setup.vehicle, maneuver.time
-    inputs = inputs_about(vehicle, setup.trim, maneuver.deflections(), len(t))
+    inputs = setup.trim.inputs_about(vehicle, maneuver.deflections(), len(t))
     blank = np.zeros((len(t), len(vehicle.outputs)))
     piece = fits.Piece(0, t, inputs, blank, setup.trim.start, setup.trim.changes)
     prepared = fits.Prepared((Window("design", 0.0, float(t[-1])),), (piece,), ())

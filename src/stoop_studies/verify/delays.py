@@ -22,10 +22,10 @@ from stoop.estimate.fit import Options, fit
 from stoop.flight import Flight, from_columns
 from stoop.reconstruction.compatibility import check
 from stoop.simulation.fly import simulate_flight
-from stoop.simulation.initial import rigid_states
 from stoop.simulation.maneuver import Maneuver
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import resolve_vehicle
+from stoop.vehicle.channels import rigid_states
 from stoop.vehicle.load import parse_vehicle
 from stoop_studies.findings import Claim, Findings, Setting, holds
 from stoop_studies.verify import scenes, study

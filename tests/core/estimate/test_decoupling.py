@@ -18,10 +18,9 @@ from stoop.estimate.two_stage import reconstructed
 from stoop.problem.observation import motion_inputs, recorded_motion
 from stoop.problem.prepare import prepare
 from stoop.problem.windows import Window
-from stoop.simulation.initial import rigid_states
 from stoop.simulation.maneuver import Maneuver
 from stoop.vehicle import parse_vehicle
-from stoop.vehicle.vehicle import motion_input
+from stoop.vehicle.channels import motion_input, rigid_states
 
 SIGMA = dict.fromkeys(("alpha", "beta", "p", "q", "r", "phi", "theta", "psi"), 0.002)
 NOISE = {"V": 0.1, "ax": 0.05, "ay": 0.05, "az": 0.05, **SIGMA}

@@ -25,8 +25,7 @@ from stoop.kernels import filtering
 from stoop.kernels.kernel import Kernel
 from stoop.prediction.predict import expected_biases, predict, predictor
 from stoop.problem.windows import Window
-from stoop.simulation import trajectories
-from stoop.vehicle import parse_vehicle
+from stoop.vehicle import parse_vehicle, trajectories
 
 from .regression.test_aircraft import TRUTH, WOBBLE, flown
 

@@ -14,7 +14,6 @@ from stoop.checks.rotors import _limited
 from stoop.flight import Flight, from_columns
 from stoop.problem.windows import whole
 from stoop.simulation.fly import simulate_flight
-from stoop.simulation.rotors import channel_range
 from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop_draft.checks.motors import check_motors
@@ -125,7 +124,7 @@ def test_commands_in_any_other_order_are_put_in_theirs_at_once(name: str) -> Non
 
 def test_commands_at_an_end_of_their_range_are_named() -> None:
     vehicle = resolve_vehicle("hexa-x")
-    area, rng = channel_range(vehicle), np.random.default_rng(0)
+    area, rng = vehicle.rotor_range, np.random.default_rng(0)
     inputs = rng.uniform(0.3, 0.7, (1000, len(vehicle.inputs)))
     for column, end in ((area.columns[0], area.full[0]), (area.columns[1], area.idle[1])):
         inputs[:100, column] = end

@@ -29,10 +29,10 @@ from stoop.estimate.regression.least_squares import Equations, Rows
 from stoop.flight.flight import MIN_SEGMENT
 from stoop.problem import Layout, Piece
 from stoop.problem.observation import at_center_of_gravity, recorded_motion, true_values
-from stoop.simulation import START_NAMES, parameter_rows
-from stoop.simulation.delays import first_order_lag
-from stoop.simulation.initial import commanded, initial_states, rigid_states
+from stoop.simulation import START_NAMES
 from stoop.vehicle import Vehicle, terms
+from stoop.vehicle.channels import rigid_states
+from stoop.vehicle.delays import first_order_lag
 from stoop.vehicle.schema import Term
 
 COEFFICIENTS: Final = {
@@ -57,10 +57,10 @@ class Motion:
     def of(cls, vehicle: Vehicle, piece: Piece) -> Motion:
         """Return the motion of a piece; delays and lags are those of the vehicle file."""
         samples = np.flatnonzero(complete(vehicle, piece))
-        rows = parameter_rows(vehicle, piece.changes, len(samples))
+        rows = vehicle.parameter_rows(piece.changes, len(samples))
         late, deflections = piece.received(vehicle, rows[:, :1]), {}
         for c in vehicle.controls:
-            angle = commanded(vehicle, c, np.repeat(rows[:, :1], len(late), axis=1), late.T)
+            angle = vehicle.commanded(c, np.repeat(rows[:, :1], len(late), axis=1), late.T)
             if vehicle.file.controls[c].lag is not None:
                 angle = first_order_lag(angle, float(rows[vehicle.rows[f"controls.{c}.lag"], 0]), piece.dt)
             deflections[c] = angle[samples]
@@ -75,7 +75,7 @@ class Motion:
 
     def kernel_states(self, vehicle: Vehicle) -> FloatArray:
         """Return the kernel's states (n_x, n)."""
-        out = initial_states(vehicle, {}, self.rows, self.inputs, rigid_states(self.states, vehicle))
+        out = vehicle.initial_states({}, self.rows, self.inputs, rigid_states(self.states, vehicle))
         for i, name in enumerate(vehicle.states):
             if name.endswith(".lag"):
                 out[i] = self.deflections[name.removesuffix(".lag")]

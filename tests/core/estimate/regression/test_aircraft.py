@@ -14,9 +14,8 @@ from stoop.estimate.regression.aircraft import History, Motion, balance, histori
 from stoop.estimate.regression.least_squares import Estimates, TimeDomain, estimate
 from stoop.estimate.regression.rotors import MOMENTS, RotorEquations
 from stoop.flight.flight import from_columns
-from stoop.simulation import initial_states, parameter_rows
-from stoop.simulation.delays import first_order_lag
 from stoop.vehicle import parse_vehicle
+from stoop.vehicle.delays import first_order_lag
 from stoop.vehicle.document import with_entries
 
 
@@ -110,8 +109,8 @@ def flown(vehicle: Vehicle, mixed: bool, truth: dict[str, float], **noise: np.nd
     inputs = np.zeros((len(t), len(vehicle.inputs)))
     motors = [vehicle.inputs.index(vehicle.file.rotor[name].channel) for name in vehicle.rotors]
     inputs[:, motors] = 0.6 + common[:, None] + own
-    rows = parameter_rows(vehicle, truth)
-    start = initial_states(vehicle, {"u": 3.0, "v": -1.0, "w": 0.5, "h": 50.0}, rows, inputs[0])
+    rows = vehicle.parameter_rows(truth)
+    start = vehicle.initial_states({"u": 3.0, "v": -1.0, "w": 0.5, "h": 50.0}, rows, inputs[0])
     out, told = vehicle.kernel().trajectories(rows, start, inputs, DT)[0], inputs.copy()
     if mixed:
         told[:, motors] -= 2.0 * own  # what the log holds turns the vehicle the other way
@@ -171,5 +170,5 @@ def test_a_turned_inertial_unit_with_scale_errors_is_in_the_equations() -> None:
     problem = posed(vehicle, flown(vehicle, False, {}), 3.99)
     (stretch,) = RotorEquations.of(problem.layout, problem.pieces).stretches
     inside = slice(20, -20)
-    error = (stretch.measured - stretch.modeled(vehicle, parameter_rows(vehicle, {})))[inside]
+    error = (stretch.measured - stretch.modeled(vehicle, vehicle.parameter_rows({})))[inside]
     assert np.all(np.abs(error).max(axis=0) < 0.02 * np.ptp(stretch.measured[inside], axis=0))
