@@ -27,7 +27,6 @@ from pictures.sketch import (
 from stoop.base.arrays import FloatArray
 from stoop.simulation import trim
 from stoop.vehicle import Vehicle
-from stoop.vehicle.arrays import array_equations
 from stoop.vehicle.builtin import resolve_vehicle
 
 VEHICLES: Final = ("quad-x", "quad-plus", "hexa-x", "octo-x", "quadplane")
@@ -101,7 +100,7 @@ def shares(vehicle: Vehicle) -> FloatArray:
         inputs[column, [2 * i, 2 * i + 1]] += step, -step
     rows = vehicle.parameter_rows(point.changes, inputs.shape[1])
     states = vehicle.initial_states(point.start, rows, inputs)
-    rates, _ = array_equations(vehicle)(rows, states, inputs)
+    rates, _ = vehicle.array_equations()(rows, states, inputs)
     moved = rates[[vehicle.states.index(s) for s in ("p", "q", "r", "w")]] * np.array(
         [[1.0], [1.0], [1.0], [-1.0]]
     )

@@ -12,7 +12,6 @@ from pictures.registry import picture
 from pictures.sketch import BLUE, GREEN, ORANGE, SOFT, VIOLET, plots
 from stoop.base.arrays import FloatArray
 from stoop.simulation.steady_flight import trim
-from stoop.vehicle.arrays import array_equations
 from stoop.vehicle.builtin import builtin_text
 from stoop.vehicle.channels import GUST_STATES, noise_input
 from stoop.vehicle.load import parse_vehicle
@@ -40,7 +39,7 @@ def filters() -> tuple[float, dict[str, tuple[FloatArray, FloatArray]]]:
             inputs[vehicle.inputs.index(noise_input(axis))] = value
         rows = vehicle.parameter_rows(point.changes)
         states = vehicle.initial_states(still | changed, rows, inputs)
-        found, _ = array_equations(vehicle)(rows, states, inputs[:, None])
+        found, _ = vehicle.array_equations()(rows, states, inputs[:, None])
         return dict(zip(vehicle.states, found[: len(vehicle.states), 0].tolist(), strict=True))
 
     out = {}

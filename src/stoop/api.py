@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from stoop.flight import Flight
-from stoop.problem.windows import Windows, as_windows
+from stoop.problem.windows import Window, Windows
 from stoop.workflow.fitted_model import FittedModel
 from stoop.workflow.flights import OneFlight, as_flight
 from stoop.workflow.load import fitted_model
@@ -69,5 +69,5 @@ def reconstruct(flight: OneFlight, windows: Windows = ()) -> tuple[Compatibility
     from stoop.workflow.reconstruction import check_compatibility
 
     one = as_flight(flight)
-    spans = [(w.start, w.stop) for w in as_windows(windows, {one.name: one})]
+    spans = [(w.start, w.stop) for w in Window.several(windows, {one.name: one})]
     return check_compatibility(one, spans)

@@ -41,7 +41,6 @@ from stoop.extend.arrays import BoolArray, Dual, FloatArray
 from stoop.extend.errors import SimulationError
 from stoop.extend.text import without_rounding
 from stoop.extend.variables import VARIABLES
-from stoop.extend.vehicles import array_equations
 
 LOADS: Final = ("X", "Y", "Z", "L", "M", "N")
 MOTIONS: Final = ("u", "v", "w", "p", "q", "r")
@@ -267,7 +266,7 @@ def _values(vehicle: Vehicle, point: motion.Trim, states: FloatArray) -> FloatAr
     seeds = _seeds(vehicle, rows, point.inputs)
     n = len(states)
     both = [Dual(x, s) for x, s in zip([*states, *point.inputs], seeds, strict=True)]
-    equations = array_equations(vehicle)
+    equations = vehicle.array_equations()
     rates = equations.values(both[:n], both[n:], equations.constants(rows[:, 0]))[:n]
     at = {name: i for i, name in enumerate(vehicle.states)}
     V, omega = ([both[at[a]] for a in axes] for axes in ("uvw", "pqr"))

@@ -68,9 +68,9 @@ class UncertainModel:
     notices: tuple[Notice, ...] = ()
 
     def with_inputs(self, names: Sequence[str], of: Sequence[str], mixing: FloatArray) -> UncertainModel:
-        """Return all with new inputs; see :meth:`LinearModel.with_inputs`."""
-        draws = tuple(one.with_inputs(names, of, mixing) for one in self.draws)
-        return replace(self, model=self.model.with_inputs(names, of, mixing), draws=draws)
+        """Return all with new inputs; see :func:`with_inputs`."""
+        draws = tuple(with_inputs(one, names, of, mixing) for one in self.draws)
+        return replace(self, model=with_inputs(self.model, names, of, mixing), draws=draws)
 
     def responses(
         self, inputs: Sequence[str], outputs: Sequence[str], frequency: FloatArray
@@ -85,6 +85,21 @@ class UncertainModel:
                 j, k = self.model.outputs.index(o), self.model.inputs.index(i)
                 out[i, o] = ModelResponse(i, o, frequency, found[:, j, k], drawn[:, :, j, k])
         return out
+
+
+def with_inputs(
+    model: LinearModel, names: Sequence[str], of: Sequence[str], mixing: FloatArray
+) -> LinearModel:
+    """Return the model with new inputs after its others: those in `of` (m) are `mixing` (m, k) times `names` (k).
+
+    The delay of the first of them is that of the new ones.
+    """
+    mixed = [model.inputs.index(name) for name in of]
+    kept = [i for i in range(len(model.inputs)) if i not in mixed]
+    B, D = (np.hstack([M[:, kept], M[:, mixed] @ mixing]) for M in (model.B, model.D))
+    delays = np.append(model.input_delays[kept], np.full(len(names), model.input_delays[mixed[0]]))
+    inputs = (*(model.inputs[i] for i in kept), *names)
+    return replace(model, inputs=inputs, B=B, D=D, input_delays=delays)
 
 
 def transfer(model: LinearModel, frequency: FloatArray) -> ComplexArray:

@@ -27,7 +27,7 @@ import numpy as np
 from scipy.stats import f as fisher
 
 from stoop.extend.fits import ResponseMisfit
-from stoop.extend.flights import CYCLES, FrequencyResponse, Stretch, estimate_responses
+from stoop.extend.flights import FrequencyResponse, Stretch, estimate_responses
 from stoop_analysis.frequency import known
 
 CHANCE: Final = 0.01  #: that random error alone leaves more than `ResponseMisfit.least`
@@ -62,7 +62,12 @@ def _misfit(flown: FrequencyResponse, left: FrequencyResponse) -> ResponseMisfit
     frequency = flown.frequency[at]
     if not frequency.size:
         return None
-    resolved = float(frequency[-1] - frequency[0]) / (2.0 * np.pi) * float(np.mean(flown.window[at])) / CYCLES
+    resolved = (
+        float(frequency[-1] - frequency[0])
+        / (2.0 * np.pi)
+        * float(np.mean(flown.window[at]))
+        / FrequencyResponse.CYCLES
+    )
     if resolved < 2.0:
         return None
     size, power = np.abs(flown.response[at]) ** 2, np.abs(left.response[at]) ** 2

@@ -16,7 +16,7 @@ import tomlkit.items
 from stoop import Notice, load_flight
 from stoop.extend.errors import LogError, StoopError
 from stoop.extend.files import read_source, write_text_atomic
-from stoop.extend.flights import read_flight_mapping
+from stoop.extend.flights import FlightMapping
 from stoop.extend.notices import Value
 from stoop_draft.checks.mapping import ContradictedError
 
@@ -42,7 +42,7 @@ def corrected_mapping(log: Path, mapping: Path) -> Corrections:
     LogError, FlightError
         When log or mapping cannot be read.
     """
-    read_flight_mapping(mapping)  # says best what is no mapping
+    FlightMapping.read(mapping)  # says best what is no mapping
     text = read_source(mapping, "mapping", LogError)
     applied: list[Notice] = []
     found, refused = contradictions(log, text, mapping), set[tuple[str, ...]]()

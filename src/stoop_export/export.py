@@ -11,7 +11,7 @@ from stoop import FittedModel, Vehicle
 from stoop.extend.arrays import FloatArray
 from stoop.extend.errors import StoopError
 from stoop.extend.files import check_targets, make_folder, write_files
-from stoop.extend.fits import Piece, Result, prepare, refusal, takes_model_or_vehicle
+from stoop.extend.fits import Piece, Prepared, Result, takes_model_or_vehicle
 from stoop.extend.flights import Window
 from stoop_analysis.derivatives import ParameterCovariance
 from stoop_analysis.draws import POSTERIOR_FILE, draws_of
@@ -83,7 +83,7 @@ def model_data(model: FittedModel | Vehicle) -> ModelData:
         vehicle, notices = without_turbulence(model.without_positions())
         return ModelData(vehicle, notes=tuple(map(str, notices)))
     vehicle, notices = without_turbulence(model.vehicle.without_positions())
-    notes = tuple(map(str, [*refusal(model.result, model.source), *notices]))
+    notes = tuple(map(str, [*model.refusal, *notices]))
     covariance = model.result.covariance
     # What is known of the numbers that the vehicle has; those of its gusts are left with them.
     kept = [i for i, name in enumerate(covariance.names) if name in vehicle.rows]
@@ -97,7 +97,7 @@ def model_data(model: FittedModel | Vehicle) -> ModelData:
     windows = [Window(m.flight, m.start, m.stop, m.loading or None) for m in model.result.maneuvers]
     try:
         flights = model.by_name
-        parts = [prepare(vehicle, flights, [window]).pieces for window in windows]
+        parts = [Prepared.of(vehicle, flights, [window]).pieces for window in windows]
         maneuvers = tuple(
             _maneuver(vehicle, model.result, index, segment, piece)
             for index, pieces in enumerate(parts)

@@ -25,7 +25,7 @@ from stoop.extend.errors import SimulationError, StoopError
 from stoop.extend.notices import notice
 from stoop.extend.units import FOOT, POUND_FORCE, SLUG
 from stoop.extend.variables import EULER, WRAPPED
-from stoop.extend.vehicles import WIND
+from stoop.extend.vehicles import SymbolicEquations
 from stoop.extend.verbs import install
 from stoop_export.jsbsim_loads import rotor_lag, rotor_start, slope_start
 from stoop_export.jsbsim_model import (
@@ -403,18 +403,12 @@ def instruments(vehicle: Vehicle) -> Callable[[Mapping[str, FloatArray], float],
     """Return what takes a flight of :data:`READ`, (n,) each, SI and rad, and its sample period to readings (n, n_y)."""
     import sympy as sp
 
-    from stoop.extend.vehicles import Numbers, air, air_data, attitude, over_ground, readings
-
-    n = Numbers(vehicle)
+    equations = SymbolicEquations(vehicle)
     names = ("u", "v", "w", "p", "q", "r", "pdot", "qdot", "rdot", "X", "Y", "Z", "e0", "e1", "e2", "e3")
     s = [sp.Symbol(f"jsbsim {key}", real=True) for key in names]
     velocity, omega, omega_rate, specific = (tuple(s[i : i + 3]) for i in range(0, 12, 3))
-    quaternion = (s[12], s[13], s[14], s[15])
-    observed = air_data(n, quaternion, velocity, omega, air(velocity).V)
-    observed |= dict(zip(WIND, over_ground(quaternion, velocity), strict=True))
-    observed = {c: reading for c, reading in observed.items() if c in vehicle.outputs}
-    read = readings(n, observed, attitude(quaternion), specific, omega, omega_rate)
-    numbers = dict(zip(n.symbols, vehicle.values.tolist(), strict=True))
+    read = equations.readings((s[12], s[13], s[14], s[15]), velocity, omega, omega_rate, specific)
+    numbers = dict(zip(equations.numbers.symbols, vehicle.values.tolist(), strict=True))
     function = sp.lambdify(s, [sp.sympify(read[c]).xreplace(numbers) for c in vehicle.outputs], "numpy")
 
     def read_flight(flown: Mapping[str, FloatArray], dt: float) -> FloatArray:

@@ -11,7 +11,7 @@ deviation from a start value, which is a property.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any, Final
 from xml.etree.ElementTree import Element, SubElement
 
@@ -19,7 +19,7 @@ import sympy as sp
 
 from stoop import Vehicle
 from stoop.extend.units import FOOT, POUND_FORCE, SLUG
-from stoop.extend.vehicles import MOMENT_ARMS, SHORTEST_LAG, Air, Numbers, forces, terms
+from stoop.extend.vehicles import MOMENT_ARMS, SymbolicEquations, terms
 
 AXES: Final = {"CL": "LIFT", "CD": "DRAG", "CQ": "SIDE", "Cl": "ROLL", "Cm": "PITCH", "Cn": "YAW"}
 AIRSPEED: Final = "stoop/air/V-m_sec"
@@ -116,7 +116,8 @@ class Printer:
     """
 
     def __init__(self, vehicle: Vehicle, constant: tuple[str, ...] = ("",)) -> None:
-        self.vehicle, self.numbers = vehicle, Numbers(vehicle)
+        self.vehicle, self.equations = vehicle, SymbolicEquations(vehicle)
+        self.numbers = self.equations.numbers
         values = zip(self.numbers.symbols, vehicle.values.tolist(), strict=True)
         self.known = {s: sp.Float(x) for s, x in values if s.name.startswith(constant)}
         self.names: dict[Any, str] = {}
@@ -128,9 +129,10 @@ class Printer:
         self.names[made] = place
         return made
 
-    def rates(self) -> tuple[Any, ...]:
+    def rates(self) -> tuple[Any, Any, Any]:
         """Return p, q, r."""
-        return tuple(self.symbol(a, f"velocities/{a}-aero-rad_sec") for a in "pqr")
+        p, q, r = (self.symbol(a, f"velocities/{a}-aero-rad_sec") for a in "pqr")
+        return p, q, r
 
     def deflections(self) -> dict[str, Any]:
         """Return the deflections of the controls, rad."""
@@ -143,23 +145,6 @@ class Printer:
         return convert(expr, self.names)
 
 
-def physics(vehicle: Vehicle) -> tuple[forces.Surroundings, Callable[[Any], Element]]:
-    """Return symbols for what JSBSim knows, and what converts an expression of them, with the vehicle's numbers in place.
-
-    The symbols are air-relative motion, density, rates, deflections and channels.
-    """
-    printer = Printer(vehicle)
-    V = printer.symbol("V", AIRSPEED)
-    alpha, beta = (printer.symbol(a, f"aero/{a}-rad") for a in ("alpha", "beta"))
-    air = Air(V, V**2, alpha, beta, sp.cos(alpha), sp.sin(alpha), sp.cos(beta), sp.sin(beta))
-    channels = {c: printer.symbol(f"channel {c}", channel(c)) for c in vehicle.inputs}
-    p, q, r = printer.rates()
-    density, deflections = printer.symbol("density", DENSITY), printer.deflections()
-    return forces.Surroundings(
-        printer.numbers, air, density, (p, q, r), deflections, channels
-    ), printer.element
-
-
 def constant_thrust(vehicle: Vehicle) -> dict[str, float]:
     """Return the property of a constant thrust and its value, N; nothing where the thrust is none or no constant."""
     file = vehicle.file.propulsion
@@ -169,21 +154,26 @@ def constant_thrust(vehicle: Vehicle) -> dict[str, float]:
 
 def aerodynamics(vehicle: Vehicle) -> Element:
     """Return the aerodynamics section: air, variables of the terms, thrust, and an axis per coefficient."""
-    surroundings, element = physics(vehicle)
+    printer = Printer(vehicle)
+    element, deflections, density = printer.element, printer.deflections(), printer.symbol("density", DENSITY)
+    V = printer.symbol("V", AIRSPEED)
+    alpha, beta = (printer.symbol(a, f"aero/{a}-rad") for a in ("alpha", "beta"))
+    channels = {c: printer.symbol(f"channel {c}", channel(c)) for c in vehicle.inputs}
     out = Element("aerodynamics")
     out.append(function(AIRSPEED, node("product", prop("velocities/vt-fps"), value(FOOT))))
     out.append(air_density(vehicle))
     factors = (value(0.5), prop(DENSITY), prop(AIRSPEED), prop(AIRSPEED))
     area = value(vehicle.value("reference.area"))
     out.append(function(PRESSURE_AREA, node("product", *factors, area, value(1.0 / POUND_FORCE))))
-    known = forces.term_variables(surroundings)
+    number = printer.numbers.__getitem__
+    known = terms.values(number, vehicle.actual_rates, V, alpha, beta, printer.rates()) | deflections
     for name, meaning in terms.STATE_VARIABLES.items():
         out.append(function(variable(name), element(known[name]), meaning))
     propulsion = vehicle.file.propulsion
     if (
         propulsion is not None and propulsion.kind != "constant"
     ):  # a constant one is a property that can be set
-        out.append(function(THRUST, element(forces.thrust(surroundings))))
+        out.append(function(THRUST, element(printer.equations.thrust(V, density, channels))))
     symbols = {n: sp.Symbol(n, real=True) for n in (*terms.STATE_VARIABLES, *vehicle.file.controls)}
     names = {s: deflection(n) if n in vehicle.file.controls else variable(n) for n, s in symbols.items()}
     for name, group in vehicle.terms.items():
@@ -193,7 +183,12 @@ def aerodynamics(vehicle: Vehicle) -> Element:
         arms = []
         if name in MOMENT_ARMS:
             length, about = MOMENT_ARMS[name]
-            relative = forces.relative_inertia(vehicle, vehicle.value, about)
+            stated = f"reference.inertia.{about}"  # moments hold for that inertia
+            relative = (
+                vehicle.value(f"mass.inertia.{about}{about}") / vehicle.value(stated)
+                if stated in vehicle.rows
+                else 1
+            )
             arms.append(value(relative * vehicle.value(f"reference.{length}") / FOOT))
         for parameter, text in group.items():  # pressure x area (x length) x coefficient x what it multiplies
             tree = terms.parse(text, symbols, vehicle.where)
@@ -341,5 +336,6 @@ def lag(name: str, command: Element, start: str, seconds: float, out: str) -> It
 
 def time_constant(seconds: float) -> tuple[float, float]:
     """Return time constant, s, and direct share of a lag, as :func:`stoop.vehicle.symbolic.forces.lagged` has them."""
-    ahead = max(SHORTEST_LAG - seconds, 0.0) ** 2 / (2.0 * SHORTEST_LAG)
+    shortest = SymbolicEquations.SHORTEST_LAG
+    ahead = max(shortest - seconds, 0.0) ** 2 / (2.0 * shortest)
     return ahead + seconds, ahead / (ahead + seconds)

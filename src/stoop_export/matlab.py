@@ -26,7 +26,6 @@ from stoop.extend.arrays import FloatArray
 from stoop.extend.errors import one_line
 from stoop.extend.notices import notice
 from stoop.extend.text import without_rounding
-from stoop.extend.vehicles import build_model, slope_input
 from stoop_analysis.derivatives import ParameterCovariance
 from stoop_export.exporter import Exported, Exporter, encoded
 from stoop_export.jsbsim_flight import file_name
@@ -226,7 +225,7 @@ def matlab(vehicle: Vehicle, point: motion.Trim, linear: StateSpace) -> Matlab:
     name = identifier(vehicle.name)
     slopes = hold = turn = ""
     if vehicle.sloped:  # slopes of channels are computed by the script
-        sources = list(vehicle.sloped), [slope_input(name) for name in vehicle.sloped]
+        sources = list(vehicle.sloped), [f"{name}.slope" for name in vehicle.sloped]
         of, to = (" ".join(str(1 + vehicle.inputs.index(n)) for n in names) for names in sources)
         slopes = (
             f"slopes = diff(u(:, [{of}])) / h;  % of channels that spin rotors up, held between samples\n"
@@ -274,7 +273,7 @@ def equations(vehicle: Vehicle, name: str) -> str:
         *signals("y", vehicle.outputs),
         f"% p: the numbers of the vehicle, as in {name}.mat",
     ]
-    model = build_model(vehicle)
+    model = vehicle.symbolic_model()
     table: dict[Any, Any] = {}
     wanted = [sp.sympify(e) for e in (*model.derivatives, *model.outputs)]
     used = set().union(*(e.free_symbols for e in wanted))
@@ -386,7 +385,7 @@ class Simulink(LinearExporter):
 
     def lacks(self) -> list[str]:
         """Return what the functions and the linear model cannot express."""
-        sloped = tuple(map(slope_input, self.vehicle.sloped))
+        sloped = tuple(f"{name}.slope" for name in self.vehicle.sloped)
         notes = [notice("functions-without-actuators", numbers=self.actuators)] if self.actuators else []
         notes += [notice("slopes-of-channels", channels=sloped)] if sloped else []
         return [*map(str, notes), *super().lacks()]

@@ -29,7 +29,9 @@ def held_flight(flight: ReferenceFlight) -> ReferenceFlight:
         for k in range(part.start, part.stop - 1):
             held = np.repeat(flight.inputs[k : k + 2].mean(axis=0)[None], 2, axis=0)
             before = flight.states[k] if k == part.start else states[k]
-            states[k + 1] = vehicle.next_state(rows, before, held, nothing, flight.dt)
+            states[k + 1] = vehicle.next_states(
+                rows, before[:, None], held[:, :, None], [nothing], flight.dt
+            )[:, 0]
     return replace(flight, states=states)
 
 

@@ -28,7 +28,7 @@ from stoop import Vehicle
 from stoop.extend.arrays import FloatArray
 from stoop.extend.errors import SimulationError
 from stoop.extend.motion import Trim
-from stoop.extend.vehicles import build_model, scalar_text
+from stoop.extend.vehicles import SymbolicEquations
 from stoop_analysis.derivatives import MOTIONS, derivatives
 from stoop_export.matlab import identifier
 
@@ -171,7 +171,7 @@ def limits(vehicle: Vehicle) -> dict[str, float]:
 
 def _script(vehicle: Vehicle, point: Trim, name: str) -> str:
     """Return the script: names in it are made here, but for those of channels and rotors as literals."""
-    model = build_model(vehicle)
+    model = vehicle.symbolic_model()
     values = vehicle.parameter_rows(point.changes)[:, 0].tolist()
     states, inputs = (
         dict(zip(vehicle.states, model.states, strict=True)),
@@ -192,8 +192,8 @@ def _script(vehicle: Vehicle, point: Trim, name: str) -> str:
     known = {s: sp.Float(x) for s, x in {**numbers, **fixed, **level}.items()}
     wanted = [sp.sympify(rates[n]).xreplace(known).xreplace(made) for n in (*MOTIONS, *lags)]
     steps, results = sp.cse(wanted, sp.numbered_symbols("t"), order="none")
-    lines = [f"    {s} = {scalar_text(e)}" for s, e in steps]
-    lines.append(f"    return np.array([{', '.join(scalar_text(e) for e in results)}])")
+    lines = [f"    {s} = {SymbolicEquations.text(e)}" for s, e in steps]
+    lines.append(f"    return np.array([{', '.join(SymbolicEquations.text(e) for e in results)}])")
     template = (files("stoop_export") / "templates" / "rotorpy_vehicle.py.txt").read_text(encoding="utf-8")
     hover = [*settled_speeds(vehicle, point).values()]
     fill = {"NAME": name, "EQUATIONS": "\n".join(lines), "GRAVITY": repr(vehicle.value("environment.gravity")),

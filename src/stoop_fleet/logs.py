@@ -22,7 +22,13 @@ from stoop import Flight, Vehicle, load_vehicle
 from stoop.extend.campaigns import Json, Plan, Run, environment, forget, work_sources
 from stoop.extend.errors import LogError, StoopError
 from stoop.extend.files import csv_text, file_hashes
-from stoop.extend.flights import ENDINGS, flight_name, of_recording, read_flight_mapping, read_mapped
+from stoop.extend.flights import (
+    ENDINGS,
+    FlightMapping,
+    flight_name,
+    of_recording,
+    read_mapped,
+)
 from stoop.extend.recordings import is_bag_folder, mapping_beside, topic_files
 from stoop.extend.vehicles import BUILT_IN, require_channels
 from stoop_fleet.headers import CLOCKS, Dated, contradictions, header
@@ -134,7 +140,7 @@ def _beside(path: Path, mapping: Path | None) -> list[Path]:
     folder, names = path if path.is_dir() else path.parent, list[str]()
     with suppress(StoopError):  # reading the log reports it
         names = [
-            name for one in [mapping, *own][:1] if one for name in read_flight_mapping(one).files.values()
+            name for one in [mapping, *own][:1] if one for name in FlightMapping.read(one).files.values()
         ]
     return [*own, *(file for name in names if (file := folder / Path(name).name).is_file())]
 

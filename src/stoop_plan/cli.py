@@ -23,7 +23,7 @@ from stoop_plan.injection_targets import MANUAL_THROTTLE
 
 if TYPE_CHECKING:
     from stoop import Vehicle
-    from stoop.extend.flights import Expected, Found
+    from stoop_plan.input_design.windows import Expected, FoundWindows
 
 IN_DEGREES: Final = ("alpha", "beta", *EULER, *RATES)  #: channels that are given in degrees
 
@@ -32,7 +32,7 @@ def maneuvers(arguments: argparse.Namespace) -> int:
     """Find windows, write them, and print what was found."""
     from stoop import load_vehicle
     from stoop.extend.files import by_name
-    from stoop.extend.flights import load_several, without_faults
+    from stoop.extend.flights import load_several
     from stoop.extend.vehicles import with_assumptions
     from stoop_plan.design import WINDOW_FILES, write_windows
     from stoop_plan.input_design.windows import doubts, find_windows
@@ -44,7 +44,7 @@ def maneuvers(arguments: argparse.Namespace) -> int:
         raise VehicleError("--free and --fix choose numbers of a vehicle file; name it with --vehicle")
     vehicle = options.with_free(load_vehicle(given), free, fix) if given else None
     with LiveLine("reading the log"):
-        read = [without_faults(one) for one in load_several(arguments.flight, arguments.mapping)]
+        read = [one.without_faults() for one in load_several(arguments.flight, arguments.mapping)]
         flights = by_name(read, "maneuvers")
     if vehicle is not None:
         vehicle, _ = with_assumptions(vehicle, 1.0 / read[0].rate)
@@ -63,7 +63,7 @@ def maneuvers(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _show_windows(found: Found, folder: Path, following: Sequence[str], verbose: bool) -> None:
+def _show_windows(found: FoundWindows, folder: Path, following: Sequence[str], verbose: bool) -> None:
     """Print how many windows are proposed, the windows, the next command, and what may be expected of them."""
     from stoop_plan.input_design.windows_file import NAME
     from stoop_plan.report import span_of

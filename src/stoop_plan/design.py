@@ -16,14 +16,14 @@ import tomlkit
 from stoop import FittedModel, Flight, Vehicle, trim
 from stoop.extend.arrays import FloatArray
 from stoop.extend.files import check_targets, csv_text, make_folder, versions, write_files
-from stoop.extend.fits import refusal, takes_model_or_vehicle
-from stoop.extend.flights import Found
+from stoop.extend.fits import takes_model_or_vehicle
 from stoop.extend.motion import Maneuver, Trim
 from stoop.extend.text import finite_or_none
 from stoop_plan.injection import Injection
 from stoop_plan.input_design.information import Knowledge, Limits, Setup, flights_from_trim
 from stoop_plan.input_design.optimization import Plan, Proposal, propose
 from stoop_plan.input_design.sensitivity import sensor_noise
+from stoop_plan.input_design.windows import FoundWindows
 from stoop_plan.input_design.windows_file import NAME, Entry, written
 from stoop_plan.targets import FLOWN_BY, flown_by
 
@@ -59,7 +59,7 @@ def known_before(model: FittedModel | Vehicle) -> tuple[Vehicle, Knowledge, Floa
         variance = float(variances.get(channel, np.nan))
         if np.isfinite(variance) and variance > 0.0:
             noise[i, i] = variance
-    refused = "".join(f" ({one})" for one in refusal(model.result, model.source))
+    refused = "".join(f" ({one})" for one in model.refusal)
     return vehicle, Knowledge.of_result(model.result), noise, f"the estimates in {model.source}{refused}"
 
 
@@ -357,7 +357,7 @@ def design_document(proposal: Proposal) -> dict[str, Any]:
 
 
 def write_windows(
-    found: Found,
+    found: FoundWindows,
     flights: Mapping[str, Flight],
     vehicle: str,
     folder: Path,

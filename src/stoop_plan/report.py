@@ -11,15 +11,15 @@ import numpy as np
 
 from stoop import Flight
 from stoop.extend import reports
-from stoop.extend.flights import commands
 from stoop.extend.motion import Maneuver
 from stoop.extend.text import NOTHING, factor_and_unit, number, readable_unit
 from stoop.extend.variables import RATES, VARIABLES, VELOCITY
 from stoop_plan.injection_targets import MANUAL_THROTTLE
 
 if TYPE_CHECKING:  # the page of a flight takes colors and commands from here, and needs no optimization
-    from stoop.extend.flights import Found, Proposed
+    from stoop.extend.flights import Proposed
     from stoop_plan.input_design.optimization import Proposal
+    from stoop_plan.input_design.windows import FoundWindows
 
 DESIGN_LEAD: Final = """\
 The input below is the one, of those tried, whose flight makes the error bars of the parameters of {vehicle} smallest \
@@ -215,7 +215,7 @@ def _robustness(proposal: Proposal) -> str:
 
 
 def windows_sheet(
-    found: Found, flights: Mapping[str, Flight], vehicle: str, command: str, following: Sequence[str]
+    found: FoundWindows, flights: Mapping[str, Flight], vehicle: str, command: str, following: Sequence[str]
 ) -> reports.Sheet:
     """Return the page; `vehicle` is its name or empty, `following` the words of the command that takes the file."""
     from stoop_plan.input_design.windows_file import NAME
@@ -256,7 +256,7 @@ def windows_sheet(
     return reports.Sheet("Windows worth fitting", lead, tuple(sections))
 
 
-def span_of(window: Proposed, found: Found) -> str:
+def span_of(window: Proposed, found: FoundWindows) -> str:
     """Return start and stop of a window, s, and its flight where there are several."""
     several = len({w.flight for w in found.windows}) > 1
     return f"{window.flight}@" * several + window.span
@@ -268,12 +268,12 @@ def percent(share: float) -> str:
     return f"{100.0 * share:.1f} %" if share < 10.0 else large
 
 
-def flight_history(found: Found, flight: Flight) -> reports.TimeHistory:
+def flight_history(found: FoundWindows, flight: Flight) -> reports.TimeHistory:
     """Return commands, rates, speed and information over the whole flight, with the windows as shades."""
     own = [(i, w) for i, w in enumerate(found.windows, 1) if w.flight == flight.name]
     shades = [reports.Shade(w.start, w.stop, str(i), reports.KINDS[w.purpose]) for i, w in own]
     panels = []
-    for command in commands(flight):
+    for command in flight.commands():
         known = VARIABLES.get(command.variable)
         combined = "m/s2" if command.axis == "heave" else "rad/s2"  # of several channels
         factor, unit = factor_and_unit(known.unit if known else combined)

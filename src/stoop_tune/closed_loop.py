@@ -20,14 +20,15 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
+from pydantic import ValidationError
 
 from stoop import Flight, Vehicle
 from stoop.extend import arrays, motion
 from stoop.extend.errors import ManeuverError, SimulationError, StoopError
+from stoop.extend.files import first_complaint
 from stoop.extend.notices import notice
 from stoop.extend.units import STANDARD_GRAVITY, equivalent_over_true, standard_density
 from stoop.extend.variables import EULER, RATES
-from stoop.extend.vehicles import noise_input
 from stoop_tune.control_laws.parameters import read_parameters
 from stoop_tune.control_laws.rate_law import AXES
 from stoop_tune.control_laws.recursion import LawRecursion
@@ -115,7 +116,7 @@ def fly_under_law(
         raise StoopError(f"{vehicle.where}: an autopilot flies about all axes; simulate the full model")
     moved = commands_of(vehicle, firmware, parameters, maneuver.altitude)
     laws = [firmware.law(parameters, a) for a in moved.axes]
-    course = Course.of(vehicle, maneuver.at_rate(laws[0].rate))
+    course = Course.of(vehicle, at_rate(maneuver, laws[0].rate))
     body = _Body(vehicle, course, np.random.default_rng([seed, 1]))
     loop = AttitudeLoop(firmware, parameters, moved.axes, course)
     law, mixer = LawRecursion(laws, body.rates[loop.axes]), _Mixer(vehicle, moved.outputs)
@@ -151,6 +152,17 @@ def fly_under_law(
         attitude_error=np.array(errors[sampled]),
         saturated=np.array(saturated[sampled]),
     )
+
+
+def at_rate(maneuver: motion.Maneuver, rate: float) -> motion.Maneuver:
+    """Return the maneuver at another rate, Hz; ManeuverError where it cannot be."""
+    raw = {**maneuver.model_dump(), "rate": rate}
+    try:
+        return motion.Maneuver.model_validate(raw)
+    except ValidationError as error:
+        raise ManeuverError(
+            f"at {rate:g} Hz, the rate of the loop: {first_complaint(error, raw, motion.Maneuver)}"
+        ) from None
 
 
 def centered_means(held: arrays.FloatArray, every: int) -> arrays.FloatArray:
@@ -238,7 +250,7 @@ class _Body:
         # at these short steps the gusts need no finer noise
         count = self.steps * len(course.time) + 1
         self.noise = rng.standard_normal((count, len(vehicle.gusts))) / math.sqrt(self.dt)
-        self.gusts = [vehicle.inputs.index(noise_input(axis)) for axis in vehicle.gusts]
+        self.gusts = [vehicle.inputs.index(f"gust.{axis}.noise") for axis in vehicle.gusts]
         self.actuators = [
             _Held(a.column, a.numbers(self.rows, self.dt)[:, 0], course.inputs[0])
             for a in vehicle.actuators()

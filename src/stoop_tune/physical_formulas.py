@@ -31,7 +31,6 @@ from stoop.extend.arrays import FloatArray
 from stoop.extend.errors import StoopError
 from stoop.extend.flights import RECONSTRUCTED
 from stoop.extend.units import SEA_LEVEL_DENSITY, equivalent_over_true
-from stoop.extend.vehicles import Propeller
 from stoop_analysis.propagation.wing_figures import Domain
 from stoop_draft.vehicle_draft.autopilot import read_setup
 from stoop_tune.control_laws import ardupilot, px4
@@ -123,7 +122,7 @@ class Candidates:
     def throttle(self) -> str:
         """The channel of the throttle from 0 to 1."""
         power = self.vehicle.file.propulsion
-        channel = power.channel if isinstance(power, Propeller) else ""
+        channel = power.channel if power is not None and power.kind == "propeller" else ""
         if channel.partition("_")[0] not in {"throttle", "control", "motor"}:
             raise StoopError("the thrust is not modeled over a throttle from 0 to 1")
         return channel

@@ -29,11 +29,13 @@ from stoop.reconstruction.compatibility import corrected_flight
 from stoop.report.charts import correlation_map
 from stoop.report.sheet import mathml
 from stoop.simulation.linearize import LinearModel
+from stoop.simulation.trim import Trim
 from stoop.strategy.extensions import Trial
 from stoop.vehicle import parse_vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop.vehicle.symbolic import forces, frames
 from stoop.workflow import outputs
+from stoop_analysis.frequency import with_inputs
 from stoop_analysis.performance.polar import Polar
 from stoop_analysis.propagation.wing_figures import full_deflection
 from stoop_app.columns import edited, rows_of
@@ -203,7 +205,7 @@ def test_jsbsim_has_the_density_of_the_standard_atmosphere() -> None:
     (factor,) = (float(one.text or "") for one in jsbsim_model.air_density(standard).iter("value"))
     assert 0.0023768924 * factor == pytest.approx(1.225, rel=1e-4)
     high: Any = SimpleNamespace(start={"h": 2000.0})  # ISA: 1.00649 kg/m3 at a geometric altitude of 2000 m
-    assert high.density(standard) == pytest.approx(1.00655, rel=1e-4)
+    assert Trim.density(high, standard) == pytest.approx(1.00655, rel=1e-4)
 
 
 def test_a_phase_margin_is_the_least_turn_to_either_side() -> None:
@@ -360,7 +362,7 @@ def test_mixed_inputs_come_as_late_as_the_channels_that_are_mixed() -> None:
         ("p",), ("flap", "motor_1", "motor_2"), ("p",), np.eye(1), np.array([[1.0, 2.0, 3.0]]), np.eye(1),
         np.zeros((1, 3)), (), np.array([0.1, 0.02, 0.02]), np.zeros(1),
     )  # fmt: skip
-    mixed = model.with_inputs(("roll",), ("motor_1", "motor_2"), np.array([[1.0], [-1.0]]))
+    mixed = with_inputs(model, ("roll",), ("motor_1", "motor_2"), np.array([[1.0], [-1.0]]))
     assert mixed.inputs == ("flap", "roll")
     np.testing.assert_array_equal(mixed.B, [[1.0, -1.0]])
     np.testing.assert_array_equal(mixed.input_delays, [0.1, 0.02])

@@ -63,7 +63,9 @@ def flown(truth: Vehicle, seed: int = 1) -> dict[str, FloatArray]:
         read = vehicle.readings_along(rows, states[k : k + 1], commands[k : k + 1])[0]
         commands[k + 1] += gains @ (read + errors[k] - level)
         noise = gusts[trajectories.FINER * k : trajectories.FINER * (k + 1) + 1]
-        states[k + 1] = vehicle.next_state(rows, states[k], commands[k : k + 2], noise, dt)
+        states[k + 1] = vehicle.next_states(
+            rows, states[k][:, None], commands[k : k + 2][:, :, None], [noise], dt
+        )[:, 0]
     readings = vehicle.readings_along(rows, states, commands)
     columns = dict(zip(vehicle.outputs, readings.T, strict=True))
     over_ground = point.over_ground(vehicle, states) + np.array([*WIND, 0.0])

@@ -9,7 +9,7 @@ from real import simulated
 
 from stoop.errors import FlightError
 from stoop.estimate.fit import Options
-from stoop.flight import OUTPUTS, Flight, find_maneuvers, load, segments, without_faults
+from stoop.flight import OUTPUTS, Flight, load, segments
 from stoop.flight.faults import Fault
 from stoop.flight.flight import AirData
 from stoop.logs import read
@@ -160,7 +160,7 @@ def test_signs_and_faults_of_the_v_tail(vtail_flight: Flight) -> None:
         found = check_mapping({}, columns, vtail_flight.rate, {}).notices
         assert [one.code for one in found] == codes
     fault = Fault("stuck", "r", 0.0, 150.0, 152.0, "r stands still")
-    blanked = without_faults(dataclasses.replace(vtail_flight, faults=(*vtail_flight.faults, fault)))
+    blanked = dataclasses.replace(vtail_flight, faults=(*vtail_flight.faults, fault)).without_faults()
     inside = (vtail_flight.time >= 150.0) & (vtail_flight.time <= 152.0)
     assert np.isnan(blanked.column("r")[inside]).all()
     assert np.array_equal(blanked.column("r")[~inside], data["r"][~inside], equal_nan=True)
@@ -249,7 +249,7 @@ def test_pitot_and_wind_of_the_v_tail(vtail_flight: Flight) -> None:
     """Its pitot reads -3 m/s at rest and 5 to 6 m/s low in flight (SOURCE.md)."""
     check_pitot_and_wind(vtail_flight, (5.0, 6.0), (-1.2, -3.2))
     assert abs(air_of(vtail_flight).velocity_delay) < 0.005
-    found = [(m.axis, round(m.start), round(m.stop)) for m in find_maneuvers(vtail_flight)]
+    found = [(m.axis, round(m.start), round(m.stop)) for m in vtail_flight.find_maneuvers()]
     small = ("pitch", 160, 162)  # a quarter of the size of the other one
     assert found == [("roll", 140, 146), ("pitch", 146, 152), small, ("yaw", 162, 169), ("roll", 188, 195)]
     flown = ((140.5, 145.0), (146.0, 151.5), (161.6, 168.3), (188.1, 195.1))  # docs/vtail.md

@@ -16,7 +16,7 @@ from stoop.assessment.uncertainty import agreement
 from stoop.errors import StoopError
 from stoop.estimate.noise import read_covariance
 from stoop.flight import describe, load, save
-from stoop.flight.mapping import read_flight_mapping
+from stoop.flight.mapping import FlightMapping
 from stoop.optimize import create, load_tagged, minimize, save_state
 from stoop.optimize.minimize import Stop
 from stoop.parallel.plan import Plan, Run
@@ -57,7 +57,7 @@ def ask_vehicle(path: Path, number: int) -> None:
 
 def ask_mapping(path: Path, number: int) -> None:
     if number % 3 == 0:
-        read_flight_mapping(path)
+        FlightMapping.read(path)
         return
     table = path.with_name("a.csv")
     table.write_bytes(sound("csv")[0].files["a.csv"])

@@ -302,7 +302,11 @@ def _at(
     except (SimulationError, np.linalg.LinAlgError):
         return nothing
     measure = hooks("measured_modes")
-    recorded = (replace(m, measured=tuple(y for f in measure for y in f(fit, condition, m))) for m in found)
+    at = fit, condition.maneuvers, condition.start["V"]
+    recorded = (
+        replace(m, measured=tuple(y for f in measure for y in f(*at, m.name, m.frequency.estimate)))
+        for m in found
+    )
     return replace(
         nothing, about=about, alpha=point.start["alpha"], modes=tuple(recorded), remark=remark, linear=linear
     )

@@ -13,9 +13,9 @@ from stoop.base.notices import Notice, notice
 from stoop.base.variables import RATES
 from stoop.errors import IdentificationError
 from stoop.flight import Flight
-from stoop.flight.airborne import carried_by_speed, flying, lift_command, require_motors_ran
+from stoop.flight.airborne import carried_by_speed
 from stoop.problem import Misfit, Piece
-from stoop.problem.windows import Window, within
+from stoop.problem.windows import Window
 from stoop.vehicle import Vehicle
 from stoop.vehicle.channels import AIR_FRAME, GROUND_FRAME
 
@@ -52,7 +52,7 @@ def foreign_motors(vehicle: Vehicle, flight: Flight, windows: Sequence[Window]) 
 
     An output, which may move a surface as well, is one where it lies where the rotors' are, and moves as much.
     """
-    inside = within(flight, windows)
+    inside = Window.within(flight, windows)
 
     def level(channel: str) -> tuple[float, float]:
         """Return the median of a channel, and how far it scatters; zeros where it was not recorded."""
@@ -88,7 +88,7 @@ def thrust_missing(vehicle: Vehicle, flight: Flight, windows: Sequence[Window]) 
     """Return which motors run though the file of an aircraft has no propulsion: drag takes up their thrust."""
     if vehicle.file.propulsion is not None:
         return []
-    inside, running = within(flight, windows), []
+    inside, running = Window.within(flight, windows), []
     for channel in (str(name) for name in flight.channels):
         full = POWER.get(channel.rpartition("_")[0] if channel[-1].isdigit() else channel)
         if full is not None and channel not in vehicle.recorded:
@@ -130,8 +130,8 @@ def _lift_differs(vehicle: Vehicle, carried: Mapping[str, Flight]) -> list[Notic
     """Compare the commands that usually carry the vehicle in its flights."""
     levels = {}
     for name, flight in carried.items():
-        command = lift_command(flight)
-        known = np.empty(0) if command is None else command[flying(flight) & np.isfinite(command)]
+        command = flight.lift_command()
+        known = np.empty(0) if command is None else command[flight.flying() & np.isfinite(command)]
         if known.size and (level := float(np.median(known))) > 0.0:
             levels[name] = level
     low, high = (pick(levels, key=lambda n: levels[n], default="") for pick in (min, max))
@@ -190,7 +190,6 @@ class KindChecks:
     lift: Callable[[Vehicle, Mapping[str, Flight]], list[Notice]]  #: of flights that rotors carry
     motors: tuple[Callable[[Vehicle, Flight, Sequence[Window]], list[Notice]], ...] = ()
     windows: tuple[Callable[[Vehicle, Flight, Sequence[Window]], list[Notice]], ...] = ()  #: that were chosen
-    flight: tuple[Callable[[Flight], None], ...] = ()  #: refuse a whole flight
     data: tuple[Callable[[Vehicle, Sequence[Window], Sequence[Piece]], None], ...] = ()  #: refuse windows
 
 
@@ -198,13 +197,7 @@ KINDS: Final = {
     AIR_FRAME: KindChecks(
         _other_aircraft, _lift_of_aircraft, motors=(thrust_missing,), windows=(windows_on_ground,)
     ),
-    GROUND_FRAME: KindChecks(
-        _other_rotors,
-        _lift_differs,
-        motors=(foreign_motors,),
-        flight=(require_motors_ran,),
-        data=(_require_flight,),
-    ),
+    GROUND_FRAME: KindChecks(_other_rotors, _lift_differs, motors=(foreign_motors,), data=(_require_flight,)),
 }
 
 

@@ -34,7 +34,6 @@ from stoop.errors import IdentificationError
 from stoop.estimate.estimate import Estimate
 from stoop.flight import Flight
 from stoop.flight.air_data import RECONSTRUCTED
-from stoop.flight.airborne import in_flight
 from stoop.problem.observation import along_body, at_center_of_gravity, state_channels
 from stoop.problem.windows import Window
 from stoop.vehicle import Vehicle
@@ -96,7 +95,7 @@ def gust_levels(vehicle: Vehicle, flights: Mapping[str, Flight], windows: Sequen
         if not flight.names >= needed or any(one.source == RECONSTRUCTED for one in read):
             continue
         counted = np.logical_and.reduce([one.counted(len(flight.time)) for one in read])
-        up = in_flight(flight)
+        up = flight.in_flight()
         for window in (_widened(w) for w in windows if w.flight == name):
             inside = flight.between(window.start, window.stop)
             wind = changes_of_wind(vehicle, flight, inside, up[inside])

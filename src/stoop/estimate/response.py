@@ -21,7 +21,7 @@ from stoop.base.arrays import BoolArray, FloatArray, IntArray
 from stoop.base.variables import WRAPPED
 from stoop.problem import Misfit, Piece, Weights
 from stoop.vehicle import Vehicle
-from stoop.vehicle.arrays import Equations, Evaluation, array_equations
+from stoop.vehicle.arrays import Equations, Evaluation
 from stoop.vehicle.channels import slope_input
 from stoop.vehicle.delays import delayed, first_order_lag, late, output_delays
 from stoop.vehicle.extensions import Extension, extended
@@ -133,7 +133,7 @@ class ExtendedModel:
     def of(cls, base: Vehicle) -> ExtendedModel:
         """Return the model of a vehicle."""
         vehicle, catalogue = extended(base)
-        return cls(base, vehicle, catalogue, array_equations(vehicle))
+        return cls(base, vehicle, catalogue, vehicle.array_equations())
 
     def rows(self, known: FloatArray) -> FloatArray:
         """Return the parameters of the extended vehicle for those (n_p,) of the vehicle."""

@@ -38,7 +38,7 @@ from stoop.base.units import STANDARD_GRAVITY
 from stoop.base.variables import RATES, SPECIFIC_FORCE
 from stoop.errors import IdentificationError
 from stoop.estimate.filter_gains import first_guess
-from stoop.estimate.regression.aircraft import AircraftEquations, Motion, histories
+from stoop.estimate.regression.aircraft import AircraftEquations, History, Motion
 from stoop.estimate.regression.least_squares import Estimates, TimeDomain
 from stoop.estimate.regression.method import regression
 from stoop.problem import Layout, Piece
@@ -234,7 +234,7 @@ class ReconstructedEquations(AircraftEquations):
             lost.extend([] if converged else [float(piece.time[0])])
             return found
 
-        found = tuple(h for piece in pieces for h in histories(vehicle, piece, motion))
+        found = tuple(h for piece in pieces for h in History.of(vehicle, piece, motion))
         return cls(layout, found, tuple(lost))
 
     def notices(self, _: Estimates) -> list[Notice]:

@@ -1,4 +1,4 @@
-from stoop.simulation.flown import Flown as Flown
+from stoop.simulation.trim import Flown as Flown
 from stoop.simulation.fly import fly_together as fly_together
 from stoop.simulation.fly import recorded as recorded
 from stoop.simulation.linearize import LinearModel as LinearModel

@@ -20,7 +20,7 @@ from stoop.flight.alignment import align, suggest_alignments
 from stoop.flight.conversion import rotate_axes
 from stoop.flight.flight import with_other_form
 from stoop.flight.gridding import MAX_VALUE, Channels
-from stoop.flight.mapping import READY, FlightMapping, Source, read_flight_mapping, ready
+from stoop.flight.mapping import FlightMapping, Source
 from stoop.logs import Recording, Stream
 from stoop.logs.csv_tables import mapping_beside, read_raw_csv
 from stoop.logs.read import kind
@@ -72,23 +72,27 @@ def read_mapped(
         except (OSError, ValueError):  # the reader says it better
             place = None
     form = kind(path) if path.is_file() else ""
-    mapping = ready(READY[form]) if place is None and form in READY else None
+    mapping = (
+        FlightMapping.ready(FlightMapping.READY[form])
+        if place is None and form in FlightMapping.READY
+        else None
+    )
     if place is not None and path.exists():
-        mapping = read_flight_mapping(place)
+        mapping = FlightMapping.read(place)
     needed = None if mapping is None or "" in mapping.streams else mapping.streams | further
     recording = logs.read(path, given, needed)
     if recording.format == "stoop-netcdf":
         return recording, None
-    if mapping is None and recording.format not in READY:
+    if mapping is None and recording.format not in FlightMapping.READY:
         start = mapping_beside(recording.path)
         raise FlightError(
             f"{recording.path}: this kind of log needs a mapping of its columns; "
             f"draft one by stoop map {recording.path} -o {start}, and correct it"
         )
-    mapping = mapping or ready(READY[recording.format])
+    mapping = mapping or FlightMapping.ready(FlightMapping.READY[recording.format])
     whole = _with_files(recording, mapping) if mapping.files else recording
     found = apply_mapping(mapping, whole)
-    if not mapping.alignments and (mapping.files or recording.format not in READY):
+    if not mapping.alignments and (mapping.files or recording.format not in FlightMapping.READY):
         by_stream: dict[str, list[Channels]] = {}
         for group in found.channels:
             by_stream.setdefault(group.source, []).append(group)
@@ -176,7 +180,7 @@ def apply_mapping(mapping: FlightMapping, recording: Recording) -> Mapped:
 
 
 def _of_ready(source: Source) -> bool:
-    return source.place.partition(":")[0] in READY.values()
+    return source.place.partition(":")[0] in FlightMapping.READY.values()
 
 
 def _best(supplied: Sequence[Channels], fastest: bool, named: bool) -> Channels | None:

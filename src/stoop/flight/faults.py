@@ -6,8 +6,8 @@ Nothing is corrected; a fit takes what was clipped or stuck as not measured.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any, Final, Literal
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, Final, Literal
 
 import numpy as np
 
@@ -16,6 +16,9 @@ from stoop.base.notices import Notice, notice
 from stoop.base.units import STANDARD_GRAVITY
 from stoop.base.variables import RATES, SPECIFIC_FORCE, VARIABLES, VELOCITY
 from stoop.flight.gridding import Channels, finite, stretches
+
+if TYPE_CHECKING:
+    from stoop.flight.flight import Flight
 
 #: channels that move whenever the vehicle does
 WATCHED: Final = frozenset(
@@ -161,6 +164,22 @@ def without_faulty(time: FloatArray, x: FloatArray, faults: Sequence[Fault]) -> 
             edge, near = fault.value, LIMITS.near_limit * abs(fault.value)
             out[x > edge - near if edge > np.nanmedian(x) else x < edge + near] = np.nan
     return out
+
+
+def without_faults(flight: Flight) -> Flight:
+    """Return the flight with the samples of clipped and stuck sensors taken as not measured."""
+    by_name: dict[str, list[Fault]] = {}
+    for fault in flight.faults:
+        if fault.kind in ("clipped", "stuck"):
+            by_name.setdefault(fault.variable, []).append(fault)
+    if not by_name:
+        return flight
+    columns = {
+        name: without_faulty(flight.time, flight.column(name), found) for name, found in by_name.items()
+    }
+    data = flight.data.assign({name: ("time", x, flight.data[name].attrs) for name, x in columns.items()})
+    found = notice("samples-not-measured", variables=tuple(columns))
+    return replace(flight, data=data, notices=(*flight.notices, found))
 
 
 def contradiction(found: Notice, start: float, stop: float) -> Fault:

@@ -28,7 +28,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import ClassVar, Final
 
 import numpy as np
 from scipy import sparse
@@ -37,15 +37,12 @@ from scipy.special import stdtrit
 from stoop.base.arrays import BoolArray, ComplexArray, FloatArray, IntArray, run_slices
 
 OVERLAP: Final = 0.5  #: of successive windows
-#: of a frequency that a window holds at least: half the width of the main lobe of Hann's window
-CYCLES: Final = 2.0
 MAX_LENGTH: Final = 20.0  #: s, of a window
 #: of windows, down to a quarter of the longest: what is shorter has more leakage than noise
 LENGTHS: Final = 5
 SPARE_WINDOWS: Final = 2  #: without overlap, of the longest length, beyond the number of inputs
 MIN_SAMPLES: Final = 16  #: of a window
 POINTS_PER_OCTAVE: Final = 12
-MAX_FREQUENCY: Final = 10.0  #: Hz, by default
 MAX_SHARE: Final = 0.4  #: of the sampling rate, that a frequency may be
 WEIGHT_POWER: Final = -4.0  #: of the random error of a length (Tischler and Remple, section 10.3)
 MAX_CONDITION: Final = 1e8  #: of the spectra of the inputs, beyond which they are one input
@@ -67,6 +64,10 @@ class FrequencyResponse:
     Under feedback, which answers gusts and noise too, it lies between the response of the vehicle and the inverse of the
     feedback; a coherence near one says that the input dominates.
     """
+
+    #: of a frequency that a window holds at least: half the width of the main lobe of Hann's window
+    CYCLES: ClassVar = 2.0
+    MAX_FREQUENCY: ClassVar = 10.0  #: Hz, by default
 
     input: str
     output: str
@@ -122,7 +123,7 @@ def estimate_responses(
         Nothing is estimated across their ends or across a gap.
     inputs, outputs : names of the p and q columns
     band : (low, high), rad/s, optional
-        By default from `CYCLES` per longest window to 10 Hz, or 0.4 times the slowest sampling rate.
+        By default from `FrequencyResponse.CYCLES` per longest window to 10 Hz, or 0.4 times the slowest sampling rate.
     lengths : sequence of float, s, optional
         Of the windows; by default by :func:`window_lengths`.
     """
@@ -137,9 +138,11 @@ def estimate_responses(
         chosen = [x for x in chosen if all(x * rate >= MIN_SAMPLES for rate, _ in pieces)]
         if not chosen or not pieces:
             continue
-        lowest = CYCLES / max(chosen)
+        lowest = FrequencyResponse.CYCLES / max(chosen)
         ceiling = MAX_SHARE * min(rate for rate, _ in pieces)
-        low, high = (lowest, MAX_FREQUENCY) if band is None else (b / (2.0 * np.pi) for b in band)
+        low, high = (
+            (lowest, FrequencyResponse.MAX_FREQUENCY) if band is None else (b / (2.0 * np.pi) for b in band)
+        )
         hertz = frequencies(max(low, lowest), min(high, ceiling))
         if hertz.size:
             windows = _windows(pieces, chosen, hertz)
@@ -305,7 +308,7 @@ def _weights(
     counts = [int(own.sum()) for own in members]
     errors = np.full((len(lengths), len(hertz)), np.inf)
     for error, length, own, count in zip(errors, lengths, members, counts, strict=True):
-        here = length * hertz >= CYCLES * (1.0 - 1e-9)
+        here = length * hertz >= FrequencyResponse.CYCLES * (1.0 - 1e-9)
         if count <= X.shape[2] + 1 or not here.any():
             continue
         inputs, outputs = X[np.ix_(here, own)], y[np.ix_(here, own)]

@@ -21,10 +21,9 @@ from stoop.base.toml import parse_json
 from stoop.base.variables import EULER, QUATERNION, RATES, VARIABLES
 from stoop.errors import FlightError, LogError
 from stoop.flight.air_data import with_air
-from stoop.flight.airborne import carried_by_rotors, in_flight
 from stoop.flight.airspeed import EQUIVALENT, TRUE, with_true_airspeed
 from stoop.flight.apply_mapping import Mapped, read_mapped
-from stoop.flight.faults import Fault, contradiction, recorded_faults, rest_faults, without_faulty
+from stoop.flight.faults import Fault, contradiction, recorded_faults, rest_faults
 from stoop.flight.flight import AirData, Flight, Gridded, flight_name, on_circle, with_attitude
 from stoop.flight.gridding import (
     Channels,
@@ -101,7 +100,7 @@ def of_recording(
         recorded = [replace(f, variable=TRUE) if f.variable == EQUIVALENT else f for f in recorded]
     # a mapping is judged in flight: on the ground estimators hold zeros, and sensors stand still
     gridded = Flight(flight_name(path), path, Gridded(grid.time, data), rate, sources)
-    up = attempt(failed, np.ones(grid.time.size, dtype=bool), in_flight, gridded)
+    up = attempt(failed, np.ones(grid.time.size, dtype=bool), Flight.in_flight, gridded)
     recorded = [
         fault
         for fault in recorded
@@ -150,7 +149,7 @@ def of_recording(
         code = "slow-rates-suspect-clock" if lowest < SUSPECT_CLOCK else "slow-rates"
         limits.append(notice(code, variables=tuple(slow), rate=lowest))
     explained = flight.air is not None and bool(flight.air.notices)  # the reconstruction knows better why
-    if not {"V", "alpha", "beta"} & flight.names and not carried_by_rotors(flight) and not explained:
+    if not {"V", "alpha", "beta"} & flight.names and not flight.carried_by_rotors() and not explained:
         limits.append(notice("no-air-data"))
     return flight.with_notices((*limits, *failed))
 
@@ -198,27 +197,11 @@ def with_contradictions(flight: Flight) -> Flight:
     """
     failed: list[Notice] = []
     channels = [Channels("the table", flight.time, {name: flight.column(name) for name in flight.sources})]
-    up = attempt(failed, np.ones(flight.time.size, dtype=bool), in_flight, flight)
+    up = attempt(failed, np.ones(flight.time.size, dtype=bool), Flight.in_flight, flight)
     recorded = attempt(failed, [], recorded_faults, channels)
     faults = _contradictions(flight, up, channels, recorded, failed)
     notices = (*flight.notices, *(fault.notice for fault in faults), *failed)
     return replace(flight, data=vars(flight)["data"], faults=faults, notices=notices)
-
-
-def without_faults(flight: Flight) -> Flight:
-    """Return the flight with the samples of clipped and stuck sensors taken as not measured."""
-    by_name: dict[str, list[Fault]] = {}
-    for fault in flight.faults:
-        if fault.kind in ("clipped", "stuck"):
-            by_name.setdefault(fault.variable, []).append(fault)
-    if not by_name:
-        return flight
-    columns = {
-        name: without_faulty(flight.time, flight.column(name), found) for name, found in by_name.items()
-    }
-    data = flight.data.assign({name: ("time", x, flight.data[name].attrs) for name, x in columns.items()})
-    found = notice("samples-not-measured", variables=tuple(columns))
-    return replace(flight, data=data, notices=(*flight.notices, found))
 
 
 def save(flight: Flight, path: str | Path) -> None:

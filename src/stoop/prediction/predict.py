@@ -40,7 +40,7 @@ from stoop.prediction.initial_state import (
 )
 from stoop.problem import Layout, Misfit, Piece, on_circle
 from stoop.problem.observation import START_TIME
-from stoop.problem.prepare import Prepared, decoupled, prepare
+from stoop.problem.prepare import Prepared, decoupled
 from stoop.problem.windows import Window
 from stoop.results.result import Covariance, NoiseCovariance
 from stoop.simulation import START_NAMES, trim
@@ -158,7 +158,7 @@ def predict_from(
     for i, window in enumerate(windows):
         vehicle = _coupled(model, flights, window)
         biased = vehicle.with_numbers({name: {"value": value} for name, value in means.items()})
-        prepared = prepare(biased, flights, [window])
+        prepared = Prepared.of(biased, flights, [window])
         notices += prepared.notices
         for k, piece in enumerate(prepared.pieces):
             own = {**piece.start, **({} if k else start)}
@@ -190,7 +190,7 @@ def _of_window(
     model = replace(model, vehicle=_coupled(model, flights, window))
     biases = {name: prior.mean for name, prior in priors.items()}
     biased = model.vehicle.with_numbers({name: {"value": value} for name, value in biases.items()})
-    prepared, kind = prepare(biased, flights, [window]), _PREDICTIONS[biased.frame]
+    prepared, kind = Prepared.of(biased, flights, [window]), _PREDICTIONS[biased.frame]
     found, late = [], []
     notices = [n for n in prepared.notices if n.code != "start-defaulted"]
     notices += [notice(code, str(window), length=WINDOW_LENGTH, stretch=STRETCH) for code in kind.codes]
@@ -343,7 +343,7 @@ def force_curves(
     The vehicle has its estimates; `biases` are those of the sensors and the wind, SI.
     """
     parts = [(np.empty(0), np.empty((0, 7)))]
-    for piece in prepare(vehicle, flights, [window]).pieces:
+    for piece in Prepared.of(vehicle, flights, [window]).pieces:
         for stretch in stretches(vehicle, replace(piece, changes={**piece.changes, **biases})):
             rows, own = vehicle.parameter_rows(stretch.piece.changes), stretch.samples
             spins = [lagged_command(vehicle, stretch.piece, name, rows)[own] for name in vehicle.rotors]

@@ -27,7 +27,7 @@ from stoop.base.units import DEGREE
 from stoop.base.variables import EULER, POSITION, QUATERNION, VELOCITY, WRAPPED
 from stoop.errors import IdentificationError
 from stoop.estimate.noise import correlation_times
-from stoop.flight import VARIABLES, Flight, without_faults
+from stoop.flight import VARIABLES, Flight
 from stoop.flight.air_data import RECONSTRUCTED, flow, with_air
 from stoop.flight.flight import Gridded, on_circle, with_attitude
 from stoop.flight.instrument_errors import RATES_DELAY, instrument_errors
@@ -96,7 +96,7 @@ class Estimate:
 
 
 @dataclass(frozen=True)
-class Finding:
+class InstrumentError:
     """One instrument error."""
 
     estimate: float
@@ -142,7 +142,7 @@ class Compatibility(Summarized):
     """Result of a compatibility check."""
 
     flight: str
-    findings: Mapping[str, Finding]  #: by instrument error
+    findings: Mapping[str, InstrumentError]  #: by instrument error
     channels: Mapping[str, Consistency]
     traces: tuple[Trace, ...]
     #: warnings: what contradicts, the worst first, and faults of the flight; then all else
@@ -169,7 +169,9 @@ class Compatibility(Summarized):
 
 
 @on_one_blas_thread
-def check(flight: Flight, windows: Sequence[tuple[float, float]] = ()) -> tuple[Compatibility, Estimate]:
+def compare_instruments(
+    flight: Flight, windows: Sequence[tuple[float, float]] = ()
+) -> tuple[Compatibility, Estimate]:
     """Estimate the instrument errors of a flight, and find channels that contradict each other.
 
     Parameters
@@ -184,7 +186,7 @@ def check(flight: Flight, windows: Sequence[tuple[float, float]] = ()) -> tuple[
     IdentificationError
         The kinematics cannot be integrated from the recorded inputs.
     """
-    found = _estimate(cut_pieces(without_faults(flight), windows))
+    found = _estimate(cut_pieces(flight.without_faults(), windows))
     problem, values, errors = found.problem, found.values, found.errors
     white = standard_errors(found.uncertainty.cramer_rao)[: problem.shared] * problem.scales
     findings = {}
@@ -192,7 +194,7 @@ def check(flight: Flight, windows: Sequence[tuple[float, float]] = ()) -> tuple[
     for u, one, plain, shift in zip(problem.unknowns, found.identifiability, white, shifts, strict=True):
         numbers = (values[u.name], errors[u.name], shift, float(plain), u.mean, u.std)
         reason = "" if one.reason is None else str(one.reason)
-        findings[u.name] = Finding(*numbers, one.identifiable, reason, u.unit, u.meaning)
+        findings[u.name] = InstrumentError(*numbers, one.identifiable, reason, u.unit, u.meaning)
     left, moved = np.concatenate(problem.errors(found.z)), []
     for piece in problem.pieces:
         known = np.isfinite(piece.measured)
@@ -330,7 +332,7 @@ def _contradictions(channels: Mapping[str, Consistency]) -> list[Notice]:
     return [*found, notice("inconsistent-no-calibration")] if found else []
 
 
-def _errors_found(findings: Mapping[str, Finding]) -> list[Notice]:
+def _errors_found(findings: Mapping[str, InstrumentError]) -> list[Notice]:
     """Return the sensors that are evidently off."""
     out = []
     for name, one in findings.items():

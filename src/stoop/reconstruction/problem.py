@@ -22,7 +22,6 @@ from stoop.base.variables import EULER, POSITION, RATES, SPECIFIC_FORCE, VELOCIT
 from stoop.errors import FlightError
 from stoop.flight import Flight, segments
 from stoop.flight.air_data import RECONSTRUCTED
-from stoop.flight.airborne import flying
 from stoop.flight.instrument_errors import AIR, DELAYED, GROUND, RATES_DELAY, InstrumentError
 from stoop.optimize import forward_jacobian
 from stoop.optimize.normal_equations import TallMatrix
@@ -101,7 +100,7 @@ def cut_pieces(flight: Flight, windows: Sequence[tuple[float, float]] = ()) -> P
     notices: list[Notice] = []
     spans = windows or [
         (float(flight.time[run.start]), float(flight.time[run.stop - 1]))
-        for run in run_slices(flying(flight))
+        for run in run_slices(flight.flying())
         if run.stop - run.start > PIECES.fewest(flight.rate)
     ]
     for start, stop in spans:

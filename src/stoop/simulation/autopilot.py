@@ -28,8 +28,7 @@ from stoop.base.arrays import FloatArray, IntArray
 from stoop.base.rotations import matrices_of, matrices_of_angles, product, quaternions_about, quaternions_of
 from stoop.base.variables import EULER
 from stoop.errors import SimulationError
-from stoop.simulation.flown import traveled
-from stoop.simulation.trim import Trim
+from stoop.simulation.trim import Trim, traveled
 from stoop.vehicle import Vehicle
 from stoop.vehicle.channels import slope_input
 

@@ -15,11 +15,10 @@ from stoop.base.notices import notice
 from stoop.base.text import nearest
 from stoop.errors import ManeuverError, SimulationError
 from stoop.flight import VARIABLES, Flight, from_columns
-from stoop.simulation.flown import Flown, traveled
 from stoop.simulation.maneuver import Maneuver, load_maneuver
 from stoop.simulation.on_rotors import Departure, fly_on_rotors
 from stoop.simulation.steady_flight import trim
-from stoop.simulation.trim import Trim
+from stoop.simulation.trim import Flown, Trim, traveled
 from stoop.vehicle import Vehicle, trajectories
 from stoop.vehicle.channels import check_states, rigid_states
 from stoop.vehicle.schema import CHANNELS, WIND
@@ -210,9 +209,8 @@ def _open_loop(
         fine, steps = trajectories.arriving(vehicle, rows, inputs, dt, noise)
         return vehicle.states_along(rows, start, fine, dt / steps)[::steps]
 
-    if (
-        vehicle.file.ground_effect is not None
-    ):  # height above the ground is an input that follows from the states
+    # height above the ground is an input that follows from the states
+    if vehicle.file.ground_effect is not None:
         column, h = vehicle.inputs.index(vehicle.file.ground_effect.channel), vehicle.states.index("h")
         terrain = inputs[:, column] - start[h, 0]
         for _ in range(HEIGHT_PASSES):

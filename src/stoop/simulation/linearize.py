@@ -8,7 +8,7 @@ unit sphere of quaternions.
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, ClassVar, Final
 
 import numpy as np
@@ -23,7 +23,7 @@ from stoop.base.variables import EULER
 from stoop.simulation.linear_systems import control_system, with_delays
 from stoop.simulation.trim import Trim, Trims
 from stoop.vehicle import Vehicle
-from stoop.vehicle.arrays import array_equations, euler_angles, flow_angles
+from stoop.vehicle.arrays import euler_angles, flow_angles
 from stoop.vehicle.delays import output_delays
 
 REAL: Final = 1e-9  #: 1/s; a smaller imaginary part is rounding
@@ -85,18 +85,6 @@ class LinearModel(Summarized):
             read = vehicle.outputs[:shown], A, B, C[:shown], D[:shown]
             out.append(cls(names, inputs, *read, modes, late, arrival[:shown]))
         return out
-
-    def with_inputs(self, names: Sequence[str], of: Sequence[str], mixing: FloatArray) -> LinearModel:
-        """Return the model with new inputs after its others: those in `of` (m) are `mixing` (m, k) times `names` (k).
-
-        The delay of the first of them is that of the new ones.
-        """
-        mixed = [self.inputs.index(name) for name in of]
-        kept = [i for i in range(len(self.inputs)) if i not in mixed]
-        B, D = (np.hstack([M[:, kept], M[:, mixed] @ mixing]) for M in (self.B, self.D))
-        delays = np.append(self.input_delays[kept], np.full(len(names), self.input_delays[mixed[0]]))
-        inputs = (*(self.inputs[i] for i in kept), *names)
-        return replace(self, inputs=inputs, B=B, D=D, input_delays=delays)
 
     def to_control(self, pade: int | None = None) -> Any:
         """Return a ``control.StateSpace`` of python-control, with names; dots in them become underscores.
@@ -203,9 +191,8 @@ def _mode_name(weights: dict[str, float], oscillates: bool) -> str:
     def share(*names: str) -> float:
         return sum(weights.get(n, 0.0) for n in names)
 
-    if (
-        "w" in weights
-    ):  # on rotors tilt drives speed, speed drives the rates (the hovering cubic of helicopters)
+    # on rotors tilt drives speed, speed drives the rates (the hovering cubic of helicopters)
+    if "w" in weights:
         motions = {"pitch": ("u", "q", "theta"), "roll": ("v", "p", "phi"), "yaw": ("r",), "heave": ("w",)}
         found = {name: share(*states) for name, states in (motions | {"lag": tuple(lags)}).items()}
         kind = max(found, key=lambda name: found[name])
@@ -235,13 +222,12 @@ def linear_models(
     Inputs are those of :func:`model_inputs`. Flow angles have no meaning in a hover.
     """
     names = state_names(vehicle, points.start)
-    inputs = points.inputs[
-        : len(vehicle.inputs)
-    ]  # a lateral model lacks noise, zero, of the gusts of its trim
+    # a lateral model lacks noise, zero, of the gusts of its trim
+    inputs = points.inputs[: len(vehicle.inputs)]
     values = [*vehicle.initial_states(points.start, points.rows, inputs), *inputs]
     n, count = len(vehicle.states), len(values)
     variables = [Dual(x, e) for x, e in zip(values, np.eye(count)[:, :, None], strict=True)]
-    equations = array_equations(vehicle)
+    equations = vehicle.array_equations()
     found = equations.values(variables[:n], variables[n:], equations.constants(points.rows))
 
     def minimal(states: Sequence[Any]) -> list[Any]:

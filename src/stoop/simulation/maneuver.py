@@ -344,16 +344,6 @@ class Maneuver(Table):
         """Sample times, s."""
         return np.arange(round(self.duration * self.rate) + 1) / self.rate
 
-    def at_rate(self, rate: float) -> Maneuver:
-        """Return the maneuver at another rate, Hz; ManeuverError where it cannot be."""
-        raw = {**self.model_dump(), "rate": rate}
-        try:
-            return Maneuver.model_validate(raw)
-        except ValidationError as error:
-            raise ManeuverError(
-                f"at {rate:g} Hz, the rate of the loop: {first_complaint(error, raw, Maneuver)}"
-            ) from None
-
     def deflections(self) -> dict[str, FloatArray]:
         """Return the change of each control from trim over :attr:`time`, in :func:`unit_of` it."""
         out: dict[str, FloatArray] = {}

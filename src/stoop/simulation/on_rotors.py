@@ -17,9 +17,8 @@ from stoop.base.arrays import BoolArray, FloatArray, IntArray
 from stoop.base.rotations import to_ground
 from stoop.errors import SimulationError
 from stoop.simulation import autopilot
-from stoop.simulation.flown import Flown
 from stoop.simulation.maneuver import Battery, Maneuver
-from stoop.simulation.trim import Trim
+from stoop.simulation.trim import Flown, Trim
 from stoop.vehicle import Vehicle, trajectories
 from stoop.vehicle.delays import (
     OFFSETS,

@@ -134,9 +134,8 @@ class OnWings(SteadyFlight):
     angles: tuple[str, ...]
     #: the airspeed, m/s, or the angle of attack, rad, (B,), that is given; the conditions' airspeed when empty
     given: Mapping[str, FloatArray] = field(default_factory=dict)
-    powered: bool = (
-        True  #: whether propulsion, where there is one, holds the flight-path angle; it is free without
-    )
+    #: whether propulsion, where there is one, holds the flight-path angle; it is free without
+    powered: bool = True
 
     commands = ()
     refused = ("velocity", "wind")

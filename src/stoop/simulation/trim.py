@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from stoop.base.arrays import FloatArray
+from stoop.base.arrays import BoolArray, FloatArray
 from stoop.base.atmosphere import standard_density
 from stoop.base.rotations import to_ground
 from stoop.vehicle import Vehicle
@@ -148,3 +148,23 @@ class Trims:
     thrust: Mapping[str, ArrayLike]
     inputs: FloatArray
     rows: FloatArray
+
+
+@dataclass(frozen=True)
+class Flown:
+    """A simulated flight without sensor noise."""
+
+    trim: Trim
+    time: FloatArray  #: (n,), s
+    inputs: FloatArray  #: (n, n_u), recorded channels
+    outputs: FloatArray  #: (n, n_y), noise-free readings in the order of ``vehicle.outputs``
+    #: (n, 3), over ground, m/s; of aircraft only in the wind of a maneuver
+    velocity: FloatArray | None = None
+    clipped: BoolArray | None = None  #: (n, m), on rotors: where a channel reached an end of its range
+    states: FloatArray | None = None  #: (n, n_x), on rotors
+
+
+def traveled(velocity: FloatArray, dt: float) -> FloatArray:
+    """Return positions (n, 3), m, from velocities (n, 3) by the trapezoidal rule, starting at zero."""
+    steps = 0.5 * dt * (velocity[1:] + velocity[:-1])
+    return np.vstack([np.zeros((1, velocity.shape[1])), np.cumsum(steps, axis=0)])

@@ -12,12 +12,11 @@ from typing import Any, Final
 
 from stoop.base.notices import Notice, notice
 from stoop.estimate.regression.command_delay import scan_delays
-from stoop.problem.prepare import decoupled, prepare
+from stoop.problem.prepare import Prepared, decoupled
 from stoop.strategy.decision import Setup
 from stoop.vehicle import Vehicle
-from stoop.vehicle.assumptions import USUAL
 from stoop.vehicle.document import with_entries
-from stoop.vehicle.vehicle import leaves
+from stoop.vehicle.usual import USUAL
 
 WIDTH: Final = 3.0  #: standard deviations of a prior, within which a search finds a delay by itself
 
@@ -37,7 +36,7 @@ class Delay:
 def with_found_delays(setup: Setup, vehicle: Vehicle) -> tuple[Vehicle, tuple[Notice, ...]]:
     """Return a vehicle with the delays of commands that exceed what is usual where the record shows them, and what was found."""
     here = decoupled(vehicle, setup.flights, setup.fitted)
-    pieces, found = prepare(here, setup.flights, setup.fitted).pieces, list[Notice]()
+    pieces, found = Prepared.of(here, setup.flights, setup.fitted).pieces, list[Notice]()
     for delay in _delays(here):
         scan = scan_delays(here, pieces, delay.columns)
         late = scan.beyond(delay.reach) if scan else None
@@ -57,7 +56,7 @@ def with_found_delays(setup: Setup, vehicle: Vehicle) -> tuple[Vehicle, tuple[No
 
 def _delays(vehicle: Vehicle) -> Iterator[Delay]:
     """Yield the delays of commands that the file neither fixes nor bounds; one for all where it has none."""
-    numbers, columns = dict(leaves(vehicle.file)), dict[int, list[int]]()
+    numbers, columns = vehicle.quantities, dict[int, list[int]]()
     for column, row in vehicle.input_delays():
         columns.setdefault(row, []).append(column)
     for row, own in columns.items():

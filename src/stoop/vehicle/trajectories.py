@@ -99,13 +99,6 @@ def readings_along(
     return out
 
 
-def next_state(
-    vehicle: Vehicle, rows: FloatArray, state: FloatArray, inputs: FloatArray, noise: FloatArray, dt: float
-) -> FloatArray:
-    """Return the state (n_x,) one sample later: :func:`next_states` of one lane, inputs (2, n_u)."""
-    return vehicle.next_states(rows, state[:, None], inputs[:, :, None], [noise], dt)[:, 0]
-
-
 def next_states(
     vehicle: Vehicle,
     rows: FloatArray,

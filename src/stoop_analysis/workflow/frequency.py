@@ -14,10 +14,9 @@ from stoop.extend import motion
 from stoop.extend.arrays import BoolArray, FloatArray, run_slices
 from stoop.extend.errors import FlightError, SimulationError, StoopError
 from stoop.extend.files import by_name
-from stoop.extend.fits import NORMAL_95, Result, model_or_vehicle, refusal, takes_model_or_vehicle
+from stoop.extend.fits import NORMAL_95, Result, model_or_vehicle, takes_model_or_vehicle
 from stoop.extend.flights import (
     CONTROLS,
-    CYCLES,
     MOTION,
     Flights,
     FrequencyResponse,
@@ -25,13 +24,9 @@ from stoop.extend.flights import (
     Window,
     Windows,
     as_flights,
-    as_windows,
-    commands,
     estimate_responses,
-    flying,
     moves,
     window_lengths,
-    within,
 )
 from stoop.extend.notices import notice
 from stoop.extend.text import nearest
@@ -137,8 +132,8 @@ def frequency_responses(
     vehicle = fitted.vehicle if fitted else found_model if isinstance(found_model, Vehicle) else None
     result = fitted.result if fitted else None
     own = [w for w in fitted.windows() if w.flight in named] if fitted else []
-    windows = as_windows(maneuvers, named) or tuple(own)
-    masks = {f.name: within(f, [w for w in windows if w.flight == f.name]) & True for f in flights}
+    windows = Window.several(maneuvers, named) or tuple(own)
+    masks = {f.name: Window.within(f, [w for w in windows if w.flight == f.name]) & True for f in flights}
     for window in windows:
         time = named[window.flight].time
         if window.start > time[-1] or window.stop < time[0]:
@@ -146,7 +141,7 @@ def frequency_responses(
                 f"{window} lies outside the record, {time[0]:.1f} to {time[-1]:.1f} s; choose a window within it"
             )
     if not windows:
-        masks = {f.name: flying(f) for f in flights}
+        masks = {f.name: f.flying() for f in flights}
         windows = tuple(
             Window(f.name, float(f.time[r.start]), float(f.time[r.stop - 1]))
             for f in flights
@@ -173,7 +168,7 @@ def frequency_responses(
     notices += [notice("frequency-output-missing", outputs=tuple(missing))] if missing else []
     notices += _unknown_axes(responses)
     modeled, found = ({}, []) if steady is None else _modeled(steady, result, names, wanted)
-    notices += [*found, *(refusal(fitted.result, fitted.source) if fitted else [])]
+    notices += [*found, *(fitted.refusal if fitted else [])]
     condition = {} if steady is None else steady.condition
     figures = _figures(responses, modeled)
     return FrequencyAnalysis(
@@ -191,7 +186,7 @@ def _columns(
     """
     columns = {str(c): flight.column(str(c)) for c in flight.channels if c in inputs}
     if vehicle is None:
-        return {**columns, **({} if inputs else {one.variable: one.u for one in commands(flight)})}
+        return {**columns, **({} if inputs else {one.variable: one.u for one in flight.commands()})}
     recorded = {name: flight.column(name) for name in vehicle.inputs if name in flight.names}
     axes = None if steady is None or set(inputs) & set(vehicle.rotor_range.names) else steady.axes
     return columns | control_inputs(vehicle, recorded, axes)
@@ -279,10 +274,10 @@ def _too_short(
     """Return why nothing could be estimated, with what would mend it."""
     durations = [len(s.inputs) / s.rate for s in stretches]
     lengths = window_lengths(durations, len(inputs)) if durations else ()
-    if lengths and band is not None and band[1] <= 2.0 * np.pi * CYCLES / lengths[0]:
+    if lengths and band is not None and band[1] <= 2.0 * np.pi * FrequencyResponse.CYCLES / lengths[0]:
         return (
             f"--band {band[0]:g}:{band[1]:g}: windows of {lengths[0]:.1f} s resolve nothing below "
-            f"{2.0 * np.pi * CYCLES / lengths[0]:.2g} rad/s; give a higher band or longer windows"
+            f"{2.0 * np.pi * FrequencyResponse.CYCLES / lengths[0]:.2g} rad/s; give a higher band or longer windows"
         )
     total = sum(durations)
     return (

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -12,7 +13,7 @@ import numpy as np
 from stoop import Flight, Notice
 from stoop.extend.errors import FlightError
 from stoop.extend.files import file_hashes, flight_files, make_folder, versions, write_files
-from stoop.extend.fits import NORMAL_95, data_notices
+from stoop.extend.fits import NORMAL_95
 from stoop.extend.flights import RECONSTRUCTED
 from stoop.extend.notices import notice
 from stoop.extend.text import finite_or_none
@@ -81,7 +82,7 @@ def drag_polar(
     drag, std = polar.drag(np.linspace(low, high, 5))
     if np.all(drag < NORMAL_95 * std):
         found.append(notice("drag-not-identifiable"))
-    return polar, (*found, *data_notices(flight.notices))
+    return polar, (*found, *(replace(one, severity="info") for one in dict.fromkeys(flight.notices)))
 
 
 def write_polar(

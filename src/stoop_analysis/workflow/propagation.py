@@ -11,7 +11,7 @@ import numpy as np
 from stoop import FittedModel
 from stoop.extend.arrays import FloatArray
 from stoop.extend.errors import StoopError
-from stoop.extend.fits import at_center_of_gravity, refusal, takes_model, true_values
+from stoop.extend.fits import at_center_of_gravity, takes_model, true_values
 from stoop.extend.reports import Page
 from stoop.extend.units import standard_density
 from stoop.extend.variables import EULER, RATES, VELOCITY
@@ -78,7 +78,7 @@ def propagate(
     drawn = draws_of(model.result, posterior, draws, seed, source, model.source)
     domain = flown_domain(model, airspeed, altitude)
     made = propagate_draws(model.vehicle, drawn, domain, expressions, model.source, seed)
-    notices = (*refusal(model.result, model.source), *made.notices)
+    notices = (*model.refusal, *made.notices)
     return Propagated(**{item.name: getattr(made, item.name) for item in fields(made)} | {"notices": notices})
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from stoop import Flight, Vehicle
 from stoop.extend.errors import FlightError
 from stoop.extend.fits import ManeuverResult, ManeuverTrace, ResponseMisfit
-from stoop.extend.flights import Stretch, Window, within
+from stoop.extend.flights import Stretch, Window
 from stoop.extend.variables import RATES
 from stoop_analysis.response_misfit import response_misfits
 from stoop_analysis.workflow.frequency import control_inputs, moving_inputs, steady_model
@@ -29,7 +29,7 @@ def model_misfits(
     if vehicle.rotors:
         windows = [Window(m.flight, m.start, m.stop) for m in maneuvers]
         masks = {
-            name: within(flight, [w for w in windows if w.flight == name]) & True
+            name: Window.within(flight, [w for w in windows if w.flight == name]) & True
             for name, flight in flights.items()
         }
         axes = steady_model(tuple(flights.values()), masks, vehicle).axes

@@ -19,7 +19,7 @@ import numpy as np
 
 from stoop import Flight, Notice, Vehicle
 from stoop.extend.arrays import BoolArray, FloatArray, runs
-from stoop.extend.flights import Window, flying, within
+from stoop.extend.flights import Window
 from stoop.extend.motion import delayed, first_order_lag
 from stoop.extend.notices import notice
 from stoop.extend.text import enumerated
@@ -128,7 +128,7 @@ def check_motors(vehicle: Vehicle, flight: Flight, windows: Sequence[Window]) ->
     motions = _motions(vehicle, flight, windows, channels)
     if motions is None:
         return []
-    up, level = flying(flight), np.zeros(len(vehicle.inputs))  # the median of every input in flight
+    up, level = flight.flying(), np.zeros(len(vehicle.inputs))  # the median of every input in flight
     for i, name in enumerate(vehicle.inputs):
         x = flight.column(name)[up] if name in flight.names else np.zeros(0)
         x = x[np.isfinite(x)]
@@ -230,7 +230,7 @@ def _motions(
     if not {*RATES, *channels} <= flight.names or flight.rate <= 2.0 * BANDS[0][1]:
         return None
     columns = np.column_stack([flight.column(c) for c in (*channels, *RATES)])
-    good = within(flight, windows) & flying(flight) & np.isfinite(columns).all(axis=1)
+    good = Window.within(flight, windows) & flight.flying() & np.isfinite(columns).all(axis=1)
     delay, lag = (vehicle.value(n) if n in vehicle.rows else 0.0 for n in ("rotors.delay", "rotors.lag"))
     filters = [butter(ORDER, band, "bandpass", fs=flight.rate, output="sos") for band in BANDS]
     step = max(1, int(flight.rate / RATE))

@@ -26,7 +26,12 @@ from stoop.extend.arrays import FloatArray
 from stoop.extend.errors import IdentificationError, SimulationError
 from stoop.extend.flights import Window
 from stoop.extend.motion import Maneuver, Trim, fly_together, recorded
-from stoop_plan.input_design.sensitivity import BOX_INFORMATION, PIECES, CandidateProblem, VehicleInformation
+from stoop_plan.input_design.sensitivity import (
+    BOX_INFORMATION,
+    CandidateProblem,
+    VehicleInformation,
+    pieces_of,
+)
 
 Span = tuple[float, float]
 AMPLITUDE: Final = math.radians(3.0)  #: of every control that is not given one
@@ -296,7 +301,7 @@ class Setup:
 def information_errors(information: FloatArray) -> FloatArray:
     """Return the standard errors (n,) that information (n, n) leaves; infinite where it determines nothing."""
     inverse = fits.invert(information)
-    return fits.standard_errors(fits.marked(inverse.matrix, inverse.determined))
+    return np.where(inverse.determined, np.sqrt(np.maximum(np.diag(inverse.matrix), 0.0)), np.inf)
 
 
 def marginal(J: FloatArray, d: int) -> FloatArray:
@@ -364,7 +369,7 @@ def _forecast_of_line(setup: Setup, maneuver: Maneuver, only_inside: bool) -> Fo
     blank = np.zeros((len(t), len(vehicle.outputs)))
     piece = fits.Piece(0, t, inputs, blank, setup.trim.start, setup.trim.changes)
     prepared = fits.Prepared((Window("design", 0.0, float(t[-1])),), (piece,), ())
-    layout = replace(setup.layout, nuisances=fits.nuisances(vehicle, prepared))
+    layout = replace(setup.layout, nuisances=prepared.nuisances(vehicle))
     problem = fits.Misfit(layout, (piece,), fits.Weights.of(setup.noise), ((len(t),),))
     z = np.concatenate([setup.layout.unit(setup.values), np.zeros(problem.extra)])
     with np.errstate(invalid="ignore", over="ignore"):
@@ -390,8 +395,8 @@ def forecast_on_rotors(
     if only_inside and excess > 0.0:
         return Forecast(readings, excess, nothing)
     # without noise a reading that does not change is not stuck
-    prepared = fits.prepare(vehicle, {flight.name: flight}, [Window(flight.name, 0.0, maneuver.duration)])
-    pieces = tuple(part for piece in prepared.pieces for part in PIECES[vehicle.frame](vehicle, piece))
+    prepared = fits.Prepared.of(vehicle, {flight.name: flight}, [Window(flight.name, 0.0, maneuver.duration)])
+    pieces = tuple(part for piece in prepared.pieces for part in pieces_of(vehicle, piece))
     problem = CandidateProblem(replace(prepared, pieces=pieces), (len(pieces),))
     unit = setup.layout.unit(setup.values)
     at = VehicleInformation(vehicle, unit, fits.Weights.of(setup.noise), np.inf)

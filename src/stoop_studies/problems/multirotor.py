@@ -25,9 +25,9 @@ from stoop.estimate.linearization import interpolated, unwrapped
 from stoop.estimate.shooting_windows import edges
 from stoop.problem import Layout, Misfit, Piece, Weights
 from stoop.problem.observation import through_air
-from stoop.simulation.flown import Flown
 from stoop.simulation.fly import fly
 from stoop.simulation.maneuver import parse_maneuver
+from stoop.simulation.trim import Flown
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop.vehicle.delays import first_order_lag

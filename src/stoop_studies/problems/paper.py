@@ -25,9 +25,9 @@ from stoop.optimize.ledger import Evaluations
 from stoop.problem import Layout, Misfit, Piece, Weights
 from stoop.problem.layout import Nuisance
 from stoop.problem.misfit import horizon_ladder
-from stoop.simulation.flown import Flown
 from stoop.simulation.fly import fly
 from stoop.simulation.maneuver import parse_maneuver
+from stoop.simulation.trim import Flown
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import resolve_vehicle
 from stoop.workflow.demo import MANEUVER, TABLE_1

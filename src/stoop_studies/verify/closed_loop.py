@@ -75,7 +75,9 @@ def fly(vehicle: Vehicle, maneuver: Maneuver, rng: np.random.Generator, name: st
         read = vehicle.readings_along(rows, states[k : k + 1], inputs[k : k + 1])[0]
         inputs[k + 1] += gains @ (read + errors[k] - level)
         noise = gusts[trajectories.FINER * k : trajectories.FINER * (k + 1) + 1]
-        states[k + 1] = vehicle.next_state(rows, states[k], inputs[k : k + 2], noise, dt)
+        states[k + 1] = vehicle.next_states(
+            rows, states[k][:, None], inputs[k : k + 2][:, :, None], [noise], dt
+        )[:, 0]
     readings = vehicle.readings_along(rows, states, inputs) + errors
     columns = dict(zip(vehicle.outputs, readings.T, strict=True))
     columns |= {c: inputs[:, i] for i, c in enumerate(vehicle.recorded)}

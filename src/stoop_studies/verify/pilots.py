@@ -20,9 +20,9 @@ from stoop.base.arrays import FloatArray
 from stoop.base.units import FOOT
 from stoop.base.variables import EULER, RATES, VELOCITY
 from stoop.simulation import Trim, trim
-from stoop.simulation.flown import traveled
 from stoop.simulation.fly import fly as fly_maneuver
 from stoop.simulation.maneuver import Maneuver
+from stoop.simulation.trim import traveled
 from stoop.vehicle import Vehicle, parse_vehicle, trajectories
 from stoop_export import jsbsim_aircraft, jsbsim_flight
 from stoop_studies.verify.defects import edited
@@ -187,7 +187,9 @@ def by_stoop(
         read = vehicle.readings_along(rows, states[k : k + 1], pilot.inputs[k : k + 1])[0]
         pilot.command(k, dict(zip(vehicle.outputs, read.tolist(), strict=True)), float(states[k, height]))
         noise = gusts[trajectories.FINER * k : trajectories.FINER * (k + 1) + 1]
-        states[k + 1] = vehicle.next_state(rows, states[k], pilot.inputs[k : k + 2], noise, dt)
+        states[k + 1] = vehicle.next_states(
+            rows, states[k][:, None], pilot.inputs[k : k + 2][:, :, None], [noise], dt
+        )[:, 0]
     readings = vehicle.readings_along(rows, states, pilot.inputs)
     columns = dict(zip(vehicle.outputs, readings.T, strict=True))
     columns |= dict(zip(VELOCITY, point.over_ground(vehicle, states).T, strict=True))

@@ -7,7 +7,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from stoop.assessment.error_bars import error_bars
+from stoop.assessment.error_bars import ErrorBars
 from stoop.base.arrays import FloatArray
 from stoop.errors import StoopError
 from stoop.estimate import methods
@@ -94,7 +94,7 @@ def fitted(seed: int) -> tuple[Vehicle, Vehicle, Draws]:
     fit = methods.find("output-error").fitter()(
         scene.start, scene.flights, scene.windows, options, None, None
     )
-    bars, names = error_bars(fit), tuple(scene.truth)
+    bars, names = ErrorBars.of(fit), tuple(scene.truth)
     k = len(names)
     estimates = np.array([fit.estimates[n] for n in names])
     own = {p.name: p for p in fit.problem.layout.parameters}

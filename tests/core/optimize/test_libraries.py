@@ -13,7 +13,8 @@ from naive.landscapes import Only, ellipsoid, sphere
 from stoop import optimize
 from stoop.errors import IdentificationError
 from stoop.optimize import libraries
-from stoop.optimize.libraries import LARGE, Escape, draw_seed, finite_costs
+from stoop.optimize.libraries import LARGE, draw_seed, finite_costs
+from stoop_studies.optimizers.libraries import Escape
 
 SCIPY = ("scipy-de", "scipy-least-squares")
 EXTRA = ("pymoo-ga", "pymoo-pso", "cma", "pygmo-sade")  #: of optional packages

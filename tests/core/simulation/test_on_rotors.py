@@ -13,9 +13,9 @@ from stoop.errors import ManeuverError, SimulationError
 from stoop.flight import Flight, load, save
 from stoop.simulation import linearize, trim
 from stoop.simulation.autopilot import design, first_order_hold, linear_errors
-from stoop.simulation.flown import Flown
 from stoop.simulation.fly import fly, fly_together, simulate_flight
 from stoop.simulation.maneuver import Maneuver, load_maneuver
+from stoop.simulation.trim import Flown
 from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.vehicle.builtin import builtin_vehicle, resolve_vehicle
 

@@ -35,9 +35,6 @@ from stoop.vehicle.channels import rigid_states
 from stoop.vehicle.delays import first_order_lag
 from stoop.vehicle.schema import Term
 
-COEFFICIENTS: Final = {
-    "full": ("CL", "CD", "CQ", "Cl", "Cm", "Cn"), "longitudinal": ("CL", "CD", "Cm"), "lateral": ("CQ", "Cl", "Cn"),
-}  #: estimated, by the vehicle's reduction; as many as there are accelerations  # fmt: skip
 NOT_NEEDED: Final = ("psi", *POSITION)  #: no force depends on them
 MIN_SAMPLES: Final = 8  #: of a stretch
 
@@ -135,31 +132,31 @@ class History:
         parsed = _parsed(term, frozenset(self.variables))
         return np.full(len(self.time), terms.convert(parsed, self.variables), dtype=float)
 
+    @staticmethod
+    def of(
+        vehicle: Vehicle, piece: Piece, motion_of: Callable[[Vehicle, Piece], Motion] = Motion.of
+    ) -> tuple[History, ...]:
+        """Return the coefficient histories of every complete stretch of a piece that is long enough."""
+        present = complete(vehicle, piece)
+        if not present.any():
+            return ()
+        motion = motion_of(vehicle, piece)
+        shortest, edges = max(MIN_SAMPLES, round(0.5 * MIN_SEGMENT / piece.dt)), np.cumsum([0, *present])
+        stretches = [slice(edges[a], edges[b]) for a, b in runs(present) if b - a >= shortest]
+        rates, time = [motion.states[c] for c in RATES if c in vehicle.outputs], piece.time[motion.samples]
+        angular = np.full((len(rates), len(time)), np.nan)
+        for s in stretches:
+            angular[:, s] = [CubicSpline(time[s], rate[s])(time[s], 1) for rate in rates]
+        found, variables = coefficients(vehicle, motion, angular), motion.variables(vehicle)
+        each = [[{n: v[s] for n, v in columns.items()} for columns in (found, variables)] for s in stretches]
+        return tuple(
+            History(piece.maneuver, time[s], piece.dt, *own) for s, own in zip(stretches, each, strict=True)
+        )
+
 
 @lru_cache(maxsize=1000)
 def _parsed(term: str, names: frozenset[str]) -> Any:
     return terms.parse(term, names, "term")
-
-
-def histories(
-    vehicle: Vehicle, piece: Piece, motion_of: Callable[[Vehicle, Piece], Motion] = Motion.of
-) -> tuple[History, ...]:
-    """Return the coefficient histories of every complete stretch of a piece that is long enough."""
-    present = complete(vehicle, piece)
-    if not present.any():
-        return ()
-    motion = motion_of(vehicle, piece)
-    shortest, edges = max(MIN_SAMPLES, round(0.5 * MIN_SEGMENT / piece.dt)), np.cumsum([0, *present])
-    stretches = [slice(edges[a], edges[b]) for a, b in runs(present) if b - a >= shortest]
-    rates, time = [motion.states[c] for c in RATES if c in vehicle.outputs], piece.time[motion.samples]
-    angular = np.full((len(rates), len(time)), np.nan)
-    for s in stretches:
-        angular[:, s] = [CubicSpline(time[s], rate[s])(time[s], 1) for rate in rates]
-    found, variables = coefficients(vehicle, motion, angular), motion.variables(vehicle)
-    each = [[{n: v[s] for n, v in columns.items()} for columns in (found, variables)] for s in stretches]
-    return tuple(
-        History(piece.maneuver, time[s], piece.dt, *own) for s, own in zip(stretches, each, strict=True)
-    )
 
 
 def coefficients(vehicle: Vehicle, motion: Motion, angular: FloatArray) -> dict[str, FloatArray]:
@@ -175,12 +172,12 @@ def coefficients(vehicle: Vehicle, motion: Motion, angular: FloatArray) -> dict[
     known = np.asarray(np.isfinite(wanted).all(axis=1) & np.isfinite(gains).all(axis=(1, 2)))
     known[known] = np.linalg.det(gains[known]) != 0.0
     solved[known] = np.linalg.solve(gains[known], wanted[known, :, None])[:, :, 0]
-    return dict(zip(COEFFICIENTS[vehicle.reduce], solved.T, strict=True))
+    return dict(zip(AircraftEquations.COEFFICIENTS[vehicle.reduce], solved.T, strict=True))
 
 
 def balance(vehicle: Vehicle, motion: Motion) -> tuple[FloatArray, FloatArray]:
     """Return the accelerations (a, n) without aerodynamics, and what a unit of each coefficient adds (a, c, n)."""
-    estimated = COEFFICIENTS[vehicle.reduce]
+    estimated = AircraftEquations.COEFFICIENTS[vehicle.reduce]
     constants, probed = _constants(vehicle), vehicle
     if len(constants) < len(estimated):  # a vehicle whose coefficients are constants, and nothing else
         only = {c: {f"{c}0": Term(term="1")} for c in estimated}
@@ -208,9 +205,13 @@ def balance(vehicle: Vehicle, motion: Motion) -> tuple[FloatArray, FloatArray]:
 
 def _constants(vehicle: Vehicle) -> list[str]:
     """Return a constant term, tied to nothing, of each coefficient that has one."""
-    targets = [q.tie for c in COEFFICIENTS["full"] for q in getattr(vehicle.file.aerodynamics, c).values()]
+    targets = [
+        q.tie
+        for c in AircraftEquations.COEFFICIENTS["full"]
+        for q in getattr(vehicle.file.aerodynamics, c).values()
+    ]
     out = []
-    for c in COEFFICIENTS[vehicle.reduce]:
+    for c in AircraftEquations.COEFFICIENTS[vehicle.reduce]:
         group: Mapping[str, Term] = getattr(vehicle.file.aerodynamics, c)
         alone = [n for n, t in group.items() if t.term.strip() == "1" and t.tie is None and n not in targets]
         out += alone[:1]
@@ -221,6 +222,10 @@ def _constants(vehicle: Vehicle) -> list[str]:
 class AircraftEquations(Equations):
     """The coefficients of an aircraft as a linear regression on its free terms; other free numbers keep the file's values."""
 
+    #: estimated, by the vehicle's reduction; as many as there are accelerations
+    COEFFICIENTS: ClassVar = {
+        "full": ("CL", "CD", "CQ", "Cl", "Cm", "Cn"), "longitudinal": ("CL", "CD", "Cm"), "lateral": ("CQ", "Cl", "Cn"),
+    }  # fmt: skip
     histories: tuple[History, ...]
 
     linear = True
@@ -244,7 +249,7 @@ class AircraftEquations(Equations):
         """Return the equations of measured maneuvers."""
         if not any("." not in p.name for p in layout.parameters):
             return cls(layout, ())
-        return cls(layout, tuple(h for piece in pieces for h in histories(layout.vehicle, piece)))
+        return cls(layout, tuple(h for piece in pieces for h in History.of(layout.vehicle, piece)))
 
     @cached_property
     def places(self) -> tuple[int, ...]:
@@ -265,7 +270,7 @@ class AircraftEquations(Equations):
         vehicle = self.layout.vehicle
         column = {vehicle.rows[name]: k for k, name in enumerate(self.names)}
         out = []
-        for coefficient in COEFFICIENTS[vehicle.reduce]:
+        for coefficient in AircraftEquations.COEFFICIENTS[vehicle.reduce]:
             y = history.coefficients[coefficient].copy()
             X = np.zeros((len(y), len(self.places)))
             for name, text in vehicle.terms[coefficient].items():

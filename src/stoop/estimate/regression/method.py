@@ -25,7 +25,6 @@ from stoop.estimate.regression.least_squares import (
     Estimates,
     FrequencyDomain,
     TimeDomain,
-    estimate,
 )
 from stoop.estimate.regression.linear_problem import LinearProblem
 from stoop.estimate.regression.rotors import RotorEquations
@@ -153,7 +152,7 @@ def regression(
         vehicle.with_numbers({n: {"free": False} for n in fixed}), flights, windows, options
     )
     equations = kind.of(problem.layout, problem.pieces)
-    found = estimate(equations, domain, bounded=not kind.linear)
+    found = equations.estimate(domain, bounded=not kind.linear)
     if found is None:
         raise IdentificationError(f"{vehicle.where}: no regression is possible: {kind.needed}")
     z = equations.vector(found.values)

@@ -19,8 +19,9 @@ from stoop.problem.windows import Window
 from stoop.strategy import gusts as decision
 from stoop.strategy.decision import Fitted
 from stoop.strategy.method import MIN_MOTOR_RATE
-from stoop.strategy.run import FIT_ALONE, choose_method, fit, setup_of
+from stoop.strategy.run import choose_method, fit, setup_of
 from stoop.vehicle import parse_vehicle
+from stoop_plan.input_design.quick_fit import FIT_ALONE
 
 from .conftest import MANEUVER
 

@@ -10,8 +10,8 @@ from helpers.flown import with_few_free
 from stoop import Flight, Vehicle, load_vehicle
 from stoop.base.rotations import matrices_of_angles
 from stoop.base.variables import RATES, SPECIFIC_FORCE
-from stoop.estimate.regression.aircraft import History, Motion, balance, histories
-from stoop.estimate.regression.least_squares import Estimates, TimeDomain, estimate
+from stoop.estimate.regression.aircraft import History, Motion, balance
+from stoop.estimate.regression.least_squares import Estimates, TimeDomain
 from stoop.estimate.regression.rotors import MOMENTS, RotorEquations
 from stoop.flight.flight import from_columns
 from stoop.vehicle import parse_vehicle
@@ -21,7 +21,7 @@ from stoop.vehicle.document import with_entries
 
 def of(vehicle: Vehicle, flight: Flight) -> History:
     problem = posed(vehicle, flight)
-    (found,) = (h for piece in problem.pieces for h in histories(problem.layout.vehicle, piece))
+    (found,) = (h for piece in problem.pieces for h in History.of(problem.layout.vehicle, piece))
     return found
 
 
@@ -128,7 +128,7 @@ def regressed(mixed: bool) -> tuple[dict[str, float], Estimates]:
 def solved_for(vehicle: Vehicle, flight: Flight, free: tuple[str, ...]) -> tuple[dict[str, float], Estimates]:
     """Fit some numbers and hold the others."""
     problem = posed(with_few_free(vehicle, free), flight, 3.99)
-    solved = estimate(RotorEquations.of(problem.layout, problem.pieces), TimeDomain(), bounded=True)
+    solved = RotorEquations.of(problem.layout, problem.pieces).estimate(TimeDomain(), bounded=True)
     assert solved is not None
     return {p.name: v for p, v in zip(problem.layout.parameters, solved.values, strict=False)}, solved
 
