@@ -24,13 +24,13 @@ FLAG = re.compile(
 )  #: tests whether a vehicle has rotors
 #: package, or room of the core -> lines at most; "stoop" is the whole core
 BUDGETS = {
-    "stoop": 53907,
-    "stoop_analysis": 6429,
-    "stoop_app": 4025,
-    "stoop_draft": 7292,
-    "stoop_export": 7315,
+    "stoop": 53908,
+    "stoop_analysis": 6431,
+    "stoop_app": 4022,
+    "stoop_draft": 7291,
+    "stoop_export": 7316,
     "stoop_fleet": 3657,
-    "stoop_plan": 5232,
+    "stoop_plan": 5234,
     "stoop_studies": 15088,
     "stoop_tune": 4462,
     "api": 73,
@@ -40,7 +40,7 @@ BUDGETS = {
     "cli": 2176,
     "estimate": 7299,
     "extend": 85,
-    "flight": 5368,
+    "flight": 5369,
     "kernels": 2801,
     "logs": 5147,
     "optimize": 2694,

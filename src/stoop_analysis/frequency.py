@@ -19,7 +19,7 @@ from stoop import Notice, Vehicle, linearize
 from stoop.extend.arrays import BoolArray, ComplexArray, FloatArray
 from stoop.extend.errors import FlightError
 from stoop.extend.fits import NORMAL_95, Result
-from stoop.extend.flights import FrequencyResponse, Window, decibels
+from stoop.extend.flights import FrequencyResponse, Window
 from stoop.extend.motion import LinearModel, Trim
 from stoop.extend.notices import notice
 from stoop.extend.text import Summarized
@@ -46,7 +46,9 @@ class ModelResponse:
     @property
     def magnitude_half_width(self) -> FloatArray:
         """Half width (m,) of the 95 % band of the magnitude, dB; NaN without draws."""
-        return self._half_width(decibels(self.draws) - decibels(self.response))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            change = 20.0 * np.log10(np.abs(self.draws)) - 20.0 * np.log10(np.abs(self.response))
+        return self._half_width(change)
 
     @property
     def phase_half_width(self) -> FloatArray:

@@ -12,7 +12,6 @@ import panel as pn
 
 from stoop import load_vehicle
 from stoop.extend.errors import StoopError
-from stoop.extend.fits import Layout
 from stoop.extend.reports import mathml
 from stoop.extend.text import count
 from stoop.extend.vehicles import BUILT_IN, parse_vehicle
@@ -198,9 +197,7 @@ class VehicleView(View):
             unsaved.object = f"<span class='soft'>{count(edits, 'edit')} not saved</span>" if edits else ""
 
         self._form.on_edit(told)
-        free = Layout.of(
-            vehicle, ()
-        ).dimension  # as reports count: biases of sensors are of a window, not of the vehicle
+        free = len(vehicle.free_parameters)  # as reports count: biases of sensors are of a window
         biases = sum(r.free for r in self._before) - free
         anew = f", and {count(biases, 'bias', 'biases')} of sensors anew for each window" if biases else ""
         lead = (

@@ -231,7 +231,9 @@ class Settings:
 def settings(record: Record, rate: float = FRAME_RATE) -> Settings:
     """Return what JSBSim is given for a record, with frames of a rate, Hz, of at least so much."""
     vehicle, rows = record.vehicle, record.vehicle.parameter_rows()
-    rigid = {k: float(v[0]) for k, v in motion.rigid_states(record.start).items() if k in (*"uvwpqr", "h")}
+    begin = vehicle.initial_states(record.start, rows, record.inputs[0])[:, 0].tolist()
+    states = dict(zip(vehicle.states, begin, strict=True))
+    rigid = {k: states.get(k, 0.0) for k in "uvwhpqr"}
     start = rigid | {a: float(record.start.get(a, 0.0)) for a in EULER}
     columns = {n: record.inputs[:, i] for i, n in enumerate(vehicle.inputs) if n != "none"}
     constants = {channel_start(n): float(columns[n][0]) for n in actuators(vehicle)}

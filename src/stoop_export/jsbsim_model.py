@@ -170,9 +170,8 @@ def aerodynamics(vehicle: Vehicle) -> Element:
     for name, meaning in terms.STATE_VARIABLES.items():
         out.append(function(variable(name), element(known[name]), meaning))
     propulsion = vehicle.file.propulsion
-    if (
-        propulsion is not None and propulsion.kind != "constant"
-    ):  # a constant one is a property that can be set
+    # a constant one is a property that can be set
+    if propulsion is not None and propulsion.kind != "constant":
         out.append(function(THRUST, element(printer.equations.thrust(V, density, channels))))
     symbols = {n: sp.Symbol(n, real=True) for n in (*terms.STATE_VARIABLES, *vehicle.file.controls)}
     names = {s: deflection(n) if n in vehicle.file.controls else variable(n) for n, s in symbols.items()}

@@ -19,7 +19,7 @@ from stoop import Flight, save_flight
 from stoop.extend.arrays import FloatArray
 from stoop.extend.errors import OutputError
 from stoop.extend.files import write_files
-from stoop.extend.flights import SURFACES, FlightMapping
+from stoop.extend.flights import FlightMapping
 from stoop.extend.recordings import mapping_beside
 from stoop.extend.units import DEGREE, MICROSECOND
 from stoop.extend.variables import EULER, QUATERNION, VARIABLES
@@ -28,6 +28,7 @@ from stoop_plan.blackbox_flight import betaflight_log
 from stoop_plan.log_bytes import Event, Table, Topic, crazyflie_bytes, dataflash_bytes, ulog
 from stoop_plan.log_columns import Columns, MappingFile, lay_out
 
+SURFACES: Final = ("elevator", "aileron", "rudder", "flap", "throttle")  #: that a calibration leads to
 OWN: Final = ".nc"
 CLOCK: Final = "t"  #: name of the column of time of a table, s
 MAX_CLOCK: Final = 2**63 * MICROSECOND  #: s

@@ -5,7 +5,6 @@ from stoop.assessment.covariance import NORMAL_95 as NORMAL_95
 from stoop.assessment.error_bars import ErrorBars as ErrorBars
 from stoop.assessment.error_bars import estimate_uncertainty as estimate_uncertainty
 from stoop.assessment.flown_model import FlownModel as FlownModel
-from stoop.assessment.flown_model import Term as Term
 from stoop.estimate import methods as methods
 from stoop.estimate.estimate import Estimate as Estimate
 from stoop.estimate.noise import correlation_times as correlation_times

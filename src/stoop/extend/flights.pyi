@@ -5,7 +5,6 @@ from stoop.flight.alignment import attitude_delay as attitude_delay
 from stoop.flight.apply_mapping import Mapped as Mapped
 from stoop.flight.apply_mapping import apply_mapping as apply_mapping
 from stoop.flight.apply_mapping import read_mapped as read_mapped
-from stoop.flight.conversion import SURFACES as SURFACES
 from stoop.flight.conversion import rotate_axes as rotate_axes
 from stoop.flight.faults import Fault as Fault
 from stoop.flight.faults import without_faulty as without_faulty
@@ -15,16 +14,12 @@ from stoop.flight.flight import from_columns as from_columns
 from stoop.flight.flight import with_other_form as with_other_form
 from stoop.flight.frequency_responses import FrequencyResponse as FrequencyResponse
 from stoop.flight.frequency_responses import Stretch as Stretch
-from stoop.flight.frequency_responses import decibels as decibels
 from stoop.flight.frequency_responses import estimate_responses as estimate_responses
 from stoop.flight.frequency_responses import window_lengths as window_lengths
 from stoop.flight.gridding import Channels as Channels
 from stoop.flight.load import load_several as load_several
 from stoop.flight.load import of_recording as of_recording
-from stoop.flight.maneuvers import CONTROLS as CONTROLS
 from stoop.flight.maneuvers import FlownManeuver as FlownManeuver
-from stoop.flight.maneuvers import LIMITS as LIMITS
-from stoop.flight.maneuvers import MOTION as MOTION
 from stoop.flight.maneuvers import moves as moves
 from stoop.flight.mapping import FlightMapping as FlightMapping
 from stoop.flight.mapping import Source as Source

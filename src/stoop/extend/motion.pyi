@@ -11,7 +11,6 @@ from stoop.simulation.steady_flight import OnRotors as OnRotors
 from stoop.simulation.steady_flight import OnWings as OnWings
 from stoop.simulation.trim import Trim as Trim
 from stoop.simulation.trim import Trims as Trims
-from stoop.vehicle.channels import rigid_states as rigid_states
 from stoop.vehicle.delays import delayed as delayed
 from stoop.vehicle.delays import first_order_lag as first_order_lag
 from stoop.vehicle.rotor_channels import EXCITATIONS as EXCITATIONS

@@ -15,7 +15,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import TYPE_CHECKING, Final, Literal
+from typing import TYPE_CHECKING, ClassVar, Final, Literal
 
 import numpy as np
 
@@ -92,6 +92,7 @@ class Command:
 class FlownManeuver:
     """A window worth fitting."""
 
+    LIMITS: ClassVar = LIMITS
     axis: Axis  #: about which the vehicle was excited
     variable: str  #: control channel that says so, or the outputs whose direction does
     start: float  #: s, on the log's own clock

@@ -16,8 +16,6 @@ from stoop.extend.errors import FlightError, SimulationError, StoopError
 from stoop.extend.files import by_name
 from stoop.extend.fits import NORMAL_95, Result, model_or_vehicle, takes_model_or_vehicle
 from stoop.extend.flights import (
-    CONTROLS,
-    MOTION,
     Flights,
     FrequencyResponse,
     Stretch,
@@ -43,6 +41,10 @@ from stoop_analysis.frequency import (
 )
 from stoop_analysis.handling import FORMS, Known, bandwidth, equivalent_system, flight_draws
 
+DRIVERS: Final = {
+    "roll": ("aileron", "control_roll"), "pitch": ("elevator", "control_pitch"), "yaw": ("rudder", "control_yaw"),
+    "heave": ("control_throttle",),
+}  #: axis -> controls  # fmt: skip
 OUTPUTS: Final = ("p", "q", "r", "ax", "ay", "az")
 ATTITUDES: Final = {"q": "theta", "p": "phi"}  #: attitude of which a rate is nearly the derivative
 MIN_MOVEMENT: Final = 0.02  #: standard deviation of an input, of that of the largest
@@ -382,8 +384,8 @@ def _part(model: ModelResponse, chosen: BoolArray) -> Known:
 
 def _drives(name: str, output: str) -> bool:
     """Tell whether an input may be that of the axis of a rate: not one known to be of another axis."""
-    axis = CONTROLS.get(name, name)
-    return axis not in MOTION or MOTION[axis] == output
+    axis = next((a for a, names in DRIVERS.items() if name in names), name)
+    return output == {"roll": "p", "pitch": "q", "yaw": "r", "heave": "az"}.get(axis, output)
 
 
 def _figures_of(source: str, input_name: str, output: str, whole: Known, part: Known) -> Figures:

@@ -58,10 +58,8 @@ def structure(
     found = determine(vehicle, flights, windows, candidates, choose, domain, keep)
     names: dict[str, dict[str, str]] = {}
     taken = {p.name for p in vehicle.parameters}
-    for (
-        coefficient,
-        chosen,
-    ) in found.chosen.items():  # a parameter for each term: the file's own where it has one
+    # a parameter for each term: the file's own where it has one
+    for coefficient, chosen in found.chosen.items():
         own = {n: t.term for n, t in getattr(vehicle.file.aerodynamics, coefficient).items()}
         known = own | {n: t for n, (t, _, _) in EQUATION_1[coefficient].items()}
         group = names[coefficient] = {}

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from stoop import Vehicle
     from stoop.extend.flights import Window
 
+MANEUVER: Final = flights.FlownManeuver.LIMITS
 LENGTHS: Final = (4.0, 8.0)  #: s, of windows that are tried all along the flight
 
 
@@ -26,7 +27,7 @@ class CandidateLimits:
     """Lengths and thresholds of the windows that are tried."""
 
     stride: float = 2.0  #: s from one such window to the next
-    shortest: float = flights.LIMITS.lead + flights.LIMITS.tail  #: s, those of a maneuver about its input
+    shortest: float = MANEUVER.lead + MANEUVER.tail  #: s, those of a maneuver about its input
     min_usable: float = 0.6  #: share of a window; pieces between holes are fitted separately
     limit_margin: float = 0.002  #: of its range, within which a command is at its limit
     min_saturated: int = 5  #: samples in a row at the limit
@@ -185,9 +186,7 @@ class Excitation:
         by_command: dict[str, Any] = {}
         for command in flight.commands():
             by_command.setdefault(command.axis, command)
-        rates = {
-            axis: name for axis, name in flights.MOTION.items() if name in RATES and name in flight.names
-        }
+        rates = {a: n for a, n in zip(("roll", "pitch", "yaw"), RATES, strict=True) if n in flight.names}
         if not by_command or not rates:
             return None
         columns = [*(c.u for c in by_command.values()), *(flight.column(name) for name in rates.values())]
@@ -198,7 +197,7 @@ class Excitation:
         for column in x.T:  # where a signal usually rests, a share of its largest excursion
             seen = column[up & np.isfinite(column)]
             largest = float(np.max(np.abs(seen))) if seen.size else 0.0
-            sizes.append(max(usual_deviation(column, up), flights.LIMITS.min_usual * largest) or 1.0)
+            sizes.append(max(usual_deviation(column, up), MANEUVER.min_usual * largest) or 1.0)
         x = x / np.array(sizes)
         own = flight.feedback(up).taken_off([*by_command.values()], x[:, : len(by_command)])
         return cls(names, (*by_command, *rates), x, own)
@@ -222,7 +221,7 @@ class Excitation:
         moved, own = (np.nansum(x[inside] ** 2, axis=0) for x in (self.values, self.own))
         sizes = self.strengths(flight, one)
         shares = zip(self.axes, moved, own, strict=False)
-        real = {a for a, power, left in shares if left >= flights.LIMITS.commanded * power > 0.0}
+        real = {a for a, power, left in shares if left >= MANEUVER.commanded * power > 0.0}
         return {a: size for a, size in sizes.items() if a in real and size > LIMITS.min_excitation}
 
     def moves(self, flight: Flight) -> bool:
@@ -236,7 +235,7 @@ class Excitation:
         rates = self.values[:, count:]
         changes = np.gradient(rates, axis=0)
         good = flight.flying() & np.isfinite(np.column_stack([self.own, rates, changes])).all(axis=1)
-        if good.sum() < flights.LIMITS.samples:
+        if good.sum() < MANEUVER.samples:
             return False
         for k, axis in enumerate(self.axes[count:]):
             columns = [i for i in range(count) if self.axes[i] == axis]
