@@ -29,9 +29,9 @@ from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import builtin_vehicle
 from stoop.vehicle.defaults import wider_bounds
 from stoop.workflow.demo import MANEUVER
-from stoop_plan.input_design.quick_fit import FIT_ALONE
 
 INERTIA, WINDOWS = "mass.inertia.yy", [Window("flight", 0.0, 5.0)]
+FIT_ALONE = Strategy.default().without("faults", "assumptions", "sensor-delays")
 WHOLE = [Window("sim", 0.0, 20.0)]
 
 

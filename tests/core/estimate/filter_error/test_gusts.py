@@ -21,10 +21,10 @@ from stoop.strategy.decision import Fitted
 from stoop.strategy.method import MIN_MOTOR_RATE
 from stoop.strategy.run import choose_method, fit, setup_of
 from stoop.vehicle import parse_vehicle
-from stoop_plan.input_design.quick_fit import FIT_ALONE
 
 from .conftest import MANEUVER
 
+FIT_ALONE = Strategy.default().without("faults", "assumptions", "sensor-delays")
 WINDOWS = (Window("sim", 0.0, 15.0),)
 GUSTS = "\n[turbulence]\n" + "".join(f"{a} = {{{{ intensity = {{0}}, length = 150.0 }}}}\n" for a in "uvw")
 ERRORS = {
