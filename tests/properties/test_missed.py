@@ -19,7 +19,7 @@ from stoop.base.robust import white_noise
 from stoop.cli.options import windows
 from stoop.estimate.filter_gains import Gains
 from stoop.estimate.filter_likelihood import Innovations
-from stoop.flight.faults import Fault, without_faulty
+from stoop.flight.faults import Fault
 from stoop.flight.flight import from_columns
 from stoop.logs.blackbox_units import Settings, physical
 from stoop.logs.netcdf import _unpacked
@@ -411,7 +411,7 @@ def test_readings_at_a_lower_limit_are_lost_and_others_are_not() -> None:
     time, said = np.arange(6.0), SimpleNamespace(subject="q")
     x = np.array([-0.5, 0.3, -0.499, 0.2, -0.1, -0.5])
     fault: Any = Fault("clipped", "q", -0.5, 0.0, 5.0, said)  # type: ignore[arg-type]
-    np.testing.assert_array_equal(np.isnan(without_faulty(time, x, [fault])), x < -0.4)
+    np.testing.assert_array_equal(np.isnan(Fault.removed(time, x, [fault])), x < -0.4)
 
 
 def test_the_drag_of_a_draft_is_a_polar() -> None:

@@ -7,7 +7,6 @@ from stoop.flight.apply_mapping import apply_mapping as apply_mapping
 from stoop.flight.apply_mapping import read_mapped as read_mapped
 from stoop.flight.conversion import rotate_axes as rotate_axes
 from stoop.flight.faults import Fault as Fault
-from stoop.flight.faults import without_faulty as without_faulty
 from stoop.flight.flight import ENDINGS as ENDINGS
 from stoop.flight.flight import flight_name as flight_name
 from stoop.flight.flight import from_columns as from_columns

@@ -71,6 +71,21 @@ class Fault:
         names = ("kind", "variable", "value", "start", "stop", "message")
         return {name: getattr(self, name) for name in names}
 
+    @staticmethod
+    def removed(time: FloatArray, x: FloatArray, faults: Sequence[Fault]) -> FloatArray:
+        """Return a gridded channel (n,) with NaN where its faults say stuck or clipped: a limit is no measurement.
+
+        Without faults it is the channel itself.
+        """
+        out = x.copy() if faults else x
+        for fault in faults:
+            if fault.kind == "stuck":
+                out[(time >= fault.start) & (time <= fault.stop)] = np.nan
+            elif fault.kind == "clipped" and np.isfinite(x).any():
+                edge, near = fault.value, LIMITS.near_limit * abs(fault.value)
+                out[x > edge - near if edge > np.nanmedian(x) else x < edge + near] = np.nan
+        return out
+
 
 def recorded_faults(channels: Sequence[Channels]) -> list[Fault]:
     """Look for stuck and clipped channels in the samples as they were recorded."""
@@ -151,21 +166,6 @@ def _stuck(name: str, t: FloatArray, x: FloatArray) -> list[Fault]:
     return [Fault("stuck", name, value, start, stop, found)]
 
 
-def without_faulty(time: FloatArray, x: FloatArray, faults: Sequence[Fault]) -> FloatArray:
-    """Return a gridded channel (n,) with NaN where its faults say stuck or clipped: a limit is no measurement.
-
-    Without faults it is the channel itself.
-    """
-    out = x.copy() if faults else x
-    for fault in faults:
-        if fault.kind == "stuck":
-            out[(time >= fault.start) & (time <= fault.stop)] = np.nan
-        elif fault.kind == "clipped" and np.isfinite(x).any():
-            edge, near = fault.value, LIMITS.near_limit * abs(fault.value)
-            out[x > edge - near if edge > np.nanmedian(x) else x < edge + near] = np.nan
-    return out
-
-
 def without_faults(flight: Flight) -> Flight:
     """Return the flight with the samples of clipped and stuck sensors taken as not measured."""
     by_name: dict[str, list[Fault]] = {}
@@ -175,7 +175,7 @@ def without_faults(flight: Flight) -> Flight:
     if not by_name:
         return flight
     columns = {
-        name: without_faulty(flight.time, flight.column(name), found) for name, found in by_name.items()
+        name: Fault.removed(flight.time, flight.column(name), found) for name, found in by_name.items()
     }
     data = flight.data.assign({name: ("time", x, flight.data[name].attrs) for name, x in columns.items()})
     found = notice("samples-not-measured", variables=tuple(columns))

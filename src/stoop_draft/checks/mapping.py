@@ -217,7 +217,7 @@ def judge_mapping(
     # slower body rates are those of a wrong clock
     if not any(0.0 < flight.sources[name].rate < SUSPECT_CLOCK for name in RATES if name in flight.sources):
         judged = {
-            name: flights.without_faulty(time, x, [fault for fault in faults if fault.variable == name])
+            name: flights.Fault.removed(time, x, [fault for fault in faults if fault.variable == name])
             for name, x in in_air.items()
         }
     found = attempt(failed, Judgment((), (), {}), check_mapping, signals, judged, rate, lines)
