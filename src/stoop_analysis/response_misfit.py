@@ -27,7 +27,7 @@ import numpy as np
 from scipy.stats import f as fisher
 
 from stoop.extend.fits import ResponseMisfit
-from stoop.extend.flights import FrequencyResponse, Stretch, estimate_responses
+from stoop.extend.flights import FrequencyResponse, Stretch
 from stoop_analysis.frequency import known
 
 CHANCE: Final = 0.01  #: that random error alone leaves more than `ResponseMisfit.least`
@@ -45,7 +45,7 @@ def response_misfits(
     inputs, outputs : names of the p inputs and q outputs
     """
     residuals = [f"residual {name}" for name in outputs]
-    estimated = estimate_responses(stretches, inputs, [*outputs, *residuals])
+    estimated = FrequencyResponse.estimate(stretches, inputs, [*outputs, *residuals])
     by_pair = {(one.input, one.output): one for one in estimated}
     found = (
         _misfit(by_pair[i, o], by_pair[i, left])

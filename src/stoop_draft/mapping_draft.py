@@ -104,7 +104,7 @@ def draft_of(recording: Recording) -> Draft:
 def _of_ready(recording: Recording) -> Draft:
     """Start from the ready mapping: say what it takes, and what else looks as if it were of use."""
     name = flights.FlightMapping.READY[recording.format]
-    found = flights.apply_mapping(flights.FlightMapping.ready(name), recording)
+    found = flights.Mapped.of(flights.FlightMapping.ready(name), recording)
     signals = {variable: (group.time, x) for group in found.channels for variable, x in group.values.items()}
     rest = replace(recording, streams={s: recording.streams[s] for s in found.unmapped})
     taken = flights.with_other_form(signals.keys())

@@ -25,9 +25,9 @@ from stoop.extend.files import csv_text, file_hashes
 from stoop.extend.flights import (
     ENDINGS,
     FlightMapping,
+    Mapped,
     flight_name,
     of_recording,
-    read_mapped,
 )
 from stoop.extend.recordings import is_bag_folder, mapping_beside, topic_files
 from stoop.extend.vehicles import BUILT_IN, require_channels
@@ -176,7 +176,7 @@ def read(arguments: Mapping[str, Any], stops: Sequence[int | None]) -> list[Json
         vehicle = None if "VEHICLE" not in places else load_vehicle(places["VEHICLE"])
         if vehicle is not None and arguments["mass"] is not None:
             vehicle = vehicle.with_numbers({"mass.mass": {"value": arguments["mass"]}})
-        recording, mapped = read_mapped(places["LOG"], places.get("MAPPING"), CLOCKS)
+        recording, mapped = Mapped.read(places["LOG"], places.get("MAPPING"), CLOCKS)
         said = header(recording)
         shaken = vibration([] if mapped is None else mapped.channels)
         nowhere = Path("LOG")  # nothing depends on the name

@@ -127,7 +127,7 @@ def closed_loops(
     band = 0.0, 2.0 * np.pi * min(flights.FrequencyResponse.MAX_FREQUENCY, RESOLVED * slowest)
     stretches = [flights.Stretch(flight.rate, setpoints, rates)] if signals else []
     found, modeled, notices = [], {}, []
-    for one in flights.estimate_responses(stretches, list(signals), list(signals), band):
+    for one in flights.FrequencyResponse.estimate(stretches, list(signals), list(signals), band):
         if one.input != one.output or one.input not in loops[0]:
             continue
         loop, own = loops[0][one.input], signals[one.input]

@@ -79,9 +79,8 @@ def main(given: Sequence[str] | None = None) -> int:
         given = sys.argv[1:]
         gc.set_threshold(GARBAGE)
         keep_freed_memory()
-        atexit.register(
-            gc.freeze
-        )  # the interpreter would look through all objects, half a second, before it leaves
+        # the interpreter would look through all objects, half a second, before it leaves
+        atexit.register(gc.freeze)
         open_missing_streams()
         for stream in (sys.stdout, sys.stderr):
             if isinstance(stream, io.TextIOWrapper):  # an output that takes any character
@@ -107,9 +106,8 @@ def main(given: Sequence[str] | None = None) -> int:
         flush_or_discard(sys.stdout)
         return _complain(f"error: {_lacking(error)}", USER_ERROR)
     except Exception as error:
-        if isinstance(error, SystemError) and str(error).endswith(
-            "without exception set"
-        ):  # a C library without memory
+        # a C library without memory
+        if isinstance(error, SystemError) and str(error).endswith("without exception set"):
             return _complain(f"error: {_lacking(MemoryError())}", USER_ERROR)
         _print_traceback()
         return _complain(BUG_MESSAGE, BUG)

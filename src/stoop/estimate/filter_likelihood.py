@@ -223,9 +223,8 @@ class Likelihood:
         return rows.T @ self.problem.layout.prior_residuals(z[None, : self.known])[0], rows.T @ rows
 
     def _innovations(self, z: FloatArray, index: int, entries: IntArray) -> Innovations:
-        steps = np.where(
-            z[entries] + STEP > self.bounds[1][entries], -STEP, STEP
-        )  # backward at an upper bound
+        # backward at an upper bound
+        steps = np.where(z[entries] + STEP > self.bounds[1][entries], -STEP, STEP)
         Z = np.repeat(z[None, :], 1 + len(entries), axis=0)
         Z[1 + np.arange(len(entries)), entries] += steps
         rows, start = self.problem.candidates(Z[:, : self.known], index)
@@ -235,9 +234,8 @@ class Likelihood:
 
     def gains(self, Z: FloatArray, rows: FloatArray, start: FloatArray, index: int) -> Gains:
         """Return the gains of candidates, each linearized at its own states."""
-        same = np.all(
-            Z[0, : self.known] == Z[:, : self.known], axis=1
-        )  # the noise of sensors changes no state
+        # the noise of sensors changes no state
+        same = np.all(Z[0, : self.known] == Z[:, : self.known], axis=1)
         same[0] = False
         few, model = np.flatnonzero(~same), np.where(same, 0, np.cumsum(~same) - 1)
         rows = np.ascontiguousarray(rows[:, few])

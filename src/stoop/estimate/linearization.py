@@ -63,9 +63,8 @@ def linearized(
     u[noise, np.arange(1 + 2 * ne, many)] = 1.0
     u = u.reshape(len(inputs), -1)
     p = np.broadcast_to(rows[:, None, None, :], (len(rows), *shape)).reshape(len(rows), -1)
-    with np.errstate(
-        over="ignore", invalid="ignore", divide="ignore"
-    ):  # a candidate that diverges is a value
+    # a candidate that diverges is a value
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         after, readings = kernel.step(p, filtering.move(kernel, x, d), u, u, dt)
         after, readings = after.reshape(nx, *shape), readings.reshape(-1, *shape)
         inverse = perturbations_of(vehicle, after[:, 0])

@@ -3,8 +3,6 @@ from stoop.flight.airborne import FLYING as FLYING
 from stoop.flight.airspeed import density_of as density_of
 from stoop.flight.alignment import attitude_delay as attitude_delay
 from stoop.flight.apply_mapping import Mapped as Mapped
-from stoop.flight.apply_mapping import apply_mapping as apply_mapping
-from stoop.flight.apply_mapping import read_mapped as read_mapped
 from stoop.flight.conversion import rotate_axes as rotate_axes
 from stoop.flight.faults import Fault as Fault
 from stoop.flight.flight import ENDINGS as ENDINGS
@@ -13,8 +11,6 @@ from stoop.flight.flight import from_columns as from_columns
 from stoop.flight.flight import with_other_form as with_other_form
 from stoop.flight.frequency_responses import FrequencyResponse as FrequencyResponse
 from stoop.flight.frequency_responses import Stretch as Stretch
-from stoop.flight.frequency_responses import estimate_responses as estimate_responses
-from stoop.flight.frequency_responses import window_lengths as window_lengths
 from stoop.flight.gridding import Channels as Channels
 from stoop.flight.load import load_several as load_several
 from stoop.flight.load import of_recording as of_recording

@@ -78,20 +78,71 @@ class FrequencyResponse:
     bound: FloatArray  #: (m,), 95 % random error of the magnitude over the magnitude, and of the phase, rad
     window: FloatArray  #: (m,) s, mean length of the windows, by their weights
 
+    @staticmethod
+    def window_lengths(
+        durations: Sequence[float], inputs: int, longest: float = MAX_LENGTH
+    ) -> tuple[float, ...]:
+        """Return the lengths of windows, s, for stretches of these durations, s; none where these are too short.
 
-def window_lengths(durations: Sequence[float], inputs: int, longest: float = MAX_LENGTH) -> tuple[float, ...]:
-    """Return the lengths of windows, s, for stretches of these durations, s; none where these are too short.
+        Of the longest at least `SPARE_WINDOWS` more than there are inputs fit side by side.
+        """
+        wanted = inputs + SPARE_WINDOWS
+        # a length at which one more window fits into some stretch is a duration over a whole number
+        candidates = {d / k for d in durations for k in range(1, wanted + 1)}
+        fitting = [x for x in candidates if sum(int(d / x * (1.0 + 1e-9)) for d in durations) >= wanted]
+        if not fitting:
+            return ()
+        first = min(longest, max(fitting))
+        return tuple(np.geomspace(first, 0.25 * first, LENGTHS).tolist())
 
-    Of the longest at least `SPARE_WINDOWS` more than there are inputs fit side by side.
-    """
-    wanted = inputs + SPARE_WINDOWS
-    # a length at which one more window fits into some stretch is a duration over a whole number
-    candidates = {d / k for d in durations for k in range(1, wanted + 1)}
-    fitting = [x for x in candidates if sum(int(d / x * (1.0 + 1e-9)) for d in durations) >= wanted]
-    if not fitting:
-        return ()
-    first = min(longest, max(fitting))
-    return tuple(np.geomspace(first, 0.25 * first, LENGTHS).tolist())
+    @staticmethod
+    def estimate(
+        stretches: Sequence[Stretch],
+        inputs: Sequence[str],
+        outputs: Sequence[str],
+        band: tuple[float, float] | None = None,
+        lengths: Sequence[float] | None = None,
+    ) -> list[FrequencyResponse]:
+        """Return the response of every output to every input; none of an output whose stretches are too short.
+
+        Parameters
+        ----------
+        stretches : sequence of Stretch
+            Nothing is estimated across their ends or across a gap.
+        inputs, outputs : names of the p and q columns
+        band : (low, high), rad/s, optional
+            By default from `FrequencyResponse.CYCLES` per longest window to 10 Hz, or 0.4 times the slowest sampling rate.
+        lengths : sequence of float, s, optional
+            Of the windows; by default by :meth:`window_lengths`.
+        """
+        found: dict[int, list[FrequencyResponse]] = {}
+        for own in _recorded_together(stretches, len(outputs)):
+            pieces = []  # rate, and the inputs and these outputs (n, p + k) where there is no gap
+            for one in stretches:
+                values = np.column_stack([one.inputs, one.outputs[:, own]])
+                present: BoolArray = np.asarray(np.isfinite(values).all(axis=1))
+                pieces += [(one.rate, values[run]) for run in run_slices(present)]
+            chosen = lengths or FrequencyResponse.window_lengths(
+                [len(v) / rate for rate, v in pieces], len(inputs)
+            )
+            chosen = [x for x in chosen if all(x * rate >= MIN_SAMPLES for rate, _ in pieces)]
+            if not chosen or not pieces:
+                continue
+            lowest = FrequencyResponse.CYCLES / max(chosen)
+            ceiling = MAX_SHARE * min(rate for rate, _ in pieces)
+            low, high = (
+                (lowest, FrequencyResponse.MAX_FREQUENCY)
+                if band is None
+                else (b / (2.0 * np.pi) for b in band)
+            )
+            hertz = frequencies(max(low, lowest), min(high, ceiling))
+            if hertz.size:
+                windows = _windows(pieces, chosen, hertz)
+                p = len(inputs)
+                for k, column in enumerate(own, p):
+                    alone = replace(windows, transforms=windows.transforms[..., [*range(p), k]])
+                    found[column] = _responses(alone, hertz, inputs, outputs[column])
+        return [one for column in sorted(found) for one in found[column]]
 
 
 def frequencies(low: float, high: float) -> FloatArray:
@@ -106,51 +157,6 @@ def decibels(response: ComplexArray) -> FloatArray:
     """Return magnitudes in dB."""
     with np.errstate(divide="ignore"):
         return np.asarray(20.0 * np.log10(np.abs(response)))
-
-
-def estimate_responses(
-    stretches: Sequence[Stretch],
-    inputs: Sequence[str],
-    outputs: Sequence[str],
-    band: tuple[float, float] | None = None,
-    lengths: Sequence[float] | None = None,
-) -> list[FrequencyResponse]:
-    """Return the response of every output to every input; none of an output whose stretches are too short.
-
-    Parameters
-    ----------
-    stretches : sequence of Stretch
-        Nothing is estimated across their ends or across a gap.
-    inputs, outputs : names of the p and q columns
-    band : (low, high), rad/s, optional
-        By default from `FrequencyResponse.CYCLES` per longest window to 10 Hz, or 0.4 times the slowest sampling rate.
-    lengths : sequence of float, s, optional
-        Of the windows; by default by :func:`window_lengths`.
-    """
-    found: dict[int, list[FrequencyResponse]] = {}
-    for own in _recorded_together(stretches, len(outputs)):
-        pieces = []  # rate, and the inputs and these outputs (n, p + k) where there is no gap
-        for one in stretches:
-            values = np.column_stack([one.inputs, one.outputs[:, own]])
-            present: BoolArray = np.asarray(np.isfinite(values).all(axis=1))
-            pieces += [(one.rate, values[run]) for run in run_slices(present)]
-        chosen = lengths or window_lengths([len(v) / rate for rate, v in pieces], len(inputs))
-        chosen = [x for x in chosen if all(x * rate >= MIN_SAMPLES for rate, _ in pieces)]
-        if not chosen or not pieces:
-            continue
-        lowest = FrequencyResponse.CYCLES / max(chosen)
-        ceiling = MAX_SHARE * min(rate for rate, _ in pieces)
-        low, high = (
-            (lowest, FrequencyResponse.MAX_FREQUENCY) if band is None else (b / (2.0 * np.pi) for b in band)
-        )
-        hertz = frequencies(max(low, lowest), min(high, ceiling))
-        if hertz.size:
-            windows = _windows(pieces, chosen, hertz)
-            p = len(inputs)
-            for k, column in enumerate(own, p):
-                alone = replace(windows, transforms=windows.transforms[..., [*range(p), k]])
-                found[column] = _responses(alone, hertz, inputs, outputs[column])
-    return [one for column in sorted(found) for one in found[column]]
 
 
 def _recorded_together(stretches: Sequence[Stretch], count: int) -> list[list[int]]:

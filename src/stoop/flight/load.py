@@ -22,7 +22,7 @@ from stoop.base.variables import EULER, QUATERNION, RATES, VARIABLES
 from stoop.errors import FlightError, LogError
 from stoop.flight.air_data import with_air
 from stoop.flight.airspeed import EQUIVALENT, TRUE, with_true_airspeed
-from stoop.flight.apply_mapping import Mapped, read_mapped
+from stoop.flight.apply_mapping import Mapped
 from stoop.flight.faults import Fault, contradiction, recorded_faults, rest_faults
 from stoop.flight.flight import AirData, Flight, Gridded, flight_name, on_circle, with_attitude
 from stoop.flight.gridding import (
@@ -69,13 +69,13 @@ def load(path: str | Path, mapping: str | Path | None = None, rate: float | None
             f"the path of a log is expected, not a {type(path).__name__}; give a table straight to stoop.fit or stoop.look"
         )
     path = Path(path)
-    return of_recording(path, *read_mapped(path, Path(mapping) if mapping is not None else None), rate)
+    return of_recording(path, *Mapped.read(path, Path(mapping) if mapping is not None else None), rate)
 
 
 def of_recording(
     path: Path, recording: Recording, mapped: Mapped | None, rate: float | None = None
 ) -> Flight:
-    """Lay the mapped channels of a recording on one uniform grid; see `load` and `read_mapped`."""
+    """Lay the mapped channels of a recording on one uniform grid; see `load` and `Mapped.read`."""
     if mapped is None:
         return _restore(recording, flight_name(path))
     cleaned = [drop_outliers(group) for group in mapped.channels]

@@ -19,7 +19,7 @@ import numpy as np
 
 from stoop.base.arrays import ComplexArray, FloatArray, run_slices
 from stoop.flight.flight import Flight
-from stoop.flight.frequency_responses import FrequencyResponse, Stretch, estimate_responses
+from stoop.flight.frequency_responses import FrequencyResponse, Stretch
 from stoop.flight.maneuvers import MOTION
 
 POWER_WINDOW: Final = 10.0  #: s, of a power spectrum
@@ -84,7 +84,7 @@ def frequency_responses(flight: Flight) -> list[FrequencyResponse]:
         rate = MOTION[command.axis]
         if rate in flight.names:
             both = Stretch(flight.rate, command.u[:, None], flight.column(rate)[:, None])
-            found += estimate_responses([both], [command.variable], [rate])
+            found += FrequencyResponse.estimate([both], [command.variable], [rate])
     return found
 
 

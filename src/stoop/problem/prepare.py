@@ -276,9 +276,8 @@ def _all_spikes(columns: Sequence[FloatArray], sigma: float) -> bool:
     if _constant([median_filter(c, SPIKE_SAMPLES, mode="mirror") for c in columns]):
         return True
     whole = np.concatenate(columns)
-    if (
-        float(np.ptp(np.quantile(whole, (0.1, 0.9)))) <= 2.56 * SPIKE_RATIO * sigma
-    ):  # so wide is a normal distribution
+    # so wide is a normal distribution
+    if float(np.ptp(np.quantile(whole, (0.1, 0.9)))) <= 2.56 * SPIKE_RATIO * sigma:
         return False
     before, after = (np.concatenate([c[rows] for c in columns]) for rows in (np.s_[:-1], np.s_[1:]))
     return (

@@ -74,9 +74,8 @@ def with_entries(vehicle: Vehicle, entries: Mapping[tuple[str, ...], Any]) -> Ve
         for n in type(vehicle.file).model_fields
         if getattr(extended.file, n) is None
     }
-    extended = replace(
-        extended, file=extended.file.model_copy(update=tables)
-    )  # such as the gusts of a method
+    # such as the gusts of a method
+    extended = replace(extended, file=extended.file.model_copy(update=tables))
     if extended.reduce != vehicle.reduce:
         extended = extended.reduced(vehicle.reduce)
     extended = extended.coupled_to(vehicle.measured)

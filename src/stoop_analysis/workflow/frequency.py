@@ -22,9 +22,7 @@ from stoop.extend.flights import (
     Window,
     Windows,
     as_flights,
-    estimate_responses,
     moves,
-    window_lengths,
 )
 from stoop.extend.notices import notice
 from stoop.extend.text import nearest
@@ -163,7 +161,7 @@ def frequency_responses(
         for w in windows
         if w.flight == f.name
     ]
-    responses = estimate_responses(stretches, names, wanted, band)
+    responses = FrequencyResponse.estimate(stretches, names, wanted, band)
     if not responses:
         raise FlightError(_too_short(stretches, names, wanted, band))
     missing = [o for o in wanted if o not in {r.output for r in responses}]
@@ -275,7 +273,7 @@ def _too_short(
 ) -> str:
     """Return why nothing could be estimated, with what would mend it."""
     durations = [len(s.inputs) / s.rate for s in stretches]
-    lengths = window_lengths(durations, len(inputs)) if durations else ()
+    lengths = FrequencyResponse.window_lengths(durations, len(inputs)) if durations else ()
     if lengths and band is not None and band[1] <= 2.0 * np.pi * FrequencyResponse.CYCLES / lengths[0]:
         return (
             f"--band {band[0]:g}:{band[1]:g}: windows of {lengths[0]:.1f} s resolve nothing below "

@@ -8,7 +8,7 @@ import pytest
 
 from stoop.base.arrays import FloatArray
 from stoop.errors import LogError, StoopError
-from stoop.flight.apply_mapping import Mapped, apply_mapping
+from stoop.flight.apply_mapping import Mapped
 from stoop.flight.mapping import FlightMapping
 from stoop.logs import Recording, Stream
 
@@ -25,7 +25,7 @@ def stream(**columns: FloatArray | float) -> Stream:
 def mapped(folder: Path, text: str, **streams: Stream) -> Mapped:
     path = folder / "m.toml"
     path.write_text(text)
-    return apply_mapping(FlightMapping.read(path), Recording(Path("log"), "mat", streams))
+    return Mapped.of(FlightMapping.read(path), Recording(Path("log"), "mat", streams))
 
 
 def values(found: Mapped) -> dict[str, FloatArray]:
@@ -33,7 +33,7 @@ def values(found: Mapped) -> dict[str, FloatArray]:
 
 
 def first(name: str, format_: str, streams: dict[str, Stream]) -> dict[str, float]:
-    found = apply_mapping(FlightMapping.ready(name), Recording(Path("log"), format_, streams))
+    found = Mapped.of(FlightMapping.ready(name), Recording(Path("log"), format_, streams))
     return {variable: float(x[0]) for variable, x in values(found).items()}
 
 
@@ -96,7 +96,7 @@ def test_a_mapping_may_extend_a_ready_one(tmp_path: Path) -> None:
 
 def test_ready_mappings_name_only_what_there_is() -> None:
     streams = {"RCOU": stream(C1=1500.0, C2=0.0), "XKF2": stream(VWN=0.0, VWE=0.0)}
-    found = apply_mapping(FlightMapping.ready("ardupilot"), Recording(Path("l"), "dataflash", streams))
+    found = Mapped.of(FlightMapping.ready("ardupilot"), Recording(Path("l"), "dataflash", streams))
     assert set(values(found)) == {"pwm_1"}
     for name in set(FlightMapping.READY.values()):
         assert FlightMapping.ready(name).groups
@@ -206,7 +206,7 @@ def test_each_mistake_is_one_line(tmp_path: Path) -> None:
     path = tmp_path / "m.toml"
     path.write_text(GOOD.replace("rad/s", "deg/s"))
     log = Recording(Path("log"), "dataflash", {"g": stream(x=1.0)}, units={"g": {"x": "rad/s"}})
-    (found,) = apply_mapping(FlightMapping.read(path), log).notices
+    (found,) = Mapped.of(FlightMapping.read(path), log).notices
     assert (found.code, found.subject) == ("unit-contradicted", "g.x")
     assert (found.values["unit"], found.values["stated"]) == ("deg/s", "rad/s")
 
@@ -217,7 +217,7 @@ def sampled(rate: float, *names: str, **columns: FloatArray) -> Stream:
 
 
 def as_px4(streams: dict[str, Stream]) -> Mapped:
-    return apply_mapping(FlightMapping.ready("px4"), Recording(Path("log"), "ulog", streams))
+    return Mapped.of(FlightMapping.ready("px4"), Recording(Path("log"), "ulog", streams))
 
 
 def named(**streams: Stream) -> dict[str, tuple[str, FloatArray]]:
