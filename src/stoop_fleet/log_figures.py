@@ -24,7 +24,6 @@ from stoop.extend.flights import (
     Compatibility,
     InstrumentError,
     Window,
-    compare_instruments,
     density_of,
 )
 from stoop.extend.units import SEA_LEVEL_DENSITY, STANDARD_GRAVITY
@@ -73,7 +72,7 @@ class Group:
 
 def instruments(flight: Flight, vehicle: Vehicle | None) -> Iterator[FlightFigure]:
     """Yield biases, scales, delays and places of the sensors against each other that the flight determines."""
-    found, _ = compare_instruments(flight)
+    found, _ = Compatibility.of(flight)
     unknown = []
     for name, one in found.findings.items():
         which = name.partition(".")[0]

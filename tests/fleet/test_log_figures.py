@@ -87,7 +87,7 @@ def test_the_prior_of_an_instrument_error_is_taken_off(monkeypatch: pytest.Monke
     scale = replace(ERROR, estimate=mean, std_error=error, prior_mean=1.0, prior_std=0.04)
     bias = replace(ERROR, estimate=0.0, std_error=0.03, prior_mean=0.0, prior_std=0.03, unit="rad/s")
     checked = SimpleNamespace(findings={"V.scale": scale, "p.bias": bias}, channels={})
-    monkeypatch.setattr(log_figures, "compare_instruments", lambda flight: (checked, None))
+    monkeypatch.setattr(log_figures.Compatibility, "of", lambda flight: (checked, None))
     flight = drawn(np.random.default_rng(0))
     (one,) = told("instruments", flight).values()
     assert (one.name, one.parts) == ("V.scale", "pitot")

@@ -20,7 +20,7 @@ from stoop.flight import Flight
 from stoop.flight.flight import from_columns
 from stoop.problem.prepare import Prepared
 from stoop.problem.windows import Window
-from stoop.reconstruction.compatibility import compare_instruments
+from stoop.reconstruction.compatibility import Compatibility
 from stoop.results.extensions import ExtensionTest, ExtensionTests
 from stoop.strategy import Strategy, sensor_delays
 from stoop.strategy.command_delays import with_found_delays
@@ -261,7 +261,7 @@ def test_a_fit_with_a_delay_that_does_not_end_leaves_the_other(asks_for_a_delay:
 @pytest.fixture(scope="module")
 def checked() -> tuple[object, object]:
     flight, delays = late_sensors(1)
-    return compare_instruments(flight)[0], delays
+    return Compatibility.of(flight)[0], delays
 
 
 def test_delays_wind_and_vanes_come_back(checked: tuple[object, object]) -> None:

@@ -216,7 +216,7 @@ class Shots:
         return self.problem.candidates(z[None, :], self.index)[0]
 
     def measured_starts(self, z: FloatArray | None = None) -> dict[str, FloatArray]:
-        """Return what :func:`~stoop.simulation.initial_states` takes of every window, (w,) each, for a search vector.
+        """Return what :meth:`Vehicle.initial_states` takes of every window, (w,) each, for a search vector.
 
         The initial state of a rotor or surface with a lag follows from its earlier commands and the lag.
         """

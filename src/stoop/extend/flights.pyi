@@ -26,7 +26,6 @@ from stoop.problem.windows import Window as Window
 from stoop.problem.windows import Windows as Windows
 from stoop.reconstruction.compatibility import Compatibility as Compatibility
 from stoop.reconstruction.compatibility import InstrumentError as InstrumentError
-from stoop.reconstruction.compatibility import compare_instruments as compare_instruments
 from stoop.workflow.flights import Flights as Flights
 from stoop.workflow.flights import OneFlight as OneFlight
 from stoop.workflow.flights import as_flights as as_flights

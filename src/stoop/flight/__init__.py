@@ -6,10 +6,10 @@ from stoop.flight.faults import Fault
 from stoop.flight.flight import Flight, Segment, from_columns, segments
 from stoop.flight.gridding import SourceRate
 from stoop.flight.load import flight_bytes, load, save
-from stoop.flight.maneuvers import ChannelRow, FlightSummary, FlownManeuver, describe
+from stoop.flight.maneuvers import ChannelRow, FlightSummary, FlownManeuver, describe, find_maneuvers
 
 __all__ = [
     "OUTPUTS", "VARIABLES", "ChannelRow", "Fault", "Flight", "FlightSummary", "FlownManeuver", "Segment",
-    "SourceRate", "Variable", "describe", "flight_bytes", "from_columns", "load", "save",
+    "SourceRate", "Variable", "describe", "find_maneuvers", "flight_bytes", "from_columns", "load", "save",
     "segments", "without",
 ]  # fmt: skip

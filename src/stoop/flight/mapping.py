@@ -223,7 +223,7 @@ class FlightMapping:
 
     @staticmethod
     def parse(place: str, content: Mapping[str, Any]) -> FlightMapping:
-        """Return the mapping that a file of this content is; see `read_flight_mapping`."""
+        """Return the mapping that a file of this content is; see :meth:`read`."""
         keys = MappingFile.model_fields.keys()
         if content and not any(
             key in keys or nearest(key, keys).startswith("did you mean") for key in content
@@ -265,6 +265,9 @@ class FlightMapping:
                     f"{place}: align.{stream}: a stream cannot be aligned with itself; name another one in with"
                 )
         return FlightMapping(place, groups, file.time, file.clock, surfaces, file.align, file.files)
+
+
+ready, read_flight_mapping = FlightMapping.ready, FlightMapping.read
 
 
 def _groups(place: str, name: str, table: GroupTable) -> dict[str, Group]:

@@ -72,7 +72,7 @@ class Window:
         Raises
         ------
         FlightError
-            Of none of these forms, see :func:`parse_window`.
+            Of none of these forms, see :meth:`parse`.
         """
         several: Any = given.tolist() if isinstance(given, np.ndarray) else given
         pair = (

@@ -167,66 +167,64 @@ class Compatibility(Summarized):
         }
         return json.dumps(content, indent=1, allow_nan=False) + "\n"
 
+    @staticmethod
+    @on_one_blas_thread
+    def of(flight: Flight, windows: Sequence[tuple[float, float]] = ()) -> tuple[Compatibility, Estimate]:
+        """Estimate the instrument errors of a flight, and find channels that contradict each other.
 
-@on_one_blas_thread
-def compare_instruments(
-    flight: Flight, windows: Sequence[tuple[float, float]] = ()
-) -> tuple[Compatibility, Estimate]:
-    """Estimate the instrument errors of a flight, and find channels that contradict each other.
+        Parameters
+        ----------
+        flight : Flight
+        windows : sequence of (start, stop), s on the log's own clock; the airborne part without any
 
-    Parameters
-    ----------
-    flight : Flight
-    windows : sequence of (start, stop), s on the log's own clock; the airborne part without any
-
-    Raises
-    ------
-    FlightError
-        The flight holds nothing that could be compared.
-    IdentificationError
-        The kinematics cannot be integrated from the recorded inputs.
-    """
-    found = _estimate(cut_pieces(flight.without_faults(), windows))
-    problem, values, errors = found.problem, found.values, found.errors
-    white = standard_errors(found.uncertainty.cramer_rao)[: problem.shared] * problem.scales
-    findings = {}
-    shifts = found.systematic.tolist()
-    for u, one, plain, shift in zip(problem.unknowns, found.identifiability, white, shifts, strict=True):
-        numbers = (values[u.name], errors[u.name], shift, float(plain), u.mean, u.std)
-        reason = "" if one.reason is None else str(one.reason)
-        findings[u.name] = InstrumentError(*numbers, one.identifiable, reason, u.unit, u.meaning)
-    left, moved = np.concatenate(problem.errors(found.z)), []
-    for piece in problem.pieces:
-        known = np.isfinite(piece.measured)
-        mean = np.where(known, piece.measured, 0.0).sum(axis=0) / np.maximum(known.sum(axis=0), 1)
-        moved.append(piece.measured - mean)
-    movement = np.concatenate(moved)
-    channels = {
-        name: Consistency(_rms(left[:, i]), _rms(movement[:, i]), VARIABLES[name].unit)
-        for i, name in enumerate(OUTPUTS)
-        if np.isfinite(left[:, i]).any()
-    }
-    traces = []
-    for i, piece in enumerate(problem.pieces):
-        both = [
-            {name: x[:, OUTPUTS.index(name)] for name in channels}
-            for x in (piece.measured, problem.outputs(found.z, i))
-        ]
-        traces.append(Trace(piece.time[:: piece.every], *both))
-    air = () if flight.air is None else flight.air.notices
-    faults = [fault.notice for fault in flight.faults]
-    of_flight = [one for one in flight.notices if one not in faults and one not in air]
-    notices = distinct(
-        [
-            *_contradictions(channels),
-            *_errors_found(findings),
-            *([] if found.converged else [notice("channel-weights-not-converged")]),
-            *(replace(fault, severity="warning") for fault in faults),
-            *(replace(one, severity="info") for one in (*of_flight, *found.pieces.notices)),
-            *_wind_agreement(found),
-        ]
-    )
-    return Compatibility(flight.name, findings, channels, tuple(traces), notices), found
+        Raises
+        ------
+        FlightError
+            The flight holds nothing that could be compared.
+        IdentificationError
+            The kinematics cannot be integrated from the recorded inputs.
+        """
+        found = _estimate(cut_pieces(flight.without_faults(), windows))
+        problem, values, errors = found.problem, found.values, found.errors
+        white = standard_errors(found.uncertainty.cramer_rao)[: problem.shared] * problem.scales
+        findings = {}
+        shifts = found.systematic.tolist()
+        for u, one, plain, shift in zip(problem.unknowns, found.identifiability, white, shifts, strict=True):
+            numbers = (values[u.name], errors[u.name], shift, float(plain), u.mean, u.std)
+            reason = "" if one.reason is None else str(one.reason)
+            findings[u.name] = InstrumentError(*numbers, one.identifiable, reason, u.unit, u.meaning)
+        left, moved = np.concatenate(problem.errors(found.z)), []
+        for piece in problem.pieces:
+            known = np.isfinite(piece.measured)
+            mean = np.where(known, piece.measured, 0.0).sum(axis=0) / np.maximum(known.sum(axis=0), 1)
+            moved.append(piece.measured - mean)
+        movement = np.concatenate(moved)
+        channels = {
+            name: Consistency(_rms(left[:, i]), _rms(movement[:, i]), VARIABLES[name].unit)
+            for i, name in enumerate(OUTPUTS)
+            if np.isfinite(left[:, i]).any()
+        }
+        traces = []
+        for i, piece in enumerate(problem.pieces):
+            both = [
+                {name: x[:, OUTPUTS.index(name)] for name in channels}
+                for x in (piece.measured, problem.outputs(found.z, i))
+            ]
+            traces.append(Trace(piece.time[:: piece.every], *both))
+        air = () if flight.air is None else flight.air.notices
+        faults = [fault.notice for fault in flight.faults]
+        of_flight = [one for one in flight.notices if one not in faults and one not in air]
+        notices = distinct(
+            [
+                *_contradictions(channels),
+                *_errors_found(findings),
+                *([] if found.converged else [notice("channel-weights-not-converged")]),
+                *(replace(fault, severity="warning") for fault in faults),
+                *(replace(one, severity="info") for one in (*of_flight, *found.pieces.notices)),
+                *_wind_agreement(found),
+            ]
+        )
+        return Compatibility(flight.name, findings, channels, tuple(traces), notices), found
 
 
 def _rms(values: FloatArray) -> float:

@@ -219,7 +219,7 @@ def linear_models(
 ) -> tuple[tuple[str, ...], FloatArray, FloatArray, FloatArray, FloatArray]:
     """Return the names of the states, and A, B, C, D about B steady flights: (B, n_x, n_x), (B, n_x, m) and so on.
 
-    Inputs are those of :func:`model_inputs`. Flow angles have no meaning in a hover.
+    Inputs are those of :meth:`Vehicle.model_inputs`. Flow angles have no meaning in a hover.
     """
     names = state_names(vehicle, points.start)
     # a lateral model lacks noise, zero, of the gusts of its trim

@@ -8,7 +8,7 @@ from typing import Final
 
 from stoop.base.files import make_folder, write_files
 from stoop.flight import Flight, flight_bytes
-from stoop.reconstruction.compatibility import Compatibility, compare_instruments, corrected_flight
+from stoop.reconstruction.compatibility import Compatibility, corrected_flight
 from stoop.workflow.outputs import file_hashes, flight_files, versions
 
 COMPATIBILITY: Final = ("compatibility.html", "flight.nc", "compatibility.json")
@@ -27,7 +27,7 @@ def check_compatibility(
     FlightError
         The flight holds nothing that could be compared.
     """
-    result, found = compare_instruments(flight, windows)
+    result, found = Compatibility.of(flight, windows)
     return result, corrected_flight(found)
 
 

@@ -20,7 +20,7 @@ from stoop.base.rotations import matrices_of, quaternions_of
 from stoop.base.variables import EULER, POSITION, VELOCITY
 from stoop.estimate.fit import Options, fit
 from stoop.flight import Flight, from_columns
-from stoop.reconstruction.compatibility import compare_instruments
+from stoop.reconstruction.compatibility import Compatibility
 from stoop.simulation.fly import simulate_flight
 from stoop.simulation.maneuver import Maneuver
 from stoop.vehicle import Vehicle
@@ -101,7 +101,7 @@ def late_vehicle(seed: int) -> scenes.Scene:
 
 
 def late_sensors(seed: int) -> tuple[Flight, dict[str, float]]:
-    """Return a flight for a compatibility compare_instruments, and the delay of each group of sensors, s."""
+    """Return a flight for a compatibility check, and the delay of each group of sensors, s."""
     rng = np.random.default_rng(seed)
     most = {"velocity": MAX_RECEIVER_DELAY, "position": MAX_RECEIVER_DELAY}
     steps = {name: int(rng.integers(0, most.get(name, MAX_DELAY) + 1)) for name in GROUPS}
@@ -153,7 +153,7 @@ def recover(case: str, seed: int) -> dict[str, Any]:
         found = {name: (done.estimates[name], float(std[name])) for name in truth}
     else:
         flight, delays = late_sensors(seed)
-        result, estimate = compare_instruments(flight)
+        result, estimate = Compatibility.of(flight)
         truth = {f"{name}.delay": value for name, value in delays.items()}
         status = "converged" if estimate.converged else "weights did not rest"
         found = {name: (result.findings[name].estimate, result.findings[name].std_error) for name in truth}
