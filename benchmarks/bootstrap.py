@@ -15,7 +15,7 @@ from benchmarks.command import timed
 from benchmarks.jobs import VTAIL, identify_vtail
 from benchmarks.table import Row
 from stoop.assessment.bootstrap import bootstrap_plan
-from stoop.assessment.error_bars import error_bars
+from stoop.assessment.error_bars import ErrorBars
 from stoop.estimate.fit import Options, fit
 from stoop.parallel import LocalProcesses, execute
 from stoop_studies.verify.scenes import Scene, in_white_noise
@@ -32,7 +32,7 @@ def run() -> list[Row]:
     scene: Scene = in_white_noise(0)
     found = fit(scene.start, scene.flights, scene.windows, Options())
     began = time.perf_counter()
-    plan = bootstrap_plan(found, error_bars(found), 0, REPLICATES)
+    plan = bootstrap_plan(found, ErrorBars.of(found), 0, REPLICATES)
     with tempfile.TemporaryDirectory() as folder:
         results = execute(plan, Path(folder) / "bootstrap.sqlite", LocalProcesses(WORKERS))
     wall = time.perf_counter() - began

@@ -9,10 +9,9 @@ import numpy as np
 
 from stoop.base.arrays import FloatArray
 from stoop.kernels import Kernel
-from stoop.simulation import initial_states, parameter_rows
 from stoop.simulation.fly import fly
 from stoop.simulation.maneuver import Maneuver
-from stoop.simulation.trajectories import Flown
+from stoop.simulation.trim import Flown
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import load_vehicle
 
@@ -55,7 +54,7 @@ class Case:
 
     def rows(self, count: int) -> FloatArray:
         """Return kernel parameters (n_p, count) of candidates about the truth; the first is the truth."""
-        rows = parameter_rows(self.vehicle, self.flown.trim.changes, count)
+        rows = self.vehicle.parameter_rows(self.flown.trim.changes, count)
         spread = np.random.default_rng(7).uniform(-SPREAD, SPREAD, (len(self.coefficients), count))
         spread[:, 0] = 0.0
         rows[self.coefficients] *= 1.0 + spread
@@ -63,7 +62,7 @@ class Case:
 
     def start(self, rows: FloatArray) -> FloatArray:
         """Return initial states (n_x, count)."""
-        return initial_states(self.vehicle, self.flown.trim.start, rows, self.flown.inputs[0])
+        return self.vehicle.initial_states(self.flown.trim.start, rows, self.flown.inputs[0])
 
     def cost(self, count: int, threads: int = 1, kernel: Kernel | None = None) -> Callable[[], FloatArray]:
         """Return a call that costs ``count`` candidates; `kernel` may be one that is made for another processor."""

@@ -24,7 +24,7 @@ from benchmarks.case import RATE
 from benchmarks.table import Row
 from stoop.assessment.assessment import linearize
 from stoop.assessment.bootstrap import bootstrap_plan, refit_chunk
-from stoop.assessment.error_bars import error_bars
+from stoop.assessment.error_bars import ErrorBars
 from stoop.estimate.fit import DEFAULTS, OutputErrorEstimate, estimation_problem, fit
 from stoop.problem.windows import Window
 from stoop.simulation.fly import simulate_flight
@@ -138,7 +138,7 @@ def _fit(seconds: float, windows: int = 1, free: int | None = None) -> Call:
 
 def _bars(seconds: float, windows: int = 1, free: int | None = None) -> Call:
     found = _fitted(seconds, windows, free)
-    return lambda: error_bars(found)
+    return lambda: ErrorBars.of(found)
 
 
 def _costs(count: int) -> Call:
@@ -153,7 +153,7 @@ def _costs(count: int) -> Call:
 
 def _gradients(windows: int) -> Call:
     found = _fitted(SHORT, windows)
-    target = posterior_target(found, error_bars(found))
+    target = posterior_target(found, ErrorBars.of(found))
     straight = coordinates(target)
     xi = 0.1 * np.random.default_rng(0).standard_normal((10, target.size))
     return lambda: [straight.density(target, one) for one in xi]
@@ -166,7 +166,7 @@ def _derivatives(windows: int) -> Call:
 
 def _replicates(count: int) -> Call:
     found = _fitted(SHORT)
-    runs = bootstrap_plan(found, error_bars(found), 0, count).runs
+    runs = bootstrap_plan(found, ErrorBars.of(found), 0, count).runs
     return lambda: [refit_chunk(one.arguments, [None]) for one in runs]
 
 

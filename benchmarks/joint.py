@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.table import Row
-from stoop.assessment.error_bars import error_bars
+from stoop.assessment.error_bars import ErrorBars
 from stoop.estimate import methods
 from stoop.estimate.estimate import Estimate
 from stoop.estimate.fit import Options, OutputErrorEstimate, fit
@@ -61,7 +61,7 @@ def _beside_its_kernel(name: str, scene: Scene) -> Row:
 
     def identify() -> Estimate:
         found: Estimate = methods.find(name).fitter()(scene.start, scene.flights, scene.windows, Options())
-        error_bars(found)
+        ErrorBars.of(found)
         return found
 
     identify()
@@ -96,7 +96,7 @@ def _compiled() -> Iterator[list[float]]:
 def _identified(scene: Scene, seed: int) -> OutputErrorEstimate:
     options = Options(seed=seed)
     found = fit(scene.start, scene.flights, scene.windows, options)
-    error_bars(found)
+    ErrorBars.of(found)
     return found
 
 

@@ -10,7 +10,7 @@ from typing import Final
 from benchmarks.command import timed
 from benchmarks.jobs import VTAIL, identify_vtail
 from benchmarks.table import Row
-from stoop.assessment.uncertainty import MAX_RHAT
+from stoop.results.uncertainty import MethodIntervals
 
 PART: Final = "posterior"
 CORES: Final = 2
@@ -33,7 +33,7 @@ def run() -> list[Row]:
     return [
         Row(PART, figure, whole.processor / plain.processor, note=f"processor time: {seconds}"),
         Row(PART, "the same: wall time", whole.ended, "s", note="two cores"),
-        Row(PART, "greatest R-hat of its parameters", told["rhat"], at_most=MAX_RHAT),
+        Row(PART, "greatest R-hat of its parameters", told["rhat"], at_most=MethodIntervals.MAX_RHAT),
         Row(PART, "least effective sample size, tails", told["ess_tail"]),
         Row(PART, "its gradients", told["gradients"]),
     ]

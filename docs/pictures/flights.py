@@ -11,7 +11,6 @@ from matplotlib.figure import Figure
 from pictures.registry import picture
 from pictures.sketch import BLUE, GREEN, INK, ORANGE, PALE_BLUE, PALE_ORANGE, RED, SOFT, plots
 from stoop.flight import Flight
-from stoop.flight.maneuvers import find_maneuvers
 from stoop.simulation import linearize, trim
 from stoop.simulation.fly import simulate_flight
 from stoop.simulation.maneuver import Maneuver
@@ -55,7 +54,7 @@ def timeline() -> Figure:
         ("elevator", "doublet", 41.0, 0.6, 0.06),
         ("aileron", "doublet", 52.0, 0.7, -0.05),
     )
-    found = find_maneuvers(flown)
+    found = flown.find_maneuvers()
     t = flown.time
     figure, axes = plots(4, 1, 4.6, sharex=True, height_ratios=(1.25, 1, 1, 1))
     for control, color in (("elevator", BLUE), ("aileron", ORANGE), ("rudder", GREEN)):

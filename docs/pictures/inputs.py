@@ -10,8 +10,8 @@ from matplotlib.figure import Figure
 from pictures.registry import picture
 from pictures.sketch import BLUE, CYCLE, GREEN, INK, ORANGE, PALE_GREEN, SOFT, plots
 from stoop.base.arrays import FloatArray
-from stoop.simulation.delays import first_order_lag
 from stoop.simulation.maneuver import Multisine, Steps
+from stoop.vehicle.delays import first_order_lag
 
 DT: Final = 0.005  #: s
 PAD: Final = 2**15  #: samples of a spectrum

@@ -26,10 +26,7 @@ from pictures.sketch import (
 )  # fmt: skip
 from stoop.base.arrays import FloatArray
 from stoop.simulation import trim
-from stoop.simulation.initial import initial_states, parameter_rows
-from stoop.simulation.rotors import allocation, channel_range
 from stoop.vehicle import Vehicle
-from stoop.vehicle.arrays import array_equations
 from stoop.vehicle.builtin import load_vehicle
 
 VEHICLES: Final = ("quad-x", "quad-plus", "hexa-x", "octo-x", "quadplane")
@@ -95,19 +92,19 @@ for _name in VEHICLES:
 def shares(vehicle: Vehicle) -> FloatArray:
     """Return the smallest changes of the channels (m, 4) that give one unit of each acceleration, at hover."""
     point = trim(vehicle)
-    area = channel_range(vehicle)
+    area = vehicle.rotor_range
     count = len(area.names)
     step = 1e-4
     inputs = np.repeat(point.inputs[:, None], 2 * count, axis=1)
     for i, column in enumerate(area.columns):
         inputs[column, [2 * i, 2 * i + 1]] += step, -step
-    rows = parameter_rows(vehicle, point.changes, inputs.shape[1])
-    states = initial_states(vehicle, point.start, rows, inputs)
-    rates, _ = array_equations(vehicle)(rows, states, inputs)
+    rows = vehicle.parameter_rows(point.changes, inputs.shape[1])
+    states = vehicle.initial_states(point.start, rows, inputs)
+    rates, _ = vehicle.array_equations()(rows, states, inputs)
     moved = rates[[vehicle.states.index(s) for s in ("p", "q", "r", "w")]] * np.array(
         [[1.0], [1.0], [1.0], [-1.0]]
     )
-    return allocation(vehicle, (moved[:, 0::2] - moved[:, 1::2]) / (2.0 * step))
+    return vehicle.rotor_allocation((moved[:, 0::2] - moved[:, 1::2]) / (2.0 * step))
 
 
 def mixing(name: str) -> Figure:

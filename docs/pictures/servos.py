@@ -7,8 +7,8 @@ from matplotlib.figure import Figure
 
 from pictures.registry import picture
 from pictures.sketch import BLUE, GREEN, INK, ORANGE, SOFT, plots
-from stoop.simulation.delays import delayed, first_order_lag, play, rate_limited
 from stoop.simulation.maneuver import Steps
+from stoop.vehicle.delays import delayed, first_order_lag, play, rate_limited
 
 DT = 0.002  #: s
 

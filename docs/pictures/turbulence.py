@@ -11,12 +11,10 @@ from scipy.linalg import expm, solve_continuous_lyapunov
 from pictures.registry import picture
 from pictures.sketch import BLUE, GREEN, ORANGE, SOFT, VIOLET, plots
 from stoop.base.arrays import FloatArray
-from stoop.simulation.initial import initial_states, parameter_rows
 from stoop.simulation.steady_flight import trim
-from stoop.vehicle.arrays import array_equations
 from stoop.vehicle.builtin import builtin_text
+from stoop.vehicle.channels import GUST_STATES, noise_input
 from stoop.vehicle.load import parse_vehicle
-from stoop.vehicle.vehicle import GUST_STATES, noise_input
 
 SIGMA, LENGTH = 1.5, 200.0  #: m/s, m
 ROOT3 = np.sqrt(3.0)
@@ -39,9 +37,9 @@ def filters() -> tuple[float, dict[str, tuple[FloatArray, FloatArray]]]:
         inputs = point.inputs.copy()
         for axis, value in noise.items():
             inputs[vehicle.inputs.index(noise_input(axis))] = value
-        rows = parameter_rows(vehicle, point.changes)
-        states = initial_states(vehicle, still | changed, rows, inputs)
-        found, _ = array_equations(vehicle)(rows, states, inputs[:, None])
+        rows = vehicle.parameter_rows(point.changes)
+        states = vehicle.initial_states(still | changed, rows, inputs)
+        found, _ = vehicle.array_equations()(rows, states, inputs[:, None])
         return dict(zip(vehicle.states, found[: len(vehicle.states), 0].tolist(), strict=True))
 
     out = {}

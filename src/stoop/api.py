@@ -50,8 +50,8 @@ def reconstruct(flight: OneFlight, windows: Windows = ()) -> tuple[Compatibility
     FlightError
         The flight holds nothing that could be compared.
     """
-    from stoop.reconstruction.compatibility import check, corrected_flight
+    from stoop.reconstruction.compatibility import Compatibility, corrected_flight
 
     one = as_flight(flight)
-    result, found = check(one, spans(windows, one))
+    result, found = Compatibility.of(one, spans(windows, one))
     return result, corrected_flight(found)

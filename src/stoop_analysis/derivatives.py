@@ -41,7 +41,6 @@ from stoop.extend.arrays import BoolArray, Dual, FloatArray
 from stoop.extend.errors import SimulationError
 from stoop.extend.text import without_rounding
 from stoop.extend.variables import VARIABLES
-from stoop.extend.vehicles import array_equations
 
 LOADS: Final = ("X", "Y", "Z", "L", "M", "N")
 MOTIONS: Final = ("u", "v", "w", "p", "q", "r")
@@ -224,9 +223,7 @@ def derivatives(
     if vehicle.reduce != "full" or vehicle.motion:
         raise SimulationError(f"{vehicle.where}: derivatives need the full equations; remove the reduction")
     known = ParameterCovariance() if known is None else known
-    states = motion.initial_states(
-        vehicle, point.start, motion.parameter_rows(vehicle, point.changes), point.inputs
-    )[:, 0]
+    states = vehicle.initial_states(point.start, vehicle.parameter_rows(point.changes), point.inputs)[:, 0]
     velocity = np.array([states[vehicle.states.index(n)] for n in "uvw"])
     values = _values(vehicle, point, states)
     columns = []
@@ -247,28 +244,26 @@ def derivatives(
     reference = {}
     if vehicle.file.reference is not None:
         reference = {n: vehicle.value(f"reference.{n}") for n in ("area", "span", "chord")}
-        reference["density"] = motion.air_density(vehicle, point)
+        reference["density"] = point.density(vehicle)
     alpha = math.atan2(velocity[2], velocity[0]) if float(velocity @ velocity) > 0.0 else 0.0
-    units = {
-        n: "rad" if n in vehicle.controls else VARIABLES[n].unit for n in motion.input_mixing(vehicle)[0]
-    }
+    units = {n: "rad" if n in vehicle.controls else VARIABLES[n].unit for n in vehicle.model_inputs()}
     controls = {n: "unit" if u == "1" else u for n, u in units.items()}
     return Derivatives("body", alpha, controls, velocity, reference, values, sensitivity, known)
 
 
 def _values(vehicle: Vehicle, point: motion.Trim, states: FloatArray) -> FloatArray:
     """Return what `Derivatives.values` holds, at given states (n_x,)."""
-    rows = motion.parameter_rows(vehicle, point.changes)
+    rows = vehicle.parameter_rows(point.changes)
     seeds = _seeds(vehicle, rows, point.inputs)
     n = len(states)
     both = [Dual(x, s) for x, s in zip([*states, *point.inputs], seeds, strict=True)]
-    equations = array_equations(vehicle)
+    equations = vehicle.array_equations()
     rates = equations.values(both[:n], both[n:], equations.constants(rows[:, 0]))[:n]
     at = {name: i for i, name in enumerate(vehicle.states)}
     V, omega = ([both[at[a]] for a in axes] for axes in ("uvw", "pqr"))
     V_rate, omega_rate = ([rates[at[a]] for a in axes] for axes in ("uvw", "pqr"))
     mass = vehicle.value("mass.mass")
-    inertia = motion.inertia_tensor(vehicle).tolist()
+    inertia = vehicle.inertia_tensor().tolist()
     e0, e1, e2, e3 = (float(states[at[f"e{i}"]]) for i in range(4))
     down = (2.0 * (e1 * e3 - e0 * e2), 2.0 * (e2 * e3 + e0 * e1), e0**2 - e1**2 - e2**2 + e3**2)
     gravity = vehicle.value("environment.gravity")
@@ -295,7 +290,7 @@ def _cross(a: Sequence[Any], b: Sequence[Any]) -> list[Any]:
 
 def _seeds(vehicle: Vehicle, rows: FloatArray, inputs: FloatArray) -> FloatArray:
     """Return how states and inputs (n_x + n_u, 6 + n_controls) move with each motion and control, lags settled."""
-    controls, mixing = motion.input_mixing(vehicle)
+    controls, mixing = vehicle.model_inputs(), vehicle.model_mixing(vehicle.parameter_rows())[0]
     n = len(vehicle.states)
     out = np.zeros((n + len(inputs), 6 + len(controls)))
     for j, state in enumerate(MOTIONS):
@@ -307,10 +302,7 @@ def _seeds(vehicle: Vehicle, rows: FloatArray, inputs: FloatArray) -> FloatArray
             step = 1e-3 * mixing
             moved = [
                 float(
-                    (
-                        motion.commanded(vehicle, own, rows, inputs + s)
-                        - motion.commanded(vehicle, own, rows, inputs - s)
-                    )[0]
+                    (vehicle.commanded(own, rows, inputs + s) - vehicle.commanded(own, rows, inputs - s))[0]
                 )
                 for s in step.T
             ]

@@ -23,7 +23,7 @@ from scipy.special import log_ndtr, ndtri_exp
 from stoop import Notice, Vehicle
 from stoop.extend.arrays import FloatArray
 from stoop.extend.errors import StoopError
-from stoop.extend.fits import ParameterEstimate, Result, standard_errors
+from stoop.extend.fits import ParameterEstimate, Result
 from stoop.extend.notices import notice
 
 Source = Literal["posterior", "covariance"]
@@ -167,7 +167,7 @@ def from_covariance(result: Result, count: int, seed: int = 0) -> Draws:
             values[:, i] = generator.uniform(p.bound_lower, p.bound_upper, count)
         else:
             held.append(names[i])
-    std = standard_errors(matrix)
+    std = np.sqrt(np.maximum(np.diag(matrix), 0.0))
     rests = tuple(n for n, p, s in zip(names, own, std, strict=True) if _rests_on_prior(p, s))
     notices = (notice("parameters-held", parameters=tuple(held)),) if held else ()
     return Draws(names, values, "covariance", rests, notices)

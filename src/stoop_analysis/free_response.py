@@ -16,7 +16,7 @@ about another airspeed than the condition's (`elsewhere`).
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -45,18 +45,17 @@ PARTS: Final = ((0.1, 1.0), (0.2, 1.0), (0.3, 1.0), (0.0, 0.9), (0.0, 0.8), (0.0
 
 
 def measured_modes(
-    fit: fits.Estimate, condition: fits.Condition, mode: fits.ModeEstimate
+    fit: fits.Estimate, maneuvers: Sequence[int], airspeed: float, mode: str, expected: float
 ) -> tuple[fits.MeasuredMode, ...]:
     """Return what followed the last motion of the controls in the last piece of each maneuver shows of a mode."""
     vehicle, out = fit.problem.layout.vehicle, []
     names = dict.fromkeys(c for control in vehicle.controls for c in vehicle.channels_of(control))
-    for maneuver in condition.maneuvers:
+    for maneuver in maneuvers:
         piece = fit.prepared.pieces[fit.prepared.of_maneuver(maneuver)[-1]]
         controls = piece.inputs[:, [vehicle.inputs.index(c) for c in names]]
         channels = dict(zip(vehicle.outputs, piece.measured.T, strict=True))
         free = free_response(piece.time, controls, channels)
-        expected = mode.frequency.estimate
-        out.append(measured_mode(mode.name, maneuver, free, expected, condition.start["V"]))
+        out.append(measured_mode(mode, maneuver, free, expected, airspeed))
     return tuple(out)
 
 

@@ -15,12 +15,12 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from stoop import Notice, Vehicle
+from stoop import Notice, Vehicle, linearize
 from stoop.extend.arrays import BoolArray, ComplexArray, FloatArray
 from stoop.extend.errors import FlightError
 from stoop.extend.fits import NORMAL_95, Result
-from stoop.extend.flights import FrequencyResponse, Window, decibels
-from stoop.extend.motion import LinearModel, Trim, linearize, linearize_lanes, neighbors
+from stoop.extend.flights import FrequencyResponse, Window
+from stoop.extend.motion import LinearModel, Trim
 from stoop.extend.notices import notice
 from stoop.extend.text import Summarized
 from stoop_analysis.draws import from_covariance
@@ -46,7 +46,9 @@ class ModelResponse:
     @property
     def magnitude_half_width(self) -> FloatArray:
         """Half width (m,) of the 95 % band of the magnitude, dB; NaN without draws."""
-        return self._half_width(decibels(self.draws) - decibels(self.response))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            change = 20.0 * np.log10(np.abs(self.draws)) - 20.0 * np.log10(np.abs(self.response))
+        return self._half_width(change)
 
     @property
     def phase_half_width(self) -> FloatArray:
@@ -68,9 +70,9 @@ class UncertainModel:
     notices: tuple[Notice, ...] = ()
 
     def with_inputs(self, names: Sequence[str], of: Sequence[str], mixing: FloatArray) -> UncertainModel:
-        """Return all with new inputs; see :meth:`LinearModel.with_inputs`."""
-        draws = tuple(one.with_inputs(names, of, mixing) for one in self.draws)
-        return replace(self, model=self.model.with_inputs(names, of, mixing), draws=draws)
+        """Return all with new inputs; see :func:`with_inputs`."""
+        draws = tuple(with_inputs(one, names, of, mixing) for one in self.draws)
+        return replace(self, model=with_inputs(self.model, names, of, mixing), draws=draws)
 
     def responses(
         self, inputs: Sequence[str], outputs: Sequence[str], frequency: FloatArray
@@ -85,6 +87,21 @@ class UncertainModel:
                 j, k = self.model.outputs.index(o), self.model.inputs.index(i)
                 out[i, o] = ModelResponse(i, o, frequency, found[:, j, k], drawn[:, :, j, k])
         return out
+
+
+def with_inputs(
+    model: LinearModel, names: Sequence[str], of: Sequence[str], mixing: FloatArray
+) -> LinearModel:
+    """Return the model with new inputs after its others: those in `of` (m) are `mixing` (m, k) times `names` (k).
+
+    The delay of the first of them is that of the new ones.
+    """
+    mixed = [model.inputs.index(name) for name in of]
+    kept = [i for i in range(len(model.inputs)) if i not in mixed]
+    B, D = (np.hstack([M[:, kept], M[:, mixed] @ mixing]) for M in (model.B, model.D))
+    delays = np.append(model.input_delays[kept], np.full(len(names), model.input_delays[mixed[0]]))
+    inputs = (*(model.inputs[i] for i in kept), *names)
+    return replace(model, inputs=inputs, B=B, D=D, input_delays=delays)
 
 
 def transfer(model: LinearModel, frequency: FloatArray) -> ComplexArray:
@@ -105,7 +122,7 @@ def uncertain_model(
     if result is None:
         return UncertainModel(base, (), tuple(notices))
     drawn = from_covariance(result, DRAWS, seed)
-    models = linearize_lanes(vehicle, neighbors(point)(drawn.numbers_of(vehicle)))
+    models = LinearModel.of_lanes(vehicle, point.neighbors()(drawn.numbers_of(vehicle)))
     return UncertainModel(base, tuple(models), (*notices, *drawn.notices))
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from stoop import FittedModel, Notice, Vehicle, trim
 from stoop.extend.errors import StoopError
-from stoop.extend.fits import Piece, prepare, refusal
+from stoop.extend.fits import Piece, Prepared
 from stoop.extend.flights import Window
 from stoop.extend.motion import Trim
 from stoop.extend.notices import notice
@@ -53,7 +53,7 @@ def known_model(model: FittedModel | Vehicle) -> KnownModel:
         vehicle, notices = without_turbulence(model.without_positions())
         return KnownModel(vehicle, notes=tuple(map(str, notices)))
     vehicle, notices = without_turbulence(model.vehicle.without_positions())
-    notes = tuple(map(str, [*refusal(model.result, model.source), *notices]))
+    notes = tuple(map(str, [*model.refusal, *notices]))
     covariance = model.result.covariance
     # What is known of the numbers that the vehicle has; those of its gusts are left with them.
     kept = [i for i, name in enumerate(covariance.names) if name in vehicle.rows]
@@ -66,7 +66,7 @@ def known_model(model: FittedModel | Vehicle) -> KnownModel:
     known = KnownModel(vehicle, ParameterCovariance(names, matrix) if kept else None, notes=notes)
     windows = [Window(m.flight, m.start, m.stop, m.loading or None) for m in model.result.maneuvers]
     try:
-        pieces = tuple(tuple(prepare(vehicle, model.by_name, [window]).pieces) for window in windows)
+        pieces = tuple(tuple(Prepared.of(vehicle, model.by_name, [window]).pieces) for window in windows)
     except StoopError as error:
         return replace(known, notes=(*notes, f"No comparison with the flight: {error}."))
     first, density = pieces[0][0], None

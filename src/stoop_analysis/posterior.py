@@ -19,6 +19,7 @@ from __future__ import annotations
 
 import math
 import tempfile
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -63,11 +64,11 @@ class Target:
         with np.errstate(invalid="ignore", over="ignore"):
             r = self.optimum.problem.residuals(here, self.optimum.rung)[0]
             density, taken = self._marginal(r[None, :])
-            left = r - self._nuisances.apply(taken[0])
+            left = r - self.optimum.nuisances.apply(taken[0])
             if not np.isfinite(density[0]):
                 return -np.inf, np.zeros(len(ahead))
             ends = self.optimum.problem.products(ahead, self.optimum.rung, left)
-            return float(density[0]), (fits.inner(left, r) - ends) / STEP
+            return float(density[0]), (np.einsum("i,i->", left, r) - ends) / STEP
 
     def residuals_along(self, x: FloatArray, directions: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the residuals (n_r,) at a point, and (m, n_r) one step ahead along each of directions (k, m)."""
@@ -81,7 +82,7 @@ class Target:
     def _marginal(self, residuals: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the log density (W,) of residuals (W, n_r), and how far the nuisances go from where they stand, (W, E)."""
         with np.errstate(invalid="ignore", over="ignore"):
-            gradient = np.array([self._nuisances.project(r) for r in residuals])
+            gradient = np.array([self.optimum.nuisances.project(r) for r in residuals])
             taken = cho_solve(self._factor, gradient.T, check_finite=False).T
             density = -0.5 * (np.sum(residuals**2, axis=1) - np.sum(gradient * taken, axis=1))
         return np.where(np.isfinite(density), density, -np.inf), np.asarray(taken)
@@ -89,17 +90,12 @@ class Target:
     def remaining(self, residuals: FloatArray) -> FloatArray:
         """Return what the nuisances leave of residuals (W, n_r)."""
         taken = self._marginal(residuals)[1]
-        return np.array([r - self._nuisances.apply(t) for r, t in zip(residuals, taken, strict=True)])
+        return np.array([r - self.optimum.nuisances.apply(t) for r, t in zip(residuals, taken, strict=True)])
 
     def _followed(self, X: FloatArray) -> FloatArray:
         """Return vectors (W, D + E) of points (W, k), with the nuisances where the linear model puts them."""
         steps = (X - self.center) @ self.stretch.T
         return self.optimum.z + np.hstack([steps, steps @ self._follow.T])
-
-    @cached_property
-    def _nuisances(self) -> fits.TallMatrix:
-        """Derivatives (n_r, E) of the residuals by the nuisances, most of which belong to one maneuver each."""
-        return self.optimum.jacobian.of_variables(np.arange(self.size, len(self.optimum.z)))
 
     @cached_property
     def _factor(self) -> tuple[FloatArray, bool]:
@@ -127,8 +123,10 @@ class Target:
         for z in self._followed(X):
             for _ in range(4 if k < len(z) else 0):
                 r = problem.residuals(z[None, :], rung)[0]
-                jacobian = fits.dense(problem.jacobian(z, rung, r)[0])[:, k:]
-                z[k:] -= np.linalg.lstsq(jacobian, r, rcond=None)[0]
+                J = problem.jacobian(z, rung, r)[0]
+                z[k:] -= np.linalg.lstsq(
+                    (J if isinstance(J, np.ndarray) else J.dense())[:, k:], r, rcond=None
+                )[0]
             r = problem.residuals(z[None, :], rung)[0]
             found.append(-0.5 * float(r @ r))
         return np.array(found) - self._marginal(self._residuals(X))[0]
@@ -188,7 +186,7 @@ class Posterior:
 
     @on_one_blas_thread
     def __call__(
-        self, fit: fits.Estimate, bars: fits.ErrorBars, seed: int, watch: fits.Watch
+        self, fit: fits.Estimate, bars: fits.ErrorBars, seed: int, watch: Callable[[str], None]
     ) -> fits.Finding:
         """Return standard deviations and equal-tailed intervals, and the draws as ``posterior.nc``."""
         check_libraries()
@@ -206,7 +204,7 @@ class Posterior:
         notices = []
         if not chains.converged:
             found = notice(
-                "posterior-not-converged", rhat=figures["rhat"], max_rhat=fits.MAX_RHAT,
+                "posterior-not-converged", rhat=figures["rhat"], max_rhat=fits.MethodIntervals.MAX_RHAT,
                 sample_size=chains.sample_size, needed=SAMPLER.min_sample_size,
                 std_error=figures["std_error"], max_std_error=SAMPLER.max_std_error,
             )  # fmt: skip
@@ -228,10 +226,7 @@ def posterior_target(fit: fits.Estimate, bars: fits.ErrorBars) -> Target:
 
     It is not where something is not determined. Parameters at a bound keep the variance that the weights give them.
     """
-    z = fit.z
-    optimum = fits.likelihood_optimum(
-        fit.refit_problem, fits.linearize(fit.refit_problem, z, np.arange(len(z)))
-    )
+    optimum = fits.Optimum.of_likelihood(fit)
     plain = Target(optimum, np.eye(optimum.shared))
     k, width = plain.size, fit.problem.layout.width
     free = bars.free[bars.free < k]

@@ -29,10 +29,9 @@ from typing import Any, Final, Protocol, Self
 import numpy as np
 from scipy.special import expit
 
-from stoop.extend.arrays import FloatArray
+from stoop.extend.arrays import FloatArray, thread_count
 from stoop.extend.errors import IdentificationError
-from stoop.extend.fits import MAX_RHAT
-from stoop.extend.motion import thread_count
+from stoop.extend.fits import MethodIntervals
 from stoop.extend.verbs import install
 
 
@@ -163,7 +162,9 @@ class Chains:
         """Whether the chains agree, with enough independent draws."""
         enough = self.sample_size >= SAMPLER.min_sample_size
         return (
-            enough and self.figures["rhat"] <= MAX_RHAT and self.figures["std_error"] <= SAMPLER.max_std_error
+            enough
+            and self.figures["rhat"] <= MethodIntervals.MAX_RHAT
+            and self.figures["std_error"] <= SAMPLER.max_std_error
         )
 
     @classmethod

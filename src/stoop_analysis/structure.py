@@ -19,7 +19,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import Final
+from typing import Final, TypeAlias
 
 import numpy as np
 from scipy.sparse.csgraph import connected_components
@@ -28,12 +28,13 @@ from stoop import Flight, Notice, Vehicle
 from stoop.extend import fits
 from stoop.extend.arrays import FloatArray
 from stoop.extend.errors import IdentificationError
-from stoop.extend.fits import histories
+from stoop.extend.fits import History
 from stoop.extend.flights import Window
 from stoop.extend.notices import notice
 from stoop.extend.text import nearest
 from stoop.extend.vehicles import COEFFICIENTS, terms
 
+Domain: TypeAlias = fits.TimeDomain | fits.FrequencyDomain
 MAX_STEPS: Final = 200
 MIN_TOLERANCE: Final = 0.01  #: share of a candidate that is new (variance inflation of 100)
 ROWS_PER_TERM: Final = 3  #: that elimination from all candidates needs
@@ -57,14 +58,14 @@ class Regression:
     X: FloatArray  #: (n, k), a column per candidate
     stretches: tuple[slice, ...]  #: rows of one record each: residuals are correlated within them
     dt: float  #: s
-    domain: fits.Domain
+    domain: Domain
     spent: int = 0  #: degrees of freedom that the constant took
     #: for each column those of the variables that it is a product or power of; empty without marginality
     parents: tuple[tuple[int, ...], ...] = ()
     kept: tuple[int, ...] = ()  #: columns that are in every model
 
     @classmethod
-    def of(cls, signals: Sequence[FloatArray], domain: fits.Domain, dt: float) -> Regression:
+    def of(cls, signals: Sequence[FloatArray], domain: Domain, dt: float) -> Regression:
         """Return the regression on signals (n, 1 + k) of several stretches, y first."""
         rows = [r for s in signals if len(r := domain.rows(s, dt))]
         whole = np.concatenate(rows) if rows else np.empty((0, signals[0].shape[1]))
@@ -405,7 +406,7 @@ def determine(
     windows: Sequence[Window],
     candidates: Mapping[str, Sequence[str]],
     choose: Choose,
-    domain: fits.Domain,
+    domain: Domain,
     keep: Sequence[str] = (),
 ) -> Structure:
     """Choose terms among candidates (coefficient -> terms) with `choose`, such as `stepwise`; a constant is always there.
@@ -416,15 +417,15 @@ def determine(
     motion was not measured, or for too short a time.
     """
     vehicle = fits.decoupled(vehicle, flights, windows)
-    prepared = fits.without_stuck_channels(vehicle, fits.prepare(vehicle, flights, windows))
-    found = tuple(h for piece in prepared.pieces for h in histories(vehicle, piece))
+    prepared = fits.Prepared.of(vehicle, flights, windows).without_stuck_channels(vehicle)
+    found = tuple(h for piece in prepared.pieces for h in History.of(vehicle, piece))
     if not found:
         raise IdentificationError(f"{vehicle.where}: no coefficient can be computed: {NOT_MEASURED}")
-    estimated = [c for c in fits.COEFFICIENTS[vehicle.reduce] if candidates.get(c)]
+    estimated = [c for c in fits.AircraftEquations.COEFFICIENTS[vehicle.reduce] if candidates.get(c)]
     if not estimated:
         raise IdentificationError(
             f"{vehicle.where}: no coefficient of the {vehicle.reduce} model has a candidate; "
-            f"name some of {', '.join(fits.COEFFICIENTS[vehicle.reduce])}"
+            f"name some of {', '.join(fits.AircraftEquations.COEFFICIENTS[vehicle.reduce])}"
         )
     known = {name for c in estimated for name, term in vehicle.terms[c].items() if term.strip() != "1"}
     for name in keep:
@@ -441,7 +442,7 @@ def determine(
 
 def _chosen(
     vehicle: Vehicle, coefficient: str, candidates: tuple[str, ...], found: Sequence[fits.History],
-    choose: Choose, domain: fits.Domain, own: Mapping[str, str], keep: Sequence[str],
+    choose: Choose, domain: Domain, own: Mapping[str, str], keep: Sequence[str],
 ) -> ChosenTerms:  # fmt: skip
     names, where = {*terms.STATE_VARIABLES, *vehicle.file.controls}, f"{vehicle.where}: {coefficient}:"
     trees = [terms.parse(text, names, coefficient) for text in candidates]

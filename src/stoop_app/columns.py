@@ -13,7 +13,7 @@ import tomlkit
 
 from stoop.extend.errors import LogError, StoopError
 from stoop.extend.files import toml
-from stoop.extend.flights import FlightMapping, Source, flight_mapping
+from stoop.extend.flights import FlightMapping, Source
 from stoop.extend.text import number
 from stoop.extend.variables import VARIABLES
 
@@ -63,7 +63,7 @@ def parsed(text: str) -> FlightMapping:
     LogError, FlightError
         It is none.
     """
-    return flight_mapping(WHERE, toml.parse_source(text, WHERE, LogError))
+    return FlightMapping.parse(WHERE, toml.parse_source(text, WHERE, LogError))
 
 
 def rows_of(text: str, columns: Sequence[Mapping[str, Any]]) -> list[Row]:

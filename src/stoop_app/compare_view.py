@@ -6,9 +6,9 @@ from typing import Any, Final
 
 import panel as pn
 
+from stoop import load_vehicle
 from stoop.extend.files import write_files
 from stoop.extend.reports import sheet
-from stoop.extend.vehicles import load_vehicle
 from stoop_app import parts
 from stoop_app.comparison import Compared, comparison_sheet
 from stoop_app.fit_view import finished, result

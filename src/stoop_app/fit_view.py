@@ -11,7 +11,7 @@ from typing import Any, Final
 import panel as pn
 
 from stoop import read_result
-from stoop.extend.fits import DECISIONS, GIVEN, Result, methods
+from stoop.extend.fits import DECISIONS, Result, methods
 from stoop.extend.text import number
 from stoop.extend.verbs import Option, verbs
 from stoop_app import numbers, parts
@@ -180,8 +180,8 @@ class FitView(View):
         """Return buttons that fix what the data do not tell, and free or add what they ask for."""
         doubtful = [name for name, p in found.parameters.items() if not p.identifiable or p.at_bound]
         standing = found.extensions.standing
-        lacking = [test.name for test in standing if test.kind not in GIVEN]
-        contradicted = [test.name for test in standing if test.kind in GIVEN]
+        lacking = [test.name for test in standing if test.kind not in ("number", "gain")]
+        contradicted = [test.name for test in standing if test.kind in ("number", "gain")]
         out: list[Any] = []
         for what, names, free in (
             ("at a bound or not identifiable: fix at the value of the file", doubtful, False),

@@ -15,7 +15,7 @@ import tomlkit
 
 from stoop.extend.errors import LogError, OutputError, StoopError
 from stoop.extend.files import toml, write_file
-from stoop.extend.flights import READY, flight_name
+from stoop.extend.flights import FlightMapping, flight_name
 from stoop.extend.recordings import kind as log_kind
 from stoop.extend.recordings import mapping_beside
 from stoop.extend.vehicles import parse_vehicle
@@ -154,7 +154,7 @@ class Project:
         if self._place(MAPPING).exists() or mapping_beside(path).is_file() or path.is_dir():
             return False
         with contextlib.suppress(OSError):
-            return log_kind(path) not in (*READY, OWN_FORMAT)
+            return log_kind(path) not in (*FlightMapping.READY, OWN_FORMAT)
         return False
 
     @property

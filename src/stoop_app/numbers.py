@@ -40,9 +40,9 @@ class Row:
 
 def rows_of(vehicle: Vehicle) -> list[Row]:
     """Return the rows of all numbers of a vehicle that are not tied to others."""
-    quantities, out = dict(vehicles.leaves(vehicle.file)), []
+    quantities, out = vehicle.quantities, []
     for p in vehicle.parameters:
-        keys = vehicles.keys_of(vehicle, p.name)
+        keys = vehicle.keys_of(p.name)
         group = ".".join(keys[:-1]) if keys[0] in ("aerodynamics", "controls", "rotor") else keys[0]
         text = _help(vehicle, p.name, keys, quantities.get(p.name))
         unit = "" if p.unit == "1" else p.unit
@@ -50,12 +50,12 @@ def rows_of(vehicle: Vehicle) -> list[Row]:
     return out
 
 
-def _help(vehicle: Vehicle, name: str, keys: Sequence[str], quantity: vehicles.Quantity | None) -> str:
+def _help(vehicle: Vehicle, name: str, keys: Sequence[str], quantity: vehicles.schema.Quantity | None) -> str:
     """Return what a number is: the term it multiplies, or what the schema says beside its field."""
     if keys[0] == "aerodynamics":
         term = (
             quantity.term
-            if isinstance(quantity, vehicles.Term)
+            if isinstance(quantity, vehicles.schema.Term)
             else vehicle.terms.get(keys[1], {}).get(name, "")
         )
         return f"{keys[1]} per {term}" if term and term != "1" else f"{keys[1]}, constant part"
@@ -93,11 +93,11 @@ def edited(text: str, edits: Mapping[str, Mapping[str, Any]]) -> str:
     """
     vehicle, document = vehicles.parse_vehicle(text, WHERE), tomlkit.parse(text)
     known = {row.name: row for row in rows_of(vehicle)}
-    quantities = dict(vehicles.leaves(vehicle.file))
+    quantities = vehicle.quantities
     for name, fields in edits.items():
         if name not in known:
             raise VehicleError(f"{WHERE}: {name} is no longer in the file")
-        row, keys = known[name], vehicles.keys_of(vehicle, name)
+        row, keys = known[name], vehicle.keys_of(name)
         if "value" in fields or not _stands(document, keys):
             vehicles.write_entry(document, keys, _number(name, fields.get("value", row.value)))
         written: dict[str, Any] = {}

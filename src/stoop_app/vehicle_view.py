@@ -10,11 +10,11 @@ from typing import Any, Final
 import pandas as pd
 import panel as pn
 
+from stoop import load_vehicle
 from stoop.extend.errors import StoopError
-from stoop.extend.fits import Layout
 from stoop.extend.reports import sheet
 from stoop.extend.text import count
-from stoop.extend.vehicles import BUILT_IN, builtin_text, builtin_title, load_vehicle, parse_vehicle
+from stoop.extend.vehicles import BUILT_IN, parse_vehicle
 from stoop.extend.verbs import verbs
 from stoop_app import numbers, parts
 from stoop_app.folder import VEHICLE, ChangedError, modified, version
@@ -116,8 +116,10 @@ class VehicleView(View):
         )
         built = [
             pn.Row(
-                parts.button(name, self.act(partial(lambda n: self.take(builtin_text(n)), name)), width=110),
-                parts.html(parts.escaped(builtin_title(name)), margin=(8, 0)),
+                parts.button(
+                    name, self.act(partial(lambda n: self.take(load_vehicle(n).text), name)), width=110
+                ),
+                parts.html(parts.escaped(load_vehicle(name).name), margin=(8, 0)),
             )
             for name in BUILT_IN
         ]
@@ -195,9 +197,7 @@ class VehicleView(View):
             unsaved.object = f"<span class='soft'>{count(edits, 'edit')} not saved</span>" if edits else ""
 
         self._form.on_edit(told)
-        free = Layout.of(
-            vehicle, ()
-        ).dimension  # as reports count: biases of sensors are of a window, not of the vehicle
+        free = len(vehicle.free_parameters)  # as reports count: biases of sensors are of a window
         biases = sum(r.free for r in self._before) - free
         anew = f", and {count(biases, 'bias', 'biases')} of sensors anew for each window" if biases else ""
         lead = (

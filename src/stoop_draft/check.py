@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from stoop import Notice, Vehicle, load_vehicle
-from stoop.extend.flights import OneFlight, as_flight, in_flight
+from stoop.extend.flights import OneFlight, as_flights
 from stoop.extend.notices import attempt
 from stoop.extend.vehicles import check_vehicle, inertia_notices
 from stoop_draft.checks.engine import empty_columns
@@ -31,18 +31,18 @@ def check(flight: OneFlight, vehicle: Vehicle | str | Path | None = None) -> tup
     """
     if vehicle is not None and not isinstance(vehicle, Vehicle):
         vehicle = load_vehicle(vehicle)
-    flight = as_flight(flight)
-    up = in_flight(flight)
-    columns = {str(name): np.where(up, flight.column(str(name)), np.nan) for name in flight.channels}
+    (flown,) = as_flights(flight)
+    up = flown.in_flight()
+    columns = {str(name): np.where(up, flown.column(str(name)), np.nan) for name in flown.channels}
     empty, failed = empty_columns(columns), list[Notice]()
     data = {name: x for name, x in columns.items() if name not in empty}
-    judged = attempt(failed, Judgment((), (), {}), check_mapping, {}, data, flight.rate, {})
-    known = {fault.variable for fault in flight.faults}
-    rates = attempt(failed, [], check_rates, judged.corrected(data), flight.rate, {})
+    judged = attempt(failed, Judgment((), (), {}), check_mapping, {}, data, flown.rate, {})
+    known = {fault.variable for fault in flown.faults}
+    rates = attempt(failed, [], check_rates, judged.corrected(data), flown.rate, {})
     found = [one for one in (*judged.notices, *rates) if one.subject not in known]
-    out = [*(fault.notice for fault in flight.faults), *found, *failed]
+    out = [*(fault.notice for fault in flown.faults), *found, *failed]
     if vehicle is not None:
-        flights = {flight.name: flight}
+        flights = {flown.name: flown}
         out += [one for one in check_vehicle(vehicle, flights) if one not in out]
         out += attempt(out, [], inertia_notices, vehicle)
     return tuple(out)

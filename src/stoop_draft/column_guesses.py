@@ -17,7 +17,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from stoop.extend.arrays import FloatArray
-from stoop.extend.flights import Channels, at_own_rates, from_columns, in_flight
+from stoop.extend.flights import Channels, at_own_rates, from_columns
 from stoop.extend.text import enumerated
 from stoop.extend.units import UNITS
 from stoop.extend.variables import VARIABLES
@@ -344,7 +344,7 @@ def _model(known: Mapping[str, DraftLine], columns: Mapping[str, Signal]) -> Mod
     if not 1.0 < span < MAX_SPAN:
         return Model(signals, {}, GRID_RATE)
     time, data = on_grid(timed, GRID_RATE)
-    up = in_flight(from_columns("drafted", time, data))
+    up = from_columns("drafted", time, data).in_flight()
     return Model(signals, {n: np.where(up, x, np.nan) for n, x in data.items()}, GRID_RATE)
 
 

@@ -16,7 +16,7 @@ import tomlkit.items
 from stoop import Notice, load_flight
 from stoop.extend.errors import LogError, StoopError
 from stoop.extend.files import toml, write_file
-from stoop.extend.flights import read_flight_mapping
+from stoop.extend.flights import FlightMapping
 from stoop_draft.checks.mapping import ContradictedError
 
 MOST: Final = 32  #: changes of one mapping
@@ -41,7 +41,7 @@ def corrected_mapping(log: Path, mapping: Path) -> Corrections:
     LogError, FlightError
         When log or mapping cannot be read.
     """
-    read_flight_mapping(mapping)  # says best what is no mapping
+    FlightMapping.read(mapping)  # says best what is no mapping
     text = toml.read_source(mapping, "mapping", LogError)
     applied: list[Notice] = []
     found, refused = contradictions(log, text, mapping), set[tuple[str, ...]]()

@@ -100,13 +100,13 @@ def draft_of(recording: Recording) -> Draft:
         for name, stream in recording.streams.items()
     }
     recording = replace(recording, streams=streams)
-    return _of_ready(recording) if recording.format in flights.READY else _of_any(recording)
+    return _of_ready(recording) if recording.format in flights.FlightMapping.READY else _of_any(recording)
 
 
 def _of_ready(recording: Recording) -> Draft:
     """Start from the ready mapping: say what it takes, and what else looks as if it were of use."""
-    name = flights.READY[recording.format]
-    found = flights.apply_mapping(flights.ready(name), recording)
+    name = flights.FlightMapping.READY[recording.format]
+    found = flights.Mapped.of(flights.FlightMapping.ready(name), recording)
     signals = {variable: (group.time, x) for group in found.channels for variable, x in group.values.items()}
     rest = replace(recording, streams={s: recording.streams[s] for s in found.unmapped})
     taken = flights.with_other_form(signals.keys())
@@ -490,7 +490,7 @@ class Outputs:
             return []
         time = np.arange(count) / LIMITS.rate
         columns = {name: np.interp(start + time, t, x) for name, (t, x) in used.items()}
-        return flights.rotor_pulses(flights.from_columns("drafted", time, columns))
+        return flights.from_columns("drafted", time, columns).rotor_pulses()
 
     def surface_lines(self) -> list[str]:
         """Give outputs that may move a surface something to start a calibration from, as comments."""

@@ -21,7 +21,6 @@ NUMBERS = ("mass", "span", "chord", "area")
 
 def run(arguments: argparse.Namespace) -> int:
     """Draft, print what speaks against it and what comes next."""
-    from stoop.extend.fits import Layout
     from stoop.extend.flights import load_several
     from stoop_draft.vehicle_draft.draft import draft
     from stoop_draft.vehicle_draft.geometry import Geometry
@@ -39,7 +38,7 @@ def run(arguments: argparse.Namespace) -> int:
         drafted = draft(request, flights, str(output))
     write_file(output, drafted.text)
     out = page()
-    free = Layout.of(drafted.vehicle, ()).dimension  # as reports count: without biases of sensors
+    free = len(drafted.vehicle.free_parameters)  # as reports count: without biases of sensors
     out.line(f"{output}: {len(drafted.text.splitlines())} lines, {free} free parameters; read its comments")
     out.bullets(drafted.notices, "What speaks against it")
     out.line()

@@ -10,7 +10,6 @@ import numpy as np
 
 from stoop import Vehicle
 from stoop.extend.arrays import FloatArray, rotations
-from stoop.extend.motion import inertia_tensor, late_inputs, parameter_rows
 from stoop.extend.reports import sheet
 from stoop.extend.text import compact, factor_and_unit, number, without_rounding
 from stoop.extend.variables import FAMILIES, VARIABLES
@@ -43,7 +42,7 @@ def motion_loads(vehicle: Vehicle, states: FloatArray, rates: FloatArray) -> Flo
 
 def rigid_loads(vehicle: Vehicle, force: FloatArray, omega: FloatArray, turning: FloatArray) -> FloatArray:
     """Return force, N, and moment, N m, (6, B) from a force, rates, rad/s, and angular accelerations, rad/s2, (3, B) each."""
-    inertia = inertia_tensor(vehicle)
+    inertia = vehicle.inertia_tensor()
     return np.vstack([force, inertia @ turning + np.cross(omega, inertia @ omega, axis=0)])
 
 
@@ -154,14 +153,14 @@ def percent(share: float) -> str:
 
 def loads_along(flight: ReferenceFlight, changes: Mapping[str, float] | None = None) -> FloatArray:
     """Return :data:`AXES` (n, 6) of a flight, with changed numbers at the same states."""
-    rows = parameter_rows(flight.vehicle, changes, len(flight.states))
+    rows = flight.vehicle.parameter_rows(changes, len(flight.states))
     return body_loads(flight.vehicle, rows, flight.states.T, flight.inputs.T).T
 
 
 def loads_at(record: Record, states: FloatArray) -> FloatArray:
     """Return :data:`AXES` (n, 6) of a record at states (n, n_x), with its inputs as surfaces and rotors receive them."""
-    vehicle, rows = record.vehicle, parameter_rows(record.vehicle, None, len(states))
-    inputs = late_inputs(vehicle, record.inputs, parameter_rows(vehicle), record.dt)
+    vehicle, rows = record.vehicle, record.vehicle.parameter_rows(None, len(states))
+    inputs = vehicle.late_inputs(record.inputs, vehicle.parameter_rows(), record.dt)
     return body_loads(vehicle, rows, states.T, inputs.T).T
 
 

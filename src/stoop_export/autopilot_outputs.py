@@ -8,7 +8,7 @@ from typing import Final, Literal
 
 from stoop import Vehicle
 from stoop.extend.errors import VehicleError
-from stoop.extend.motion import Trim, air_density
+from stoop.extend.motion import Trim
 from stoop.extend.units import SEA_LEVEL_DENSITY
 from stoop.extend.vehicles import full_command
 
@@ -79,7 +79,7 @@ class ThrustCurve:
 def equivalent_airspeed(vehicle: Vehicle, point: Trim, airspeed: float | None = None) -> float:
     """Return an airspeed (V* if None), m/s, as the equivalent one in the air of a steady flight, which autopilots measure."""
     speed = vehicle.value("reference.airspeed") if airspeed is None else airspeed
-    return speed * math.sqrt(air_density(vehicle, point) / SEA_LEVEL_DENSITY)
+    return speed * math.sqrt(point.density(vehicle) / SEA_LEVEL_DENSITY)
 
 
 def surface_role(roll: float, pitch: float, yaw: float) -> tuple[str, float]:

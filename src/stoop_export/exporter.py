@@ -20,9 +20,8 @@ from stoop import Vehicle
 from stoop.extend.arrays import FloatArray
 from stoop.extend.errors import SimulationError, StoopError
 from stoop.extend.files import write_files
-from stoop.extend.motion import Trim, held_numbers
+from stoop.extend.motion import Trim
 from stoop.extend.text import count, printable
-from stoop.extend.vehicles import leaves
 from stoop_analysis.known_model import Condition, KnownModel
 from stoop_export.agreement import (
     EXPORT_PAGE,
@@ -107,7 +106,7 @@ class Exporter(ABC):
     @property
     def actuators(self) -> tuple[str, ...]:
         """Names of dead zones, rate limits and delays that do something."""
-        return held_numbers(self.vehicle, ("dead_zone", "rate_limit", "delay"))
+        return self.vehicle.held_numbers(("dead_zone", "rate_limit", "delay"))
 
     @abstractmethod
     def files(self) -> Exported:
@@ -233,7 +232,7 @@ def written(content: Mapping[str, str] | Mapping[str, bytes]) -> Iterator[Path]:
 
 def cost_without_actuators(maneuver: Record) -> str:
     """Return how far a fitted maneuver moves where dead zones, rate limits and delays are left out."""
-    idle, own = {"dead_zone": 0.0, "rate_limit": math.inf, "delay": 0.0}, dict(leaves(maneuver.vehicle.file))
+    idle, own = {"dead_zone": 0.0, "rate_limit": math.inf, "delay": 0.0}, maneuver.vehicle.quantities
     untied = [n for n in maneuver.vehicle.rows if n in own and own[n].tie is None]  # the others follow
     neutral = {n: {"value": idle[end]} for n in untied if (end := n.rpartition(".")[2]) in idle}
     prompt = replace(maneuver, vehicle=maneuver.vehicle.with_numbers(neutral))

@@ -34,9 +34,9 @@ import sympy as sp
 
 from stoop import Vehicle
 from stoop.extend.errors import StoopError
-from stoop.extend.motion import Trim, initial_states, parameter_rows, scalar_text
+from stoop.extend.motion import Trim
 from stoop.extend.text import printable
-from stoop.extend.vehicles import build_model, over_ground, slope_input
+from stoop.extend.vehicles import SymbolicEquations
 from stoop_analysis.derivatives import ParameterCovariance
 from stoop_export.matlab import identifier, unit
 
@@ -90,14 +90,14 @@ def make_unit(vehicle: Vehicle, point: Trim, known: ParameterCovariance | None =
     Inputs are the recorded channels as surfaces and rotors receive them, and their rates over a step, per s (zero for inputs
     that are held); outputs are the readings of the instruments, and the position of a vehicle with the full equations.
     """
-    model, rows = build_model(vehicle), parameter_rows(vehicle, point.changes)
-    states = initial_states(vehicle, point.start, rows, point.inputs)[:, 0].tolist()
+    model, rows = vehicle.symbolic_model(), vehicle.parameter_rows(point.changes)
+    states = vehicle.initial_states(point.start, rows, point.inputs)[:, 0].tolist()
     names, derivatives = list(vehicle.states), list(model.derivatives)
     position = _position(vehicle, dict(zip(vehicle.states, model.states, strict=True)))
     readings = vehicle.kernel().evaluate(rows, np.array(states)[:, None], point.inputs[:, None])[1]
     states, names = states + [0.0] * len(position), names + list(position)
     derivatives += position.values()
-    channels = [n for n in vehicle.inputs if n != "none" and n not in map(slope_input, vehicle.sloped)]
+    channels = [n for n in vehicle.inputs if n != "none" and not n.endswith(".slope")]
     starts = dict(zip(vehicle.inputs, point.inputs.tolist(), strict=True))
     known = ParameterCovariance() if known is None else known
     errors = dict(zip(known.names, np.sqrt(np.abs(np.diag(known.covariance))).tolist(), strict=True))
@@ -117,7 +117,7 @@ def make_unit(vehicle: Vehicle, point: Trim, known: ParameterCovariance | None =
         *(quantity for _, quantity in numbers),
         *(Quantity(f"start.{n}", _unit(n, vehicle), x, "parameter") for n, x in zip(names, states, strict=True)),
         *(Quantity(n, _unit(n, vehicle), starts[n], "input") for n in channels),
-        *(Quantity(slope_input(n), f"{_unit(n, vehicle)}/s", 0.0, "input") for n in channels),
+        *(Quantity(f"{n}.slope", f"{_unit(n, vehicle)}/s", 0.0, "input") for n in channels),
         *(Quantity(f"state.{n}", _unit(n, vehicle), x, "local") for n, x in zip(names, states, strict=True)),
         *(Quantity(n, _unit(n, vehicle), float(y), "output") for n, y in zip(vehicle.outputs, readings[:, 0], strict=True)),
         *(Quantity(n, "m", 0.0, "output") for n in position),
@@ -127,7 +127,7 @@ def make_unit(vehicle: Vehicle, point: Trim, known: ParameterCovariance | None =
         **{
             s: f"r[{channels.index(n.removesuffix('.slope'))}]"
             for n, s in zip(vehicle.inputs, model.inputs, strict=True)
-            if n in map(slope_input, vehicle.sloped)
+            if n.endswith(".slope")
         },
         **{s: f"x[{i}]" for i, s in enumerate(model.states)},
         **{s: f"p[{i}]" for i, (s, _) in enumerate(numbers)},
@@ -148,7 +148,7 @@ def _position(vehicle: Vehicle, states: Mapping[str, Any]) -> dict[str, Any]:
     if vehicle.reduce != "full" or vehicle.motion:
         return {}
     e = (states["e0"], states["e1"], states["e2"], states["e3"])
-    north, east, _ = over_ground(e, (states["u"], states["v"], states["w"]))
+    north, east, _ = SymbolicEquations.over_ground(e, (states["u"], states["v"], states["w"]))
     return {"north": north, "east": east}
 
 
@@ -175,10 +175,10 @@ def _equations(
     steps, results = sp.cse(wanted, sp.numbered_symbols("t"), order="none")
     used = sorted(set().union(*(e.free_symbols for e in wanted)), key=str)
     lines = [f"    const double {s} = {places[s]};" for s in used]
-    lines += [f"    const double {s} = {scalar_text(e)};" for s, e in steps]
+    lines += [f"    const double {s} = {SymbolicEquations.text(e)};" for s, e in steps]
     count = len(derivatives)
-    lines += [f"    dx[{i}] = {scalar_text(e)};" for i, e in enumerate(results[:count])]
-    lines += [f"    y[{i}] = {scalar_text(e)};" for i, e in enumerate(results[count:])]
+    lines += [f"    dx[{i}] = {SymbolicEquations.text(e)};" for i, e in enumerate(results[:count])]
+    lines += [f"    y[{i}] = {SymbolicEquations.text(e)};" for i, e in enumerate(results[count:])]
     head = [f"enum {{ {', '.join(f'{name} = {size}' for name, size in sizes.items())} }};"]
     signature = "static void equations(const double *x, const double *u, const double *r, const double *p, double *dx, double *y)"
     unused = "    (void)x; (void)u; (void)r; (void)p;"

@@ -14,7 +14,6 @@ from stoop.extend.arrays import FloatArray
 from stoop.extend.errors import StoopError
 from stoop.extend.notices import notice
 from stoop.extend.text import printable
-from stoop.extend.vehicles import slope_input
 from stoop.extend.verbs import install
 from stoop_export import fmu
 from stoop_export.agreement import Compared, loads_of_path
@@ -42,14 +41,14 @@ def fly_unit(place: Path, flight: ReferenceFlight, variables: Sequence[str] = ()
     fmpy: Any = imported
     vehicle = flight.vehicle
     known = {v.name for v in fmpy.read_model_description(str(place)).modelVariables}
-    names = [n for n in vehicle.inputs if n in known and slope_input(n) in known]
+    names = [n for n in vehicle.inputs if n in known and f"{n}.slope" in known]
     columns = [vehicle.inputs.index(n) for n in names]
     signals = np.zeros(
-        len(flight.time), dtype=[(n, float) for n in ("time", *names, *map(slope_input, names))]
+        len(flight.time), dtype=[(n, float) for n in ("time", *names, *(f"{n}.slope" for n in names))]
     )
     rates = slopes(flight.inputs, flight.dt)
     for name, column in zip(names, columns, strict=True):
-        signals[name], signals[slope_input(name)] = flight.inputs[:, column], rates[:, column]
+        signals[name], signals[f"{name}.slope"] = flight.inputs[:, column], rates[:, column]
     read = [*(variables or vehicle.outputs)]
     out = np.full((len(flight.time), len(read)), np.nan)
     unpacked = fmpy.extract(str(place))

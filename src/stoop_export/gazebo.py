@@ -12,7 +12,6 @@ import numpy as np
 
 from stoop import Vehicle
 from stoop.extend.arrays import FloatArray, rotations
-from stoop.extend.motion import commanded, mixed_inputs, parameter_rows
 from stoop_export import gazebo_autopilots, gazebo_files, rotorpy_flight
 from stoop_export.agreement import AXES, Compared, loads_along, omission, omitted_shares
 from stoop_export.exporter import Exported, FullExporter, encoded
@@ -85,7 +84,7 @@ def fly_gazebo(model: GazeboModel, flight: ReferenceFlight) -> FloatArray:
     lags = equations.lags[~equations.prompt].tolist()
     steps = math.ceil(flight.dt / SHORTEST / min(lags)) if lags else 1
     columns = [vehicle.states.index(n) for n in ("u", "v", "w", "p", "q", "r", "e0", "e1", "e2", "e3")]
-    rows, out = parameter_rows(vehicle), np.full((len(flight.time), 12), np.nan)
+    rows, out = vehicle.parameter_rows(), np.full((len(flight.time), 12), np.nan)
     for part in flight.parts():
         own = flight.states[part.start]
         x = np.concatenate([own[columns], equations.commands(_lagged(model, flight, part.start, rows))])
@@ -102,7 +101,7 @@ def fly_gazebo(model: GazeboModel, flight: ReferenceFlight) -> FloatArray:
 
 def gazebo_loads(model: GazeboModel, flight: ReferenceFlight) -> FloatArray:
     """Return force, N, and moment, N m, (n, 6) by the equations of Gazebo at the states of our flight, without gravity."""
-    vehicle, equations, rows = flight.vehicle, _Equations(model), parameter_rows(flight.vehicle)
+    vehicle, equations, rows = flight.vehicle, _Equations(model), flight.vehicle.parameter_rows()
     states = flight.states[:, [vehicle.states.index(n) for n in (*"uvwpqr", "e0", "e1", "e2", "e3")]]
     out = np.empty((len(states), 6))
     for k, own in enumerate(states):
@@ -130,10 +129,10 @@ def _lagged(model: GazeboModel, flight: ReferenceFlight, k: int, rows: FloatArra
         if f"{name}.lag" in x and vehicle.value("rotors.lag") > 0.0:
             column = vehicle.inputs.index(vehicle.file.rotor[name].channel)
             gain = vehicle.value("rotors.gain", 1.0)
-            out[column] += (x[f"{name}.lag"] - float(commanded(vehicle, name, rows, out)[0])) / gain
+            out[column] += (x[f"{name}.lag"] - float(vehicle.commanded(name, rows, out)[0])) / gain
     behind = {c: x[f"{c}.lag"] for c in vehicle.controls if f"{c}.lag" in x}
     if behind:
-        out = mixed_inputs(vehicle, behind, out)
+        out = vehicle.mixed_inputs(behind, out)
     return np.asarray(out)
 
 

@@ -20,7 +20,7 @@ import numpy as np
 from stoop import Vehicle, trim
 from stoop.extend.arrays import FloatArray
 from stoop.extend.errors import SimulationError
-from stoop.extend.motion import Trim, air_density, inertia_tensor, initial_states, parameter_rows
+from stoop.extend.motion import Trim
 from stoop.extend.vehicles import full_command
 from stoop_export.autopilot_outputs import check_rotor_channels
 from stoop_export.gazebo_plugins import Blades, Damping, Motor, Surface, Wing, damping_loads, motor_loads
@@ -126,7 +126,7 @@ def gazebo_model(
         # A sideslip from -180 to 180 degrees makes large forces where rotors fly backward; v |u| is the same on wings.
         damping = replace(damping, sideslip=sideslip_loads(wing))
         wing = wing_of(vehicle, cruise, motors, damping, alphas)
-    mass, inertia = vehicle.value("mass.mass"), inertia_tensor(vehicle)
+    mass, inertia = vehicle.value("mass.mass"), vehicle.inertia_tensor()
     return GazeboModel(
         identifier(vehicle.name), vehicle, mass, inertia, motors, tuple(made), damping, wing, hover, cruise
     )
@@ -139,7 +139,7 @@ def _slope(values: FloatArray, step: float) -> float:
 
 def blades_of(vehicle: Vehicle, motor: Motor, point: Trim) -> Blades:
     """Return the blades of a motor; those of a propeller are so far out that the airspeed takes 1 % of the thrust."""
-    density = air_density(vehicle, point)
+    density = point.density(vehicle)
     if motor.name not in vehicle.rotors:
         radius = vehicle.value("reference.airspeed") / (PROPELLER_LOSS * motor.max_speed * PROPELLER_ANGLE)
         return Blades.of(motor, radius, PROPELLER_ANGLE, density)
@@ -220,7 +220,7 @@ def _propeller(vehicle: Vehicle, cruise: Trim) -> tuple[Motor, ...]:
         channel_step = 1e-4 * max(abs(at), 1e-3)
         inputs[vehicle.inputs.index(channel), 3:] = [at + channel_step, at - channel_step]
     faster = 1.0 + np.array([0.0, step, -step, 0.0, 0.0]) / speed
-    begin = initial_states(vehicle, cruise.start, parameter_rows(vehicle, cruise.changes), cruise.inputs)
+    begin = vehicle.initial_states(cruise.start, vehicle.parameter_rows(cruise.changes), cruise.inputs)
     moved = {a: begin[vehicle.states.index(a), 0] * faster for a in "uvw"}
     thrust = n @ (
         settled_loads(vehicle, cruise, inputs, moved) - settled_loads(vehicle, cruise, inputs, moved, off)

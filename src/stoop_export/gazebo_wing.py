@@ -17,7 +17,7 @@ import numpy as np
 from stoop import Vehicle
 from stoop.extend.arrays import FloatArray
 from stoop.extend.errors import SimulationError
-from stoop.extend.motion import Trim, air_density, initial_states, neutral_inputs, parameter_rows
+from stoop.extend.motion import Trim
 from stoop.extend.vehicles import terms
 from stoop_export.agreement import body_loads
 from stoop_export.autopilot_outputs import FULL_DEFLECTION, full_deflection
@@ -45,8 +45,8 @@ def settled_loads(
     changes: Mapping[str, float] | None = None,
 ) -> FloatArray:  # fmt: skip
     """Return the loads (6, B) of a steady flight with other inputs (n_u, B), lags settled, states moved, numbers changed."""
-    rows = parameter_rows(vehicle, {**point.changes, **(changes or {})}, inputs.shape[1])
-    states = initial_states(vehicle, point.start, rows, inputs)
+    rows = vehicle.parameter_rows({**point.changes, **(changes or {})}, inputs.shape[1])
+    states = vehicle.initial_states(point.start, rows, inputs)
     for name, values in (moved or {}).items():
         states[vehicle.states.index(name)] = values
     return body_loads(vehicle, rows, states, inputs)
@@ -60,7 +60,7 @@ def vector(x: FloatArray) -> Vector:
 
 def _joints(vehicle: Vehicle) -> tuple[Surface, ...]:
     """Return a joint per channel of the surfaces, its effects still open."""
-    neutral, out = neutral_inputs(vehicle), list[Surface]()
+    neutral, out = vehicle.neutral_inputs(), list[Surface]()
     channels = dict.fromkeys(c for name in vehicle.controls for c in vehicle.channels_of(name))
     for channel in channels:
         users = [c for c in vehicle.controls if channel in vehicle.channels_of(c)]
@@ -123,11 +123,11 @@ def wing_of(
     alphas: tuple[float, float] | None,
 ) -> Wing:
     """Return the wing: coefficients at the steady flight, drag over a range of angles of attack."""
-    rows = parameter_rows(vehicle, cruise.changes)
-    begin = initial_states(vehicle, cruise.start, rows, cruise.inputs)[:, 0]
+    rows = vehicle.parameter_rows(cruise.changes)
+    begin = vehicle.initial_states(cruise.start, rows, cruise.inputs)[:, 0]
     u, v, w = (float(begin[vehicle.states.index(a)]) for a in "uvw")
     flow = np.array([math.atan2(w, u), math.atan2(v, u), 0.0, 0.0, 0.0])
-    density = air_density(vehicle, cruise)
+    density = cruise.density(vehicle)
     joints = _joints(vehicle)
     body = _Body(vehicle, cruise, motors, damping, joints, math.hypot(u, w), density)
     stand = {j.channel: float(cruise.inputs[vehicle.inputs.index(j.channel or "")]) for j in joints}

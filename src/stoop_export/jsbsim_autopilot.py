@@ -20,7 +20,7 @@ from stoop.extend.arrays import FloatArray
 from stoop.extend.errors import SimulationError
 from stoop.extend.files import write_files
 from stoop.extend.flights import from_columns
-from stoop.extend.motion import Maneuver, Trim, check_maneuver, inputs_about, surface_moments
+from stoop.extend.motion import Maneuver, Trim
 from stoop.extend.notices import notice
 from stoop_export import jsbsim_aircraft
 from stoop_export.jsbsim_flight import PLANET, READ, Record, begin, file_name, instruments, maneuver_record
@@ -47,7 +47,7 @@ class AttitudeHold:
         wanted = np.zeros((3, len(states)))
         wanted[[0, 1], [0, 1]] = -(bandwidth**2)
         wanted[:, len(ANGLES) :] = -2.0 * DAMPING * bandwidth * np.eye(3)
-        effect = np.column_stack([surface_moments(vehicle, point, c) for c in vehicle.controls])
+        effect = np.column_stack([point.surface_moments(vehicle, c) for c in vehicle.controls])
         return cls(tuple(vehicle.controls), states, np.linalg.pinv(effect) @ wanted, point)
 
     def deflections(self, state: Mapping[str, float]) -> FloatArray:
@@ -87,7 +87,7 @@ def fly_in_jsbsim(
     StoopError
         JSBSim is not installed, the vehicle does not fly on wings, or the flight diverges.
     """
-    check_maneuver(vehicle, maneuver)
+    maneuver.check(vehicle)
     point = trim(vehicle, maneuver.airspeed, maneuver.altitude)
     if not point.on_wings:
         raise SimulationError(
@@ -117,7 +117,7 @@ def _fly(
     places = [i for i, n in enumerate(vehicle.inputs) if n != "none"]
     rows = [simulation.read()]
     mixing = np.array(
-        [inputs_about(vehicle, point, {c: np.ones(1)}, 1)[0] - point.inputs for c in hold.controls]
+        [point.inputs_about(vehicle, {c: np.ones(1)}, 1)[0] - point.inputs for c in hold.controls]
     )
     for k in range(1, len(record.time)):
         record.inputs[k] += hold.deflections(rows[-1]) @ mixing

@@ -23,7 +23,7 @@ from stoop.extend import motion
 from stoop.extend.arrays import FloatArray, rotations
 from stoop.extend.errors import SimulationError, StoopError
 from stoop.extend.variables import FAMILIES
-from stoop.extend.vehicles import WIND
+from stoop.extend.vehicles import SymbolicEquations
 from stoop.extend.verbs import install
 from stoop_export.jsbsim_loads import rotor_lag, rotor_start, slope_start
 from stoop_export.jsbsim_model import (
@@ -125,10 +125,10 @@ def own_readings(record: Record, steps: int = 1) -> FloatArray:
     vehicle, count = record.vehicle, len(record.inputs)
     fine = np.arange((count - 1) * steps + 1) / steps
     inputs = np.stack([np.interp(fine, np.arange(count), column) for column in record.inputs.T], axis=1)
-    rows, dt = motion.parameter_rows(vehicle), record.dt / steps
-    begin = motion.initial_states(vehicle, record.start, rows, inputs[0])
-    flown = vehicle.kernel().trajectories(rows, begin, motion.late_inputs(vehicle, inputs, rows, dt), dt)
-    out = motion.late_outputs(vehicle, flown[:, ::steps].copy(), rows, record.dt)[0]
+    rows, dt = vehicle.parameter_rows(), record.dt / steps
+    begin = vehicle.initial_states(record.start, rows, inputs[0])
+    flown = vehicle.kernel().trajectories(rows, begin, vehicle.late_inputs(inputs, rows, dt), dt)
+    out = vehicle.late_outputs(flown[:, ::steps].copy(), rows, record.dt)[0]
     finite = np.isfinite(out).all(axis=1)
     if not finite.all():
         at = record.time[np.argmin(finite)]
@@ -175,7 +175,7 @@ def every_control(vehicle: Vehicle, point: motion.Trim, duration: float = 30.0) 
 def maneuver_record(vehicle: Vehicle, point: motion.Trim, maneuver: motion.Maneuver) -> Record:
     """Return a maneuver from a steady flight, with the vehicle's numbers that this sets: a constant thrust."""
     flown = vehicle.with_numbers({name: {"value": value} for name, value in point.changes.items()})
-    inputs = motion.inputs_about(flown, point, maneuver.deflections(), len(maneuver.time))
+    inputs = point.inputs_about(flown, maneuver.deflections(), len(maneuver.time))
     return Record(flown, point.start, maneuver.time, inputs)
 
 
@@ -219,8 +219,10 @@ class Settings:
 
 def settings(record: Record, rate: float = FRAME_RATE) -> Settings:
     """Return what JSBSim is given for a record, with frames of a rate, Hz, of at least so much."""
-    vehicle, rows = record.vehicle, motion.parameter_rows(record.vehicle)
-    rigid = {k: float(v[0]) for k, v in motion.rigid_states(record.start).items() if k in (*"uvwpqr", "h")}
+    vehicle, rows = record.vehicle, record.vehicle.parameter_rows()
+    begin = vehicle.initial_states(record.start, rows, record.inputs[0])[:, 0].tolist()
+    states = dict(zip(vehicle.states, begin, strict=True))
+    rigid = {k: states.get(k, 0.0) for k in "uvwhpqr"}
     start = rigid | {a: float(record.start.get(a, 0.0)) for a in FAMILIES["euler"]}
     columns = {n: record.inputs[:, i] for i, n in enumerate(vehicle.inputs) if n != "none"}
     constants = {channel_start(n): float(columns[n][0]) for n in actuators(vehicle)}
@@ -233,7 +235,7 @@ def settings(record: Record, rate: float = FRAME_RATE) -> Settings:
         # The lag filter y1 = ca (x1 + x0) + cb y0 runs once before the flight, with zeros behind it; so the surface
         # begins at S + ca (x0 - S) for a start value S and a command x0.
         step = record.dt / frames_per_sample(record.dt, rate) / seconds
-        command = float(motion.commanded(vehicle, name, rows, record.inputs[0])[0])
+        command = float(vehicle.commanded(name, rows, record.inputs[0])[0])
         offset = float(record.start.get(f"{name}.lag", 0.0))
         constants[place] = command + offset * (2.0 + step) / 2.0
     for name in vehicle.sloped:
@@ -392,18 +394,12 @@ def instruments(vehicle: Vehicle) -> Callable[[Mapping[str, FloatArray], float],
     """Return what takes a flight of :data:`READ`, (n,) each, SI and rad, and its sample period to readings (n, n_y)."""
     import sympy as sp
 
-    from stoop.extend.vehicles import Numbers, air, air_data, attitude, over_ground, readings
-
-    n = Numbers(vehicle)
+    equations = SymbolicEquations(vehicle)
     names = ("u", "v", "w", "p", "q", "r", "pdot", "qdot", "rdot", "X", "Y", "Z", "e0", "e1", "e2", "e3")
     s = [sp.Symbol(f"jsbsim {key}", real=True) for key in names]
     velocity, omega, omega_rate, specific = (tuple(s[i : i + 3]) for i in range(0, 12, 3))
-    quaternion = (s[12], s[13], s[14], s[15])
-    observed = air_data(n, quaternion, velocity, omega, air(velocity).V)
-    observed |= dict(zip(WIND, over_ground(quaternion, velocity), strict=True))
-    observed = {c: reading for c, reading in observed.items() if c in vehicle.outputs}
-    read = readings(n, observed, attitude(quaternion), specific, omega, omega_rate)
-    numbers = dict(zip(n.symbols, vehicle.values.tolist(), strict=True))
+    read = equations.readings((s[12], s[13], s[14], s[15]), velocity, omega, omega_rate, specific)
+    numbers = dict(zip(equations.numbers.symbols, vehicle.values.tolist(), strict=True))
     function = sp.lambdify(s, [sp.sympify(read[c]).xreplace(numbers) for c in vehicle.outputs], "numpy")
 
     def read_flight(flown: Mapping[str, FloatArray], dt: float) -> FloatArray:
@@ -418,6 +414,6 @@ def instruments(vehicle: Vehicle) -> Callable[[Mapping[str, FloatArray], float],
         known = {**flown, **forces, **turn}
         columns = function(*(known[key] for key in names))
         out = np.stack([np.broadcast_to(c, flown["u"].shape) for c in columns]).T[None]
-        return np.asarray(motion.late_outputs(vehicle, out, motion.parameter_rows(vehicle), dt)[0])
+        return np.asarray(vehicle.late_outputs(out, vehicle.parameter_rows(), dt)[0])
 
     return read_flight

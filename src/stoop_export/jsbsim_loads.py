@@ -16,7 +16,6 @@ from xml.etree.ElementTree import Element, SubElement
 import sympy as sp
 
 from stoop import Vehicle
-from stoop.extend.vehicles import airflow, forces, slope_input
 from stoop_export.jsbsim_model import (
     DENSITY,
     FOOT,
@@ -65,7 +64,7 @@ def rotor_lag(vehicle: Vehicle) -> float | None:
 def _channels(printer: Printer) -> dict[str, Any]:
     """Return the channels as they are received, and their slopes."""
     sloped = printer.vehicle.sloped
-    places = received(printer.vehicle) | {slope_input(c): _slope(c) for c in sloped}
+    places = received(printer.vehicle) | {f"{c}.slope": _slope(c) for c in sloped}
     return {name: printer.symbol(f"channel {name}", place) for name, place in places.items()}
 
 
@@ -97,8 +96,8 @@ def _rotors(printer: Printer) -> Iterator[Element]:
         f"{r}.lag": printer.symbol(f"position {r}", f"stoop/lagged-x/{r}") for r in vehicle.file.rotor
     }
     inputs = _channels(printer)
-    commands = forces.rotor_commands(printer.numbers, inputs)
-    rates = forces.spins(printer.numbers, positions, inputs)[1]  # of x, where that acts on the body
+    commands = printer.equations.rotor_commands(inputs)
+    rates = printer.equations.spin_rates(positions, inputs)  # of x, where that acts on the body
     inertia = "rotors.inertia" in vehicle.rows
     for name in vehicle.file.rotor if constant is not None else ():
         yield _declared(rotor_start(name), 0.0)
@@ -135,22 +134,17 @@ def _reactions(printer: Printer, center: Element) -> Element:
     """Return the external reactions that are the loads of a vehicle."""
     vehicle = printer.vehicle
     speeds = {a: f"stoop/air/{a}-m_sec" for a in "uvw"}
-    velocity = tuple(printer.symbol(f"air {a}", place) for a, place in speeds.items())
-    omega = printer.rates()
+    u, v, w = (printer.symbol(f"air {a}", place) for a, place in speeds.items())
     spins = {r: printer.symbol(f"x {r}", rotor_speed(r)) for r in vehicle.file.rotor}
     turned = vehicle.file.rotor if "rotors.inertia" in vehicle.rows else ()
-    total = forces.total(
-        forces.Surroundings(
-            printer.numbers,
-            airflow(vehicle, (velocity[0], velocity[1], velocity[2])),
-            printer.symbol("density", DENSITY),
-            (omega[0], omega[1], omega[2]),
-            printer.deflections(),
-            _channels(printer),
-            (velocity[0], velocity[1], velocity[2]),
-            spins,
-            {r: printer.symbol(f"rate {r}", f"stoop/rate/{r}") for r in turned},
-        )
+    total = printer.equations.load(
+        (u, v, w),
+        omega=printer.rates(),
+        density=printer.symbol("density", DENSITY),
+        deflections=printer.deflections(),
+        channels=_channels(printer),
+        spins=spins,
+        spin_rates={r: printer.symbol(f"rate {r}", f"stoop/rate/{r}") for r in turned},
     )
     steps, results = sp.cse(
         [sp.sympify(e).xreplace(printer.known) for e in (*total.force, *total.moment)],

@@ -11,16 +11,15 @@ deviation from a start value, which is a property.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any, Final
 from xml.etree.ElementTree import Element, SubElement
 
 import sympy as sp
 
 from stoop import Vehicle
-from stoop.extend.motion import commanded, input_actuators, input_delays, neutral_inputs, parameter_rows
 from stoop.extend.units import UNITS
-from stoop.extend.vehicles import MOMENT_ARMS, SHORTEST_LAG, Air, Numbers, forces, terms
+from stoop.extend.vehicles import MOMENT_ARMS, SymbolicEquations, terms
 
 FOOT, INCH, POUND_FORCE, SLUG = (UNITS[unit].factor for unit in ("ft", "in", "lbf", "slug"))
 AXES: Final = {"CL": "LIFT", "CD": "DRAG", "CQ": "SIDE", "Cl": "ROLL", "Cm": "PITCH", "Cn": "YAW"}
@@ -118,7 +117,8 @@ class Printer:
     """
 
     def __init__(self, vehicle: Vehicle, constant: tuple[str, ...] = ("",)) -> None:
-        self.vehicle, self.numbers = vehicle, Numbers(vehicle)
+        self.vehicle, self.equations = vehicle, SymbolicEquations(vehicle)
+        self.numbers = self.equations.numbers
         values = zip(self.numbers.symbols, vehicle.values.tolist(), strict=True)
         self.known = {s: sp.Float(x) for s, x in values if s.name.startswith(constant)}
         self.names: dict[Any, str] = {}
@@ -130,9 +130,10 @@ class Printer:
         self.names[made] = place
         return made
 
-    def rates(self) -> tuple[Any, ...]:
+    def rates(self) -> tuple[Any, Any, Any]:
         """Return p, q, r."""
-        return tuple(self.symbol(a, f"velocities/{a}-aero-rad_sec") for a in "pqr")
+        p, q, r = (self.symbol(a, f"velocities/{a}-aero-rad_sec") for a in "pqr")
+        return p, q, r
 
     def deflections(self) -> dict[str, Any]:
         """Return the deflections of the controls, rad."""
@@ -145,23 +146,6 @@ class Printer:
         return convert(expr, self.names)
 
 
-def physics(vehicle: Vehicle) -> tuple[forces.Surroundings, Callable[[Any], Element]]:
-    """Return symbols for what JSBSim knows, and what converts an expression of them, with the vehicle's numbers in place.
-
-    The symbols are air-relative motion, density, rates, deflections and channels.
-    """
-    printer = Printer(vehicle)
-    V = printer.symbol("V", AIRSPEED)
-    alpha, beta = (printer.symbol(a, f"aero/{a}-rad") for a in ("alpha", "beta"))
-    air = Air(V, V**2, alpha, beta, sp.cos(alpha), sp.sin(alpha), sp.cos(beta), sp.sin(beta))
-    channels = {c: printer.symbol(f"channel {c}", channel(c)) for c in vehicle.inputs}
-    p, q, r = printer.rates()
-    density, deflections = printer.symbol("density", DENSITY), printer.deflections()
-    return forces.Surroundings(
-        printer.numbers, air, density, (p, q, r), deflections, channels
-    ), printer.element
-
-
 def constant_thrust(vehicle: Vehicle) -> dict[str, float]:
     """Return the property of a constant thrust and its value, N; nothing where the thrust is none or no constant."""
     file = vehicle.file.propulsion
@@ -171,21 +155,25 @@ def constant_thrust(vehicle: Vehicle) -> dict[str, float]:
 
 def aerodynamics(vehicle: Vehicle) -> Element:
     """Return the aerodynamics section: air, variables of the terms, thrust, and an axis per coefficient."""
-    surroundings, element = physics(vehicle)
+    printer = Printer(vehicle)
+    element, deflections, density = printer.element, printer.deflections(), printer.symbol("density", DENSITY)
+    V = printer.symbol("V", AIRSPEED)
+    alpha, beta = (printer.symbol(a, f"aero/{a}-rad") for a in ("alpha", "beta"))
+    channels = {c: printer.symbol(f"channel {c}", channel(c)) for c in vehicle.inputs}
     out = Element("aerodynamics")
     out.append(function(AIRSPEED, node("product", prop("velocities/vt-fps"), value(FOOT))))
     out.append(air_density(vehicle))
     factors = (value(0.5), prop(DENSITY), prop(AIRSPEED), prop(AIRSPEED))
     area = value(vehicle.value("reference.area"))
     out.append(function(PRESSURE_AREA, node("product", *factors, area, value(1.0 / POUND_FORCE))))
-    known = forces.term_variables(surroundings)
+    number = printer.numbers.__getitem__
+    known = terms.values(number, vehicle.actual_rates, V, alpha, beta, printer.rates()) | deflections
     for name, meaning in terms.STATE_VARIABLES.items():
         out.append(function(variable(name), element(known[name]), meaning))
     propulsion = vehicle.file.propulsion
-    if (
-        propulsion is not None and propulsion.kind != "constant"
-    ):  # a constant one is a property that can be set
-        out.append(function(THRUST, element(forces.thrust(surroundings))))
+    # a constant one is a property that can be set
+    if propulsion is not None and propulsion.kind != "constant":
+        out.append(function(THRUST, element(printer.equations.thrust(V, density, channels))))
     symbols = {n: sp.Symbol(n, real=True) for n in (*terms.STATE_VARIABLES, *vehicle.file.controls)}
     names = {s: deflection(n) if n in vehicle.file.controls else variable(n) for n, s in symbols.items()}
     for name, group in vehicle.terms.items():
@@ -195,7 +183,12 @@ def aerodynamics(vehicle: Vehicle) -> Element:
         arms = []
         if name in MOMENT_ARMS:
             length, about = MOMENT_ARMS[name]
-            relative = forces.relative_inertia(vehicle, vehicle.value, about)
+            stated = f"reference.inertia.{about}"  # moments hold for that inertia
+            relative = (
+                vehicle.value(f"mass.inertia.{about}{about}") / vehicle.value(stated)
+                if stated in vehicle.rows
+                else 1
+            )
             arms.append(value(relative * vehicle.value(f"reference.{length}") / FOOT))
         for parameter, text in group.items():  # pressure x area (x length) x coefficient x what it multiplies
             tree = terms.parse(text, symbols, vehicle.where)
@@ -223,13 +216,13 @@ def air_density(vehicle: Vehicle) -> Element:
 
 def delays(vehicle: Vehicle) -> dict[str, float]:
     """Return the delay of each channel that has one, s."""
-    return {vehicle.inputs[i]: float(vehicle.values[row]) for i, row in input_delays(vehicle)}
+    return {vehicle.inputs[i]: float(vehicle.values[row]) for i, row in vehicle.input_delays()}
 
 
 def actuators(vehicle: Vehicle) -> dict[str, tuple[float, float, float]]:
     """Return dead zone, rate limit (per s) and delay (s) of each channel that has one, in the channel's unit."""
-    rows = parameter_rows(vehicle)
-    found = {vehicle.inputs[a.column]: a.numbers(rows, 1.0)[:, 0].tolist() for a in input_actuators(vehicle)}
+    rows = vehicle.parameter_rows()
+    found = {vehicle.inputs[a.column]: a.numbers(rows, 1.0)[:, 0].tolist() for a in vehicle.actuators()}
     return {name: (zone, limit, delay) for name, (zone, limit, delay) in found.items()}
 
 
@@ -248,14 +241,14 @@ def received(vehicle: Vehicle) -> dict[str, str]:
 def flight_control(vehicle: Vehicle) -> Element:
     """Return the flight control section: properties of channels and start values, then actuators, mixers and lags."""
     out = Element("flight_control", {"name": "controls"})
-    neutral = neutral_inputs(vehicle, 0.0)
-    late, rows = actuators(vehicle), parameter_rows(vehicle)
+    neutral = vehicle.neutral_inputs(0.0)
+    late, rows = actuators(vehicle), vehicle.parameter_rows()
     declared: list[tuple[str, float]] = []
     for name, x in zip(vehicle.inputs, neutral.tolist(), strict=True):
         declared += [(channel(name), x)] if name != "none" else []
         declared += [(channel_start(name), x)] if name in late else []
     for control in lagged(vehicle):
-        declared.append((lag_start(control), float(commanded(vehicle, control, rows, neutral)[0])))
+        declared.append((lag_start(control), float(vehicle.commanded(control, rows, neutral)[0])))
     for name, x in [*declared, *constant_thrust(vehicle).items()]:
         SubElement(out, "property", {"value": number(x)}).text = name
     for name, numbers in late.items():
@@ -343,5 +336,6 @@ def lag(name: str, command: Element, start: str, seconds: float, out: str) -> It
 
 def time_constant(seconds: float) -> tuple[float, float]:
     """Return time constant, s, and direct share of a lag, as :func:`stoop.vehicle.symbolic.forces.lagged` has them."""
-    ahead = max(SHORTEST_LAG - seconds, 0.0) ** 2 / (2.0 * SHORTEST_LAG)
+    shortest = SymbolicEquations.SHORTEST_LAG
+    ahead = max(shortest - seconds, 0.0) ** 2 / (2.0 * shortest)
     return ahead + seconds, ahead / (ahead + seconds)

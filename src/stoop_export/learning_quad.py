@@ -22,7 +22,7 @@ import numpy as np
 from stoop import Vehicle
 from stoop.extend.arrays import FloatArray
 from stoop.extend.errors import SimulationError
-from stoop.extend.motion import Trim, inertia_tensor
+from stoop.extend.motion import Trim
 from stoop_analysis.derivatives import derivatives
 from stoop_export.agreement import omission, omitted_shares
 from stoop_export.autopilot_outputs import check_rotor_channels
@@ -150,7 +150,7 @@ def quad_of(vehicle: Vehicle, point: Trim, tool: str) -> Quad:
     }
     return Quad(
         identifier(vehicle.name), vehicle.value("mass.mass"), vehicle.value("environment.gravity"),
-        FLIP[:, None] * inertia_tensor(vehicle) * FLIP, tuple(str(m.channel) for m in ordered),
+        FLIP[:, None] * vehicle.inertia_tensor() * FLIP, tuple(str(m.channel) for m in ordered),
         np.array([FLIP * m.position for m in ordered]), turns, mean("constant"), mean("moment"), mean("lag"),
         mean("speed_gain"), mean("offset"), mean("idle"), mean("full"), float(np.mean(list(hover.values()))),
         -np.diag(derivatives(vehicle, point).matrix)[:3],

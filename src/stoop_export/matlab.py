@@ -20,12 +20,11 @@ import sympy as sp
 from numpy.typing import NDArray
 from sympy.printing.octave import OctaveCodePrinter
 
-from stoop import Vehicle
+from stoop import Vehicle, linearize
 from stoop.extend import motion
 from stoop.extend.arrays import FloatArray
 from stoop.extend.notices import notice
 from stoop.extend.text import printable, without_rounding
-from stoop.extend.vehicles import build_model, slope_input
 from stoop_analysis.derivatives import ParameterCovariance
 from stoop_export.exporter import Exported, Exporter, encoded
 from stoop_export.jsbsim_flight import file_name
@@ -65,11 +64,11 @@ class StateSpace:
 
 def state_space(vehicle: Vehicle, point: motion.Trim, known: ParameterCovariance | None = None) -> StateSpace:
     """Linearize a vehicle about a steady flight."""
-    model = motion.linearize(vehicle, point)
-    rows = motion.parameter_rows(vehicle, point.changes)
-    states = motion.initial_states(vehicle, point.start, rows, point.inputs)
+    model = linearize(vehicle, point)
+    rows = vehicle.parameter_rows(point.changes)
+    states = vehicle.initial_states(point.start, rows, point.inputs)
     _, readings = vehicle.kernel().evaluate(rows, states, point.inputs[:, None])
-    surfaces = {c: float(motion.commanded(vehicle, c, rows, point.inputs)[0]) for c in vehicle.controls}
+    surfaces = {c: float(vehicle.commanded(c, rows, point.inputs)[0]) for c in vehicle.controls}
     begin = point.start | {
         n: x for n, x in zip(vehicle.states, states[:, 0], strict=True) if n.endswith(".lag")
     }
@@ -92,7 +91,7 @@ def standard_errors(
 
     def slopes(name: str, step: float) -> list[FloatArray]:
         shifted = [{name: {"value": vehicle.value(name) + s}} for s in (step, -step)]
-        up, down = (motion.linearize(vehicle.with_numbers(change), point) for change in shifted)
+        up, down = (linearize(vehicle.with_numbers(change), point) for change in shifted)
         return [(getattr(up, m) - getattr(down, m)) / (2.0 * step) for m in MATRICES]
 
     variances = np.diag(known.covariance)
@@ -225,7 +224,7 @@ def matlab(vehicle: Vehicle, point: motion.Trim, linear: StateSpace) -> Matlab:
     name = identifier(vehicle.name)
     slopes = hold = turn = ""
     if vehicle.sloped:  # slopes of channels are computed by the script
-        sources = list(vehicle.sloped), [slope_input(name) for name in vehicle.sloped]
+        sources = list(vehicle.sloped), [f"{name}.slope" for name in vehicle.sloped]
         of, to = (" ".join(str(1 + vehicle.inputs.index(n)) for n in names) for names in sources)
         slopes = (
             f"slopes = diff(u(:, [{of}])) / h;  % of channels that spin rotors up, held between samples\n"
@@ -238,11 +237,11 @@ def matlab(vehicle: Vehicle, point: motion.Trim, linear: StateSpace) -> Matlab:
         f"{name}_fly.m": _FLY.format(name=name, slopes=slopes, hold=hold, turn=turn),
         f"{name}_simulink.m": _SIMULINK.format(name=name),
     }
-    parameters, rows = numbers(vehicle, point), motion.parameter_rows(vehicle, point.changes)
+    parameters, rows = numbers(vehicle, point), vehicle.parameter_rows(point.changes)
     content = {
         "p": np.array(list(parameters.values()))[:, None],
         "parameter_names": _cells(parameters),
-        "x0": motion.initial_states(vehicle, point.start, rows, point.inputs),
+        "x0": vehicle.initial_states(point.start, rows, point.inputs),
         "u0": point.inputs[:, None],
         "state_names": _cells(vehicle.states),
         "input_names": _cells(vehicle.inputs),
@@ -273,7 +272,7 @@ def equations(vehicle: Vehicle, name: str) -> str:
         *signals("y", vehicle.outputs),
         f"% p: the numbers of the vehicle, as in {name}.mat",
     ]
-    model = build_model(vehicle)
+    model = vehicle.symbolic_model()
     table: dict[Any, Any] = {}
     wanted = [sp.sympify(e) for e in (*model.derivatives, *model.outputs)]
     used = set().union(*(e.free_symbols for e in wanted))
@@ -358,7 +357,7 @@ class LinearExporter(Exporter):
 
     def lacks(self) -> list[str]:
         """Return what a linear model cannot express."""
-        return [str(one) for one in motion.left_out(self.vehicle)]
+        return [str(one) for one in motion.LinearModel.left_out(self.vehicle)]
 
 
 class StateSpaceFiles(LinearExporter):
@@ -385,7 +384,7 @@ class Simulink(LinearExporter):
 
     def lacks(self) -> list[str]:
         """Return what the functions and the linear model cannot express."""
-        sloped = tuple(map(slope_input, self.vehicle.sloped))
+        sloped = tuple(f"{name}.slope" for name in self.vehicle.sloped)
         notes = [notice("functions-without-actuators", numbers=self.actuators)] if self.actuators else []
         notes += [notice("slopes-of-channels", channels=sloped)] if sloped else []
         return [*map(str, notes), *super().lacks()]

@@ -9,7 +9,6 @@ import numpy as np
 
 from stoop import Vehicle
 from stoop.extend.arrays import FloatArray, rotations
-from stoop.extend.motion import commanded, parameter_rows
 from stoop.extend.verbs import install
 from stoop_export.agreement import AXES, Compared, loads_along, rigid_loads
 from stoop_export.exporter import FLIP, Exported, encoded, installed, load_script, written
@@ -23,14 +22,14 @@ INSTALL: Final = install("mujoco")
 
 def _put(flown: Any, script: Any, flight: ReferenceFlight, k: int) -> None:
     """Give MuJoCo our state and channels at sample k of a flight."""
-    vehicle, rows = flight.vehicle, parameter_rows(flight.vehicle)
+    vehicle, rows = flight.vehicle, flight.vehicle.parameter_rows()
     flown.command(flight.inputs[k])
     x, q, velocity, rates = start_of(flight, k)
     actuators = np.array(
         [
             x[f"{a}.lag"]
             if f"{a}.lag" in x
-            else commanded(vehicle, a, rows, flight.inputs[k])[0]
+            else vehicle.commanded(a, rows, flight.inputs[k])[0]
             if not a.startswith("propulsion.")
             else flight.inputs[k][vehicle.inputs.index(a.removeprefix("propulsion."))]
             for a in script.CONTENT["actuators"]
@@ -101,7 +100,7 @@ class MuJoCo(RandomizedExporter):
     def numbers_of(self, vehicle: Vehicle) -> dict[str, float]:
         """Return the numbers of the vehicle file but those of instruments; the callback takes all."""
         changes = self.steady(vehicle).changes if self.point.changes else None  # a thrust for steady flight
-        values = parameter_rows(vehicle, changes)[:, 0].tolist()
+        values = vehicle.parameter_rows(changes)[:, 0].tolist()
         names = (p.name for p in vehicle.parameters)
         return {n: x for n, x in zip(names, values, strict=True) if not n.startswith("sensors.")}
 

@@ -24,7 +24,7 @@ import numpy as np
 
 from stoop import Vehicle
 from stoop.extend.arrays import FloatArray
-from stoop.extend.motion import Trim, commanded, inertia_tensor, initial_states, parameter_rows
+from stoop.extend.motion import Trim
 from stoop_export.autopilot_outputs import check_rotor_channels
 from stoop_export.exporter import FLIP
 from stoop_export.gazebo_model import rotor_motors
@@ -94,7 +94,7 @@ def mujoco_model(vehicle: Vehicle, point: Trim) -> MujocoModel:
 def _thrust(vehicle: Vehicle, hover: Trim, motor: Motor) -> Thrust:
     """Return the tangent of a motor's thrust at hover over x, by that over its channel."""
     column = vehicle.inputs.index(str(motor.channel))
-    x = float(commanded(vehicle, motor.name, parameter_rows(vehicle, hover.changes), hover.inputs)[0])
+    x = float(vehicle.commanded(motor.name, vehicle.parameter_rows(hover.changes), hover.inputs)[0])
     speed = motor.offset + motor.speed_gain * float(hover.inputs[column])
     thrust, per_channel = motor.constant * speed**2, 2.0 * motor.constant * speed * motor.speed_gain
     slope = per_channel * float(hover.inputs[column] - motor.idle) / x
@@ -106,7 +106,7 @@ def _content(
     vehicle: Vehicle, point: Trim, printed: PrintedLoads, thrusts: dict[str, Thrust]
 ) -> dict[str, Any]:
     """Return what the script reads."""
-    values = parameter_rows(vehicle, point.changes)[:, 0].tolist()
+    values = vehicle.parameter_rows(point.changes)[:, 0].tolist()
 
     def own(name: str) -> str:
         """Return the name of a number's row, which tied numbers share."""
@@ -136,7 +136,7 @@ def _content(
 
 def _steady(vehicle: Vehicle, point: Trim) -> dict[str, float]:
     """Return velocity along the body axes, m/s, and quaternion of the steady flight."""
-    states = initial_states(vehicle, point.start, parameter_rows(vehicle, point.changes), point.inputs)[:, 0]
+    states = vehicle.initial_states(point.start, vehicle.parameter_rows(point.changes), point.inputs)[:, 0]
     known = dict(zip(vehicle.states, states.tolist(), strict=True))
     return {n: known[n] for n in (*"uvw", "e0", "e1", "e2", "e3")}
 
@@ -150,7 +150,7 @@ def _mjcf(vehicle: Vehicle, printed: PrintedLoads, thrusts: dict[str, Thrust]) -
     world = SubElement(root, "worldbody")
     body = SubElement(world, "body", name="vehicle", pos="0 0 1")
     SubElement(body, "freejoint", name="vehicle")
-    inertia = FLIP[:, None] * inertia_tensor(vehicle) * FLIP
+    inertia = FLIP[:, None] * vehicle.inertia_tensor() * FLIP
     full = _numbers(inertia[i, j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)))
     SubElement(
         body, "inertial", pos="0 0 0", mass=repr(vehicle.value("mass.mass")), fullinertia=full

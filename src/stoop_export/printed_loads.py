@@ -13,8 +13,7 @@ import sympy as sp
 
 from stoop import Vehicle
 from stoop.extend.errors import SimulationError
-from stoop.extend.motion import scalar_text
-from stoop.extend.vehicles import Numbers, airflow, forces, polynomial_density
+from stoop.extend.vehicles import SymbolicEquations
 
 
 @dataclass(frozen=True)
@@ -56,9 +55,10 @@ def printed_loads(vehicle: Vehicle) -> PrintedLoads:
         raise SimulationError(
             f"{vehicle.where}: the reaction to the spin-up of rotors without a lag needs slopes of channels; give rotors.lag"
         )
-    n, file = Numbers(vehicle), vehicle.file
+    equations, file = SymbolicEquations(vehicle), vehicle.file
+    n = equations.numbers
     channels = {c: _item("channel", i) for i, c in enumerate(vehicle.inputs)}
-    commands = forces.rotor_commands(n, channels) | {c: _mixed(n, c, channels) for c in vehicle.controls}
+    commands = equations.rotor_commands(channels) | {c: _mixed(n, c, channels) for c in vehicle.controls}
     thrust = None if file.propulsion is None else getattr(file.propulsion, "channel", None)
     if thrust is not None:
         commands[f"propulsion.{thrust}"] = channels[thrust]
@@ -66,17 +66,17 @@ def printed_loads(vehicle: Vehicle) -> PrintedLoads:
     driven = channels | ({thrust: at[f"propulsion.{thrust}"]} if thrust is not None else {})
     rates = {r: _item("rate", i) for i, r in enumerate(commands) if r in vehicle.rotors}
     u, v, w, p, q, r = (_item("motion", i) for i in range(6))
-    choice, density = file.environment.density, sp.Symbol("altitude", real=True)
-    if choice == "standard":
-        density = polynomial_density(density)
-    else:
-        density = channels["density"] if choice == "log" else n["environment.density"]
-    total = forces.total(
-        forces.Surroundings(
-            n, airflow(vehicle, (u, v, w)), density, (p, q, r), at, driven, (u, v, w), at,
-            rates if "rotors.inertia" in n else {},
-        )
-    )  # fmt: skip
+    density = equations.density(sp.Symbol("altitude", real=True), channels)
+    turned = rates if "rotors.inertia" in n else {}
+    total = equations.load(
+        (u, v, w),
+        omega=(p, q, r),
+        density=density,
+        deflections=at,
+        channels=driven,
+        spins=at,
+        spin_rates=turned,
+    )
     named = {s: _item("number", i) for i, s in enumerate(n.symbols)}
     lags = (_lag(vehicle, a) for a in commands)
     return PrintedLoads(
@@ -89,7 +89,7 @@ def _item(name: str, index: int) -> Any:
     return sp.Symbol(f"{name}[{index}]", real=True)
 
 
-def _mixed(n: Numbers, control: str, channels: dict[str, Any]) -> Any:
+def _mixed(n: Any, control: str, channels: dict[str, Any]) -> Any:
     """Return the commanded deflection of a control, rad."""
     base, mix = f"controls.{control}", n.vehicle.file.controls[control].mix
     if mix is None:
@@ -109,5 +109,5 @@ def _body(wanted: list[Any], named: dict[Any, Any]) -> str:
     steps, results = sp.cse(
         [sp.sympify(e).xreplace(named) for e in wanted], sp.numbered_symbols("t", real=True), order="none"
     )
-    lines = [f"    {s} = {scalar_text(e)}" for s, e in steps]
-    return "\n".join([*lines, f"    return [{', '.join(scalar_text(e) for e in results)}]"])
+    lines = [f"    {s} = {SymbolicEquations.text(e)}" for s, e in steps]
+    return "\n".join([*lines, f"    return [{', '.join(SymbolicEquations.text(e) for e in results)}]"])

@@ -16,6 +16,7 @@ import numpy as np
 from stoop import Vehicle
 from stoop.extend import motion
 from stoop.extend.arrays import FloatArray, rotations
+from stoop.extend.errors import SimulationError
 from stoop.extend.variables import FAMILIES
 from stoop_export.jsbsim_flight import RATE, Record, excitation_record, relative_differences, steady_record
 
@@ -71,23 +72,25 @@ def reference_flight(vehicle: Vehicle, point: motion.Trim) -> ReferenceFlight | 
         record = excitation_record(vehicle, point)
         if record is None:
             return None
-        vehicle, rows = record.vehicle, motion.parameter_rows(record.vehicle)
-        begin = motion.initial_states(vehicle, record.start, rows, record.inputs[0])
-        inputs = motion.late_inputs(vehicle, record.inputs, rows, record.dt)
-        states = motion.states_along(vehicle, rows, begin, inputs, record.dt)
+        vehicle, rows = record.vehicle, record.vehicle.parameter_rows()
+        begin = vehicle.initial_states(record.start, rows, record.inputs[0])
+        inputs = vehicle.late_inputs(record.inputs, rows, record.dt)
+        states = vehicle.states_along(rows, begin, inputs, record.dt)
         readings = np.asarray(vehicle.kernel().trajectories(rows, begin, inputs, record.dt)[0])
         return ReferenceFlight(vehicle, record.time, inputs, states, readings, (0,), record.title)
     record, states = _flight_on_rotors(vehicle, point)
-    vehicle, rows = record.vehicle, motion.parameter_rows(record.vehicle)
-    inputs = motion.late_inputs(vehicle, record.inputs, rows, record.dt)
-    readings = motion.readings_along(vehicle, rows, states, inputs)
+    vehicle, rows = record.vehicle, record.vehicle.parameter_rows()
+    inputs = vehicle.late_inputs(record.inputs, rows, record.dt)
+    readings = vehicle.readings_along(rows, states, inputs)
     restarts = tuple(range(0, len(record.time) - 1, round(RESTART / record.dt)))
     return ReferenceFlight(vehicle, record.time, inputs, states, readings, restarts, _TITLE)
 
 
 def _flight_on_rotors(vehicle: Vehicle, point: motion.Trim) -> tuple[Record, FloatArray]:
     """Return the flight of the set-points under the autopilot, its start still open, and its states (n, n_x)."""
-    flown = motion.fly(vehicle, set_points(point.start["h"]))
+    (flown,) = motion.fly_together([(vehicle, set_points(point.start["h"]))])
+    if isinstance(flown, SimulationError):
+        raise flown
     vehicle = vehicle.with_numbers({name: {"value": x} for name, x in flown.trim.changes.items()})
     return Record(vehicle, {}, flown.time, flown.inputs, _TITLE), np.asarray(flown.states)
 
@@ -119,20 +122,20 @@ def with_restarts(record: Record) -> Record:
 
 def states_of(record: Record) -> FloatArray:
     """Return the states (n, n_x) of a record, simulated from its start."""
-    vehicle, rows = record.vehicle, motion.parameter_rows(record.vehicle)
-    begin = motion.initial_states(vehicle, record.start, rows, record.inputs[0])
-    inputs = motion.late_inputs(vehicle, record.inputs, rows, record.dt)
-    return motion.states_along(vehicle, rows, begin, inputs, record.dt)
+    vehicle, rows = record.vehicle, record.vehicle.parameter_rows()
+    begin = vehicle.initial_states(record.start, rows, record.inputs[0])
+    inputs = vehicle.late_inputs(record.inputs, rows, record.dt)
+    return vehicle.states_along(rows, begin, inputs, record.dt)
 
 
 def _starts(record: Record, states: FloatArray) -> list[tuple[int, dict[str, float]]]:
     """Return samples and starts of restarts along states (n, n_x); lags are differences from their commands."""
-    vehicle, rows, out = record.vehicle, motion.parameter_rows(record.vehicle), []
+    vehicle, rows, out = record.vehicle, record.vehicle.parameter_rows(), []
     for k in range(0, len(states) - 1, max(1, round(RESTART / record.dt))):
         x = dict(zip(vehicle.states, states[k].tolist(), strict=True))
         angles = rotations.euler_angles(np.array([[x.pop(f"e{i}") for i in range(4)]]))[0]
         for name in (n for n in x if n.endswith(".lag")):
-            x[name] -= float(motion.commanded(vehicle, name.removesuffix(".lag"), rows, record.inputs[k])[0])
+            x[name] -= float(vehicle.commanded(name.removesuffix(".lag"), rows, record.inputs[k])[0])
         out.append((k, x | dict(zip(FAMILIES["euler"], angles.tolist(), strict=True))))
     return out
 

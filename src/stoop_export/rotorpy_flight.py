@@ -8,7 +8,6 @@ from typing import Any, Final
 import numpy as np
 
 from stoop.extend.arrays import FloatArray, rotations
-from stoop.extend.motion import FINER, next_state, parameter_rows
 from stoop.extend.verbs import install
 from stoop_export import rotorpy_model
 from stoop_export.agreement import AXES, Compared, body_loads, loads_along, omission, omitted_shares
@@ -24,20 +23,22 @@ INTEGRATOR: Final = {"method": "RK45", "rtol": 1e-6, "atol": 1e-8}  #: so that t
 
 def held_flight(flight: ReferenceFlight) -> ReferenceFlight:
     """Return the flight as it is with inputs that are held over a sample, as RotorPy does: at the means of its ends."""
-    vehicle, rows, states = flight.vehicle, parameter_rows(flight.vehicle), flight.states.copy()
-    nothing = np.zeros((FINER + 1, len(vehicle.gusts)))
+    vehicle, rows, states = flight.vehicle, flight.vehicle.parameter_rows(), flight.states.copy()
+    nothing = np.zeros(len(vehicle.gusts))
     for part in flight.parts():
         for k in range(part.start, part.stop - 1):
             held = np.repeat(flight.inputs[k : k + 2].mean(axis=0)[None], 2, axis=0)
             before = flight.states[k] if k == part.start else states[k]
-            states[k + 1] = next_state(vehicle, rows, before, held, nothing, flight.dt)
+            states[k + 1] = vehicle.next_states(
+                rows, before[:, None], held[:, :, None], [nothing], flight.dt
+            )[:, 0]
     return replace(flight, states=states)
 
 
 def motion(flight: ReferenceFlight) -> FloatArray:
     """Return :data:`CHANNELS` (n, 12) of our own flight."""
     vehicle = flight.vehicle
-    rows = parameter_rows(vehicle, None, len(flight.states))
+    rows = vehicle.parameter_rows(None, len(flight.states))
     loads = body_loads(vehicle, rows, flight.states.T, flight.inputs.T)
     x = dict(zip(vehicle.states, flight.states.T, strict=True))
     V, omega = (np.column_stack([x[a] for a in axes]) for axes in ("uvw", "pqr"))

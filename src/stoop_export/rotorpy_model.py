@@ -27,8 +27,8 @@ import sympy as sp
 from stoop import Vehicle
 from stoop.extend.arrays import FloatArray
 from stoop.extend.errors import SimulationError
-from stoop.extend.motion import Trim, commanded, initial_states, parameter_rows, scalar_text
-from stoop.extend.vehicles import build_model
+from stoop.extend.motion import Trim
+from stoop.extend.vehicles import SymbolicEquations
 from stoop_analysis.derivatives import MOTIONS, derivatives
 from stoop_export.matlab import identifier
 
@@ -139,20 +139,20 @@ def _parameters(vehicle: Vehicle, point: Trim) -> dict[str, Any]:
 
 def settled_speeds(vehicle: Vehicle, point: Trim) -> dict[str, float]:
     """Return x of each rotor at a steady flight."""
-    rows = parameter_rows(vehicle, point.changes)
-    return {r: float(commanded(vehicle, r, rows, point.inputs)[0]) for r in vehicle.rotors}
+    rows = vehicle.parameter_rows(point.changes)
+    return {r: float(vehicle.commanded(r, rows, point.inputs)[0]) for r in vehicle.rotors}
 
 
 def static_thrust(vehicle: Vehicle, point: Trim, commands: FloatArray) -> FloatArray:
     """Return the thrust (n,) of one rotor at rest, N, at values (n,) of x, by the kernel: all turn alike, in still air."""
     count = len(commands)
-    rows = parameter_rows(vehicle, point.changes, count)
+    rows = vehicle.parameter_rows(point.changes, count)
     start = {"h": point.start["h"]}
     raw = commands / vehicle.value("rotors.gain", 1.0) + vehicle.value("rotors.idle", 0.0)
     inputs = np.repeat(point.inputs[:, None], count, axis=1)
     for rotor in vehicle.file.rotor.values():
         inputs[vehicle.inputs.index(rotor.channel)] = raw
-    states = initial_states(vehicle, start, rows, inputs)
+    states = vehicle.initial_states(start, rows, inputs)
     rates, _ = vehicle.kernel().evaluate(rows, states, np.ascontiguousarray(inputs))
     down = rates[vehicle.states.index("w")] - vehicle.value("environment.gravity")
     return np.asarray(-vehicle.value("mass.mass") * down / ROTORS)
@@ -171,8 +171,8 @@ def limits(vehicle: Vehicle) -> dict[str, float]:
 
 def _script(vehicle: Vehicle, point: Trim, name: str) -> str:
     """Return the script: names in it are made here, but for those of channels and rotors as literals."""
-    model = build_model(vehicle)
-    values = parameter_rows(vehicle, point.changes)[:, 0].tolist()
+    model = vehicle.symbolic_model()
+    values = vehicle.parameter_rows(point.changes)[:, 0].tolist()
     states, inputs = (
         dict(zip(vehicle.states, model.states, strict=True)),
         dict(zip(vehicle.inputs, model.inputs, strict=True)),
@@ -192,8 +192,8 @@ def _script(vehicle: Vehicle, point: Trim, name: str) -> str:
     known = {s: sp.Float(x) for s, x in {**numbers, **fixed, **level}.items()}
     wanted = [sp.sympify(rates[n]).xreplace(known).xreplace(made) for n in (*MOTIONS, *lags)]
     steps, results = sp.cse(wanted, sp.numbered_symbols("t"), order="none")
-    lines = [f"    {s} = {scalar_text(e)}" for s, e in steps]
-    lines.append(f"    return np.array([{', '.join(scalar_text(e) for e in results)}])")
+    lines = [f"    {s} = {SymbolicEquations.text(e)}" for s, e in steps]
+    lines.append(f"    return np.array([{', '.join(SymbolicEquations.text(e) for e in results)}])")
     template = (files("stoop_export") / "templates" / "rotorpy_vehicle.py.txt").read_text(encoding="utf-8")
     hover = [*settled_speeds(vehicle, point).values()]
     fill = {"NAME": name, "EQUATIONS": "\n".join(lines), "GRAVITY": repr(vehicle.value("environment.gravity")),

@@ -135,7 +135,7 @@ def autopilot_commands(
     if vehicle.reduce != "full":
         raise VehicleError(f'{vehicle.where}: an autopilot needs all axes; set model.reduce = "full"')
     check_rotor_channels(vehicle)
-    neutral, assumed = motion.neutral_inputs(vehicle, 0.0), list[str]()
+    neutral, assumed = vehicle.neutral_inputs(0.0), list[str]()
     wings = None
     if vehicle.controls and "reference.airspeed" in vehicle.rows:
         speed = vehicle.value("reference.airspeed") if airspeed is None else airspeed
@@ -143,7 +143,7 @@ def autopilot_commands(
     hover = trim(vehicle, None, altitude, 0.0, density) if vehicle.file.rotor else None
     if wings is not None:
         vehicle = vehicle.with_numbers({n: {"value": x} for n, x in wings.changes.items()})
-    area, rotors = motion.channel_range(vehicle), []
+    area, rotors = vehicle.rotor_range, []
     for i, (name, rotor) in enumerate(vehicle.file.rotor.items()):
         at, column = area.names.index(rotor.channel), vehicle.inputs.index(rotor.channel)
         steady = float(hover.inputs[column] - area.idle[at]) if hover is not None else 0.0
@@ -172,7 +172,7 @@ def _surfaces(
     """
     if wings is None:
         return (), ()
-    moments = np.array([motion.surface_moments(vehicle, wings, c) for c in vehicle.controls]).T
+    moments = np.array([wings.surface_moments(vehicle, c) for c in vehicle.controls]).T
     used: dict[str, dict[str, float]] = {}
     ends = {c: _full_deflection(vehicle, c, neutral) for c in vehicle.controls}
     allocated = allocated_axes(
@@ -188,15 +188,15 @@ def _surfaces(
         return (), tuple(vehicle.controls)
     controls = list(dict.fromkeys(c for deflections in used.values() for c in deflections))
     assumed += [f"full {c} is {math.degrees(FULL_DEFLECTION):g} deg" for c in controls if ends[c] is None]
-    rows = motion.parameter_rows(vehicle)
+    rows = vehicle.parameter_rows()
     columns = np.array([[deflections.get(c, 0.0) for deflections in used.values()] for c in controls])
-    zero = np.array([float(motion.commanded(vehicle, c, rows, neutral)[0]) for c in controls])
+    zero = np.array([float(vehicle.commanded(c, rows, neutral)[0]) for c in controls])
     held = np.array([wings.deflections[c] for c in controls]) - zero
     steady = dict(zip(used, np.linalg.pinv(columns) @ held, strict=True))
     out = []
     for name, deflections in used.items():
         signals = {c: np.array([x]) for c, x in deflections.items()}
-        change = motion.inputs_about(vehicle, wings, signals, 1)[0] - wings.inputs
+        change = wings.inputs_about(vehicle, signals, 1)[0] - wings.inputs
         channels = {n: float(x) for n, x in zip(vehicle.inputs, change, strict=True) if x != 0.0}
         out.append(Command(_surface_place(name), name, channels, float(steady[name]), deflections))
     return tuple(out), tuple(c for c in vehicle.controls if c not in controls)
@@ -358,10 +358,10 @@ def _contacts(vehicle: Vehicle) -> list[Element]:
 
 def servo_table(commands: AutopilotCommands) -> list[tuple[Any, ...]]:
     """Return name, property, deflection at 1000, 1500 and 2000 us, deg, and PWM in steady flight, of each surface."""
-    out, rows = [], motion.parameter_rows(commands.vehicle)
+    out, rows = [], commands.vehicle.parameter_rows()
     for c in commands.surfaces:
         for control, full in c.full_deflections.items():
-            zero = float(motion.commanded(commands.vehicle, control, rows, commands.neutral)[0])
+            zero = float(commands.vehicle.commanded(control, rows, commands.neutral)[0])
             angles = [math.degrees(zero + n * full) for n in (-1.0, 0.0, 1.0)]
             name = c.name if control == c.name else f"{c.name}: {control}"
             out.append((name, c.place, *angles, round(1500.0 + 500.0 * c.steady)))

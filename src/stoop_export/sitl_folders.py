@@ -25,7 +25,6 @@ from xml.etree.ElementTree import Element, SubElement
 
 from stoop import Vehicle
 from stoop.extend.errors import VehicleError
-from stoop.extend.motion import commanded, parameter_rows
 from stoop.extend.text import printable
 from stoop_export import ardupilot_parameters, px4_airframe
 from stoop_export.ardupilot_parameters import PWM
@@ -196,7 +195,7 @@ def _full_speed(commands: AutopilotCommands, command: Command) -> float:
     inputs = commands.neutral.copy()
     for name, span in command.channels.items():
         inputs[vehicle.inputs.index(name)] += span
-    return float(commanded(vehicle, command.name, parameter_rows(vehicle), inputs)[0])
+    return float(vehicle.commanded(command.name, vehicle.parameter_rows(), inputs)[0])
 
 
 def _torque_ratio(commands: AutopilotCommands, command: Command) -> float:

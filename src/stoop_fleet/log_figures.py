@@ -19,19 +19,12 @@ import numpy as np
 from stoop import Flight, Vehicle, fit
 from stoop.extend.arrays import BoolArray, FloatArray
 from stoop.extend.errors import FlightError, StoopError
-from stoop.extend.fits import ParameterEstimate, TimeDomain, decoupled, prepare, scan_delays
+from stoop.extend.fits import ParameterEstimate, Prepared, TimeDomain, decoupled, scan_delays
 from stoop.extend.flights import (
     Compatibility,
-    Finding,
-    airborne,
-    as_windows,
-    carried_by_rotors,
-    check,
+    InstrumentError,
+    Window,
     density_of,
-    flying,
-    in_flight,
-    lift_command,
-    without_faults,
 )
 from stoop.extend.units import SEA_LEVEL_DENSITY, STANDARD_GRAVITY
 from stoop.extend.variables import FAMILIES, VARIABLES
@@ -80,7 +73,7 @@ class Group:
 
 def instruments(flight: Flight, vehicle: Vehicle | None) -> Iterator[FlightFigure]:
     """Yield biases, scales, delays and places of the sensors against each other that the flight determines."""
-    found, _ = check(flight)
+    found, _ = Compatibility.of(flight)
     unknown = []
     for name, one in found.findings.items():
         which = name.partition(".")[0]
@@ -94,7 +87,7 @@ def instruments(flight: Flight, vehicle: Vehicle | None) -> Iterator[FlightFigur
         raise FlightError(f"not determined: {', '.join(unknown)}")
 
 
-def with_attenuation(found: Compatibility, name: str) -> Finding:
+def with_attenuation(found: Compatibility, name: str) -> InstrumentError:
     """Return a finding, the error of scale, bias and delay of air data with what attenuates the scale.
 
     The reconstruction knows no gusts, and a regression on what has errors finds too small a scale; the true one lies between it
@@ -111,7 +104,7 @@ def with_attenuation(found: Compatibility, name: str) -> Finding:
     return replace(one, std_error=float(np.hypot(one.std_error, attenuated)))
 
 
-def without_prior(name: str, one: Finding | ParameterEstimate, parts: str) -> Iterator[FlightFigure]:
+def without_prior(name: str, one: InstrumentError | ParameterEstimate, parts: str) -> Iterator[FlightFigure]:
     """Yield an estimate with its prior taken off, which would draw every flight towards one value, and changes towards zero.
 
     Where the flight itself tells less than the prior, the difference of the two is mostly the error of the standard error.
@@ -161,10 +154,10 @@ def _over_voltage(flight: Flight, where: BoolArray, lift: FloatArray) -> tuple[f
 
 def throttle(flight: Flight, vehicle: Vehicle | None) -> Iterator[FlightFigure]:
     """Yield the mean command of the motors that carry a vehicle, 0 to 1, in slow flight."""
-    command = lift_command(flight) if carried_by_rotors(flight) else None
+    command = flight.lift_command() if flight.carried_by_rotors() else None
     if command is None:
         raise FlightError("no commands of motors that carry the vehicle")
-    slow = flying(flight) & np.isfinite(command)
+    slow = flight.flying() & np.isfinite(command)
     if {"vn", "ve"} <= flight.names:
         slow &= np.hypot(flight.column("vn"), flight.column("ve")) < LIMITS.max_speed
     (read,) = block_means(command[None, slow], flight.rate)
@@ -199,7 +192,7 @@ def trims(flight: Flight, vehicle: Vehicle | None) -> Iterator[FlightFigure]:
     if not recorded:
         raise FlightError("neither a control nor the angle of attack was recorded")
     needed = ("V", "az", *(("ax",) if "alpha" in recorded and "ax" in flight.names else ()))
-    means = _means(flight, (*needed, *recorded), airborne(flight), STEADY)
+    means = _means(flight, (*needed, *recorded), flight.airborne(), STEADY)
     read = means[len(needed) :]
     normal = -means[1]
     if "ax" in needed:  # along the lift
@@ -264,7 +257,7 @@ def imbalance(shaken: Vibration, flight: Flight, vehicle: Vehicle | None) -> Ite
 
 def _levels(flight: Flight, windows: Windows) -> Iterator[tuple[str, float, float]]:
     """Yield the mean logarithm of the root of each mean square in flight, with its error."""
-    up = np.interp(windows.time, flight.time, in_flight(flight)) == 1.0
+    up = np.interp(windows.time, flight.time, flight.in_flight()) == 1.0
     for name, squares in windows.squares.items():
         own = squares[up]
         if own.size >= FEWEST and own.min() > 0.0:
@@ -276,7 +269,7 @@ def parameters(flight: Flight, vehicle: Vehicle | None) -> Iterator[FlightFigure
     """Yield the free numbers of the vehicle by equation error over the flight's maneuvers, their priors taken off."""
     if vehicle is None:
         raise FlightError("no vehicle was given")
-    flights = {flight.name: without_faults(flight)}
+    flights = {flight.name: flight.without_faults()}
     windows = find_windows(flights, vehicle).texts("fit")
     found = fit(vehicle, [flight], windows, method="equation-error", strategy="textbook")
     for name, one in found.parameters.items():
@@ -287,10 +280,10 @@ def parameters(flight: Flight, vehicle: Vehicle | None) -> Iterator[FlightFigure
 
 def command_delay(vehicle: Vehicle, flights: Mapping[str, Flight], windows: Sequence[str]) -> FlightFigure:
     """Return by how much all commands are late beyond the lags of the vehicle: the peak of the likelihood of `scan_delays`."""
-    fitted = as_windows(windows, flights)
+    fitted = Window.several(windows, flights)
     own = decoupled(vehicle, flights, fitted)
     columns = [i for i, name in enumerate(own.recorded) if VARIABLES[name].kind == "command"]
-    scan = scan_delays(own, prepare(own, flights, fitted).pieces, columns) if columns else None
+    scan = scan_delays(own, Prepared.of(own, flights, fitted).pieces, columns) if columns else None
     if scan is None:
         raise FlightError("neither commands nor rates tell the delay of commands")
     likelihood = scan.log_likelihood

@@ -22,7 +22,7 @@ from stoop import Flight, Vehicle, load_vehicle
 from stoop.extend.campaigns import Plan, Run, environment, forget
 from stoop.extend.errors import StoopError
 from stoop.extend.files import csv_text, file_hashes
-from stoop.extend.flights import ENDINGS, flight_name, of_recording, read_flight_mapping, read_mapped
+from stoop.extend.flights import ENDINGS, FlightMapping, Mapped, flight_name, of_recording
 from stoop.extend.recordings import kind, mapping_beside
 from stoop.extend.vehicles import BUILT_IN, require_channels
 from stoop_fleet.headers import CLOCKS, Dated, contradictions, header
@@ -129,7 +129,7 @@ def _beside(path: Path, mapping: Path | None) -> list[Path]:
     folder, names = path if path.is_dir() else path.parent, list[str]()
     with suppress(StoopError):  # reading the log reports it
         names = [
-            name for one in [mapping, *own][:1] if one for name in read_flight_mapping(one).files.values()
+            name for one in [mapping, *own][:1] if one for name in FlightMapping.read(one).files.values()
         ]
     return [*own, *(file for name in names if (file := folder / Path(name).name).is_file())]
 
@@ -165,7 +165,7 @@ def read(arguments: Mapping[str, Any], stops: Sequence[int | None]) -> list[Any]
         vehicle = None if "VEHICLE" not in places else load_vehicle(places["VEHICLE"])
         if vehicle is not None and arguments["mass"] is not None:
             vehicle = vehicle.with_numbers({"mass.mass": {"value": arguments["mass"]}})
-        recording, mapped = read_mapped(places["LOG"], places.get("MAPPING"), CLOCKS)
+        recording, mapped = Mapped.read(places["LOG"], places.get("MAPPING"), CLOCKS)
         said = header(recording)
         shaken = vibration([] if mapped is None else mapped.channels)
         nowhere = Path("LOG")  # nothing depends on the name

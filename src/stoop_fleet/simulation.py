@@ -41,7 +41,7 @@ from stoop.extend.errors import SimulationError, StoopError
 from stoop.extend.motion import Maneuver, fly_together, recorded
 from stoop.extend.recordings import mapping_beside
 from stoop.extend.text import nearest
-from stoop.extend.vehicles import Number, Table, Turbulence, leaves, with_free_number
+from stoop.extend.vehicles import schema, with_free_number
 from stoop_fleet.changes import Kind
 from stoop_fleet.parts import COLUMNS, Fitting
 from stoop_plan.flight_logs import px4_log
@@ -56,33 +56,33 @@ APART: Final = 0.2  #: share of the mean time between flights that lies between 
 GUST_SPEED, GUST_LENGTH = 5.0, 20.0
 TOGETHER: Final = 32  #: flights that are flown side by side
 
-Spread = Annotated[Number, Field(ge=0.0)]
+Spread = Annotated[schema.Number, Field(ge=0.0)]
 Spreads = dict[str, Spread]
 Nth = Annotated[int, Field(strict=True, ge=1)]
 Later = Annotated[int, Field(strict=True, ge=2)]  #: of flights, counted from one: there is one before
 
 
-class Place(Table):
+class Place(schema.Table):
     """Parts of one kind in a place of every vehicle."""
 
     spread: Spreads = Field(default_factory=dict)
     exchanges: Annotated[int, Field(strict=True, ge=0)] = 1
 
 
-class Update(Table):
+class Update(schema.Table):
     """Other software on all vehicles."""
 
     flight: Later
     software: str
 
 
-class KnownChange(Table):
+class KnownChange(schema.Table):
     """A change of a number of one vehicle."""
 
     vehicle: Nth
     flight: Later
     number: str
-    by: Number
+    by: schema.Number
     kind: Kind = "step"
     part: str = ""
 
@@ -93,16 +93,16 @@ class KnownChange(Table):
         return np.asarray(self.by * shape)
 
 
-class FleetFile(Table):
+class FleetFile(schema.Table):
     """A fleet that is made up, see the module."""
 
     format: Literal["stoop-fleet/1"] = "stoop-fleet/1"
     vehicles: Annotated[int, Field(strict=True, ge=1, le=1000)] = 4
     flights: Annotated[int, Field(strict=True, ge=2, le=10_000)] = 12
     start: date = date(2026, 1, 1)
-    days: Annotated[Number, Field(gt=0.0, le=36525.0)] = 365.0
-    wind: Annotated[Number, Field(ge=0.0, le=20.0)] = 1.0
-    gusts: Annotated[Number, Field(ge=0.0, le=20.0)] = 0.3
+    days: Annotated[schema.Number, Field(gt=0.0, le=36525.0)] = 365.0
+    wind: Annotated[schema.Number, Field(ge=0.0, le=20.0)] = 1.0
+    gusts: Annotated[schema.Number, Field(ge=0.0, le=20.0)] = 0.3
     vehicle: Spreads = Field(default_factory=dict)
     flight: Spreads = Field(default_factory=dict)
     part: dict[str, Place] = Field(default_factory=dict)
@@ -242,10 +242,10 @@ def ready(vehicle: Vehicle, fleet: FleetFile) -> Vehicle:
     """
     if fleet.gusts and vehicle.file.turbulence is None:
         gust = {"intensity": fleet.gusts, "length": GUST_LENGTH}
-        table = Turbulence.model_validate({"airspeed": GUST_SPEED, **dict.fromkeys("uvw", gust)})
+        table = schema.Turbulence.model_validate({"airspeed": GUST_SPEED, **dict.fromkeys("uvw", gust)})
         vehicle = replace(vehicle, file=vehicle.file.model_copy(update={"turbulence": table}))
     for name in fleet.numbers:
-        known = dict(leaves(vehicle.file))
+        known = vehicle.quantities
         if name not in known:
             found = with_free_number(vehicle, name)
             if found is None:

@@ -21,7 +21,7 @@ from typing import Final
 import numpy as np
 
 from stoop.extend.arrays import FloatArray
-from stoop.extend.flights import SAME_RATE, Channels
+from stoop.extend.flights import Channels
 from stoop.extend.variables import FAMILIES
 
 FAST: Final = 40.0  #: Hz, of accelerations that show vibration
@@ -110,7 +110,7 @@ def _windows(
     found, at = list[FloatArray](), list[float]()
     for start in range(0, len(time) - count + 1, count):
         own = slice(start, start + count)
-        whole = time[own][-1] - time[own][0] < SAME_RATE * count / rate
+        whole = time[own][-1] - time[own][0] < 1.02 * count / rate
         if whole and np.isfinite(force[own]).all():
             found.append(squares(own, force[own]))
             at.append(float(time[own].mean()))

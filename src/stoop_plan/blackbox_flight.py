@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from stoop import Flight
 from stoop.extend.arrays import FloatArray
-from stoop.extend.flights import ready
+from stoop.extend.flights import FlightMapping
 from stoop.extend.variables import VARIABLES
 from stoop_plan import blackbox_bytes as blackbox
 from stoop_plan.blackbox_bytes import Field, Rows, blackbox_bytes
@@ -52,7 +52,7 @@ def betaflight_log(flight: Flight) -> tuple[bytes, str]:
     velocity are GPS frames, ten a second. What the firmware has no field for is a field "sim.NAME", in steps of a power of ten.
     """
     wanted = {"main": ("imuQuaternion[w]", *SCALES), "gps": GPS_FIELDS}
-    (streams, unmapped), time = lay_out(flight, ready("betaflight"), wanted), flight.time
+    (streams, unmapped), time = lay_out(flight, FlightMapping.ready("betaflight"), wanted), flight.time
     mapping, main = MappingFile("betaflight"), streams.get("main", {})
     kept = np.flatnonzero(
         np.any([np.isfinite(x) for x in (*main.values(), *unmapped.values())] or [[]], axis=0)

@@ -14,15 +14,15 @@ from typing import TYPE_CHECKING, Any, Final
 from stoop.extend.errors import FlightError, ManeuverError, SimulationError, VehicleError
 from stoop.extend.files import check_targets
 from stoop.extend.fits import estimate_blocks
-from stoop.extend.motion import unit_of
+from stoop.extend.motion import Maneuver
 from stoop.extend.text import count, enumerated, remaining
 from stoop.extend.variables import FAMILIES
-from stoop.extend.verbs import LiveLine, Page, column, hook, options, page
+from stoop.extend.verbs import LiveLine, Page, column, options, page
 from stoop_plan.injection_targets import MANUAL_THROTTLE
 
 if TYPE_CHECKING:
     from stoop import Vehicle
-    from stoop.extend.flights import Expected, Found
+    from stoop_plan.input_design.windows import Expected, FoundWindows
 
 IN_DEGREES: Final = (
     "alpha",
@@ -36,7 +36,7 @@ def maneuvers(arguments: argparse.Namespace) -> int:
     """Find windows, write them, and print what was found."""
     from stoop import load_vehicle
     from stoop.extend.files import by_name
-    from stoop.extend.flights import load_several, without_faults
+    from stoop.extend.flights import load_several
     from stoop.extend.vehicles import with_assumptions
     from stoop_plan.design import WINDOW_FILES, write_windows
     from stoop_plan.input_design.windows import doubts, find_windows
@@ -48,7 +48,7 @@ def maneuvers(arguments: argparse.Namespace) -> int:
         raise VehicleError("--free and --fix choose numbers of a vehicle file; name it with --vehicle")
     vehicle = options.with_free(load_vehicle(given), free, fix) if given else None
     with LiveLine("reading the log"):
-        read = [without_faults(one) for one in load_several(arguments.flight, arguments.mapping)]
+        read = [one.without_faults() for one in load_several(arguments.flight, arguments.mapping)]
         flights = by_name(read, "maneuvers")
     if vehicle is not None:
         vehicle, _ = with_assumptions(vehicle, 1.0 / read[0].rate)
@@ -67,7 +67,7 @@ def maneuvers(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _show_windows(found: Found, folder: Path, following: Sequence[str], verbose: bool) -> None:
+def _show_windows(found: FoundWindows, folder: Path, following: Sequence[str], verbose: bool) -> None:
     """Print how many windows are proposed, the windows, the next command, and what may be expected of them."""
     from stoop_plan.input_design.windows_file import NAME
     from stoop_plan.report import span_of
@@ -224,7 +224,7 @@ def _sizes(texts: Sequence[str], option: str, controls: Sequence[str]) -> dict[s
         size = _number(value, option, text, "DEG or CONTROL=DEG")
         named = (control,) if equals else controls
         for name in named:
-            angle = unit_of(name) == "rad"
+            angle = Maneuver.unit_of(name) == "rad"
             if not 0.0 <= size < (90.0 if angle else math.inf):
                 raise SimulationError(
                     f"{option} {text}: {value} is {'not between 0 and 90 degrees' if angle else 'negative'}"
@@ -260,8 +260,8 @@ def _command(arguments: argparse.Namespace) -> str:
 
 def simulate(arguments: argparse.Namespace) -> int:
     """Fly from trim, write what the instruments would record, and print what to do next."""
-    from stoop import Flight, load_maneuver, load_vehicle, simulate_flight
-    from stoop.extend.motion import flown_trim, numbers_set
+    from stoop import load_maneuver, load_vehicle
+    from stoop import simulate as simulated
     from stoop.extend.recordings import mapping_beside
     from stoop.extend.text import nearest
     from stoop.extend.variables import VARIABLES
@@ -283,13 +283,11 @@ def simulate(arguments: argparse.Namespace) -> int:
     maneuver = load_maneuver(arguments.maneuver)
     try:
         with LiveLine(options.COMPILING):
-            asked = (arguments.seed, not arguments.no_noise, target.stem)
-            if arguments.autopilot:
-                under_law = hook("simulate_under_law", "the law of an autopilot", Flight)
-                flight = under_law(vehicle, maneuver, arguments.autopilot, *asked)
-            else:
-                flight = simulate_flight(vehicle, maneuver, *asked)
-            flown = numbers_set(vehicle, flown_trim(vehicle, maneuver))
+            flight = simulated(
+                vehicle, maneuver, seed=arguments.seed, noise=not arguments.no_noise, name=target.stem,
+                autopilot=arguments.autopilot or None,
+            )  # fmt: skip
+            flown = maneuver.trim(vehicle).numbers_set(vehicle)
     except ManeuverError as error:
         raise ManeuverError(f"{arguments.maneuver}: {error}") from None
     mapping = save_flight_as(flight, target)

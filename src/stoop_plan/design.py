@@ -16,13 +16,13 @@ import tomlkit
 from stoop import FittedModel, Flight, Vehicle, trim
 from stoop.extend.arrays import FloatArray
 from stoop.extend.files import check_targets, csv_text, to_json, versions, write_files
-from stoop.extend.fits import refusal, takes_model_or_vehicle
-from stoop.extend.flights import Found
-from stoop.extend.motion import Maneuver, Trim, unit_of
+from stoop.extend.fits import takes_model_or_vehicle
+from stoop.extend.motion import Maneuver, Trim
 from stoop_plan.injection import Injection
 from stoop_plan.input_design.information import Knowledge, Limits, Setup, flights_from_trim
 from stoop_plan.input_design.optimization import Plan, Proposal, propose
 from stoop_plan.input_design.sensitivity import sensor_noise
+from stoop_plan.input_design.windows import FoundWindows
 from stoop_plan.input_design.windows_file import NAME, Entry, written
 from stoop_plan.targets import FLOWN_BY, flown_by
 
@@ -58,7 +58,7 @@ def known_before(model: FittedModel | Vehicle) -> tuple[Vehicle, Knowledge, Floa
         variance = float(variances.get(channel, np.nan))
         if np.isfinite(variance) and variance > 0.0:
             noise[i, i] = variance
-    refused = "".join(f" ({one})" for one in refusal(model.result, model.source))
+    refused = "".join(f" ({one})" for one in model.refusal)
     return vehicle, Knowledge.of_result(model.result), noise, f"the estimates in {model.source}{refused}"
 
 
@@ -235,7 +235,7 @@ def write_proposal(
     flight = flight or {}
     best = proposal.best.maneuver
     deflections = best.deflections()  # from the trim, rad; on rotors in the unit of the command
-    units = {control: unit_of(control).replace("/", "_") for control in deflections}
+    units = {control: Maneuver.unit_of(control).replace("/", "_") for control in deflections}
     head = ("time_s", *(f"{control}_{unit}" for control, unit in units.items()))
     rows = zip(best.time, *deflections.values(), strict=True)
     cells = ([f"{t:.6g}", *(f"{value:.9g}" for value in values)] for t, *values in rows)
@@ -353,7 +353,7 @@ def design_document(proposal: Proposal) -> dict[str, Any]:
 
 
 def write_windows(
-    found: Found,
+    found: FoundWindows,
     flights: Mapping[str, Flight],
     vehicle: str,
     folder: Path,

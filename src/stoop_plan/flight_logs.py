@@ -19,7 +19,7 @@ from stoop import Flight, save_flight
 from stoop.extend.arrays import FloatArray
 from stoop.extend.errors import OutputError
 from stoop.extend.files import write_files
-from stoop.extend.flights import MAX_DEFLECTION, SURFACES, ready
+from stoop.extend.flights import FlightMapping
 from stoop.extend.recordings import mapping_beside
 from stoop.extend.variables import FAMILIES, VARIABLES
 from stoop.extend.verbs import install
@@ -27,6 +27,7 @@ from stoop_plan.blackbox_flight import betaflight_log
 from stoop_plan.log_bytes import MICROSECOND, Event, Table, Topic, crazyflie_bytes, dataflash_bytes, ulog
 from stoop_plan.log_columns import Columns, MappingFile, lay_out
 
+SURFACES: Final = ("elevator", "aileron", "rudder", "flap", "throttle")  #: that a calibration leads to
 OWN: Final = ".nc"
 CLOCK: Final = "t"  #: name of the column of time of a table, s
 MAX_CLOCK: Final = 2**63 * MICROSECOND  #: s
@@ -79,7 +80,7 @@ def save_flight_as(flight: Flight, target: Path) -> Path | None:
 def travel(x: FloatArray) -> float:
     """Return the travel of a surface to either side: 0.5 rad as usual, or as far as it went."""
     most = float(np.nanmax(np.abs(x), initial=0.0))
-    return min(max(0.5, math.ceil(10.0 * most) / 10.0), MAX_DEFLECTION)
+    return min(max(0.5, math.ceil(10.0 * most) / 10.0), 0.5 * math.pi)
 
 
 def _elements(name: str, size: int) -> tuple[str, ...]:
@@ -119,7 +120,7 @@ def px4_log(
     its array for debugging. The serial number of the autopilot, its software, and when its clock was zero, s since 1970, which a
     receiver tells every second, stand in it where they are known.
     """
-    (streams, unmapped), time = lay_out(flight, ready("px4"), {**ARRAYS, **SINGLE}), flight.time
+    (streams, unmapped), time = lay_out(flight, FlightMapping.ready("px4"), {**ARRAYS, **SINGLE}), flight.time
     mapping = MappingFile("px4")
     if "V" in unmapped and "airspeed_validated" not in streams:
         streams["airspeed_validated"] = {"true_airspeed_m_s": unmapped.pop("V")}
@@ -218,7 +219,8 @@ def ardupilot_log(flight: Flight) -> tuple[bytes, str]:
     else ArduPilot has no message for stands in messages SM00, SM01, ... of its own, as scripts of users write them.
     """
     columns = {name: m.columns for name, m in MESSAGES.items()}
-    (streams, unmapped), mapping = lay_out(flight, ready("ardupilot"), columns), MappingFile("ardupilot")
+    streams, unmapped = lay_out(flight, FlightMapping.ready("ardupilot"), columns)
+    mapping = MappingFile("ardupilot")
     for name in ("airspeed_pitot", "V"):
         if name in unmapped and "ARSP" not in streams:
             streams["ARSP"] = {"Airspeed": unmapped.pop(name)}
@@ -282,7 +284,7 @@ def crazyflie_log(flight: Flight) -> tuple[bytes, str]:
     Motor commands have 16 bits, unless some are missing. What the firmware has no variable for, such as a fifth motor, stands
     in a group "sim".
     """
-    streams, unmapped = lay_out(flight, ready("crazyflie"), {"": CRAZYFLIE_VARIABLES})
+    streams, unmapped = lay_out(flight, FlightMapping.ready("crazyflie"), {"": CRAZYFLIE_VARIABLES})
     mapping, columns = MappingFile("crazyflie"), dict[str, npt.NDArray[Any]]()
     for name, x in sorted(streams.get("", {}).items()):
         whole = name.startswith("motor.") and bool(np.isfinite(x).all())

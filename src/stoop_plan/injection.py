@@ -19,7 +19,7 @@ import numpy as np
 from stoop import Vehicle
 from stoop.extend.arrays import FloatArray
 from stoop.extend.errors import SimulationError
-from stoop.extend.motion import Maneuver, Trim, air_density, surface_moments
+from stoop.extend.motion import Maneuver, Trim
 from stoop.extend.text import printable
 from stoop.extend.units import SEA_LEVEL_DENSITY
 
@@ -81,7 +81,7 @@ class Injection:
     def airspeeds(self) -> tuple[float, float]:
         """Return the lowest and the highest equivalent airspeed, m/s, which is what autopilots measure."""
         low, high = self.envelope.get("V", (0.0, MAX_AIRSPEED))
-        ratio = math.sqrt(air_density(self.vehicle, self.trim) / SEA_LEVEL_DENSITY)
+        ratio = math.sqrt(self.trim.density(self.vehicle) / SEA_LEVEL_DENSITY)
         return ratio * low, ratio * high
 
     def at(self, rate: float) -> FloatArray:
@@ -90,7 +90,7 @@ class Injection:
 
     def moments(self, control: str) -> dict[str, float]:
         """Return the angular accelerations by axis, rad/s2, per rad of a surface."""
-        return dict(zip(AXES, surface_moments(self.vehicle, self.trim, control).tolist(), strict=True))
+        return dict(zip(AXES, self.trim.surface_moments(self.vehicle, control).tolist(), strict=True))
 
     def outputs(self) -> dict[str, FloatArray]:
         """Return the change (n,) of the normalized output of each moved control, one at full throw.

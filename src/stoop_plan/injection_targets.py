@@ -109,7 +109,7 @@ def _line(injection: Injection, spec: motion.Steps) -> str:
     stop = amplitude_text(spec.control, abs(spec.amplitude))
     counts = round(spec.step / (injection.beat or 1.0))
     rows = [f"{spec.control.upper()} {spec.shape}: stop at {stop}{stick}", f'   {"":{WIDTH}} "steady"']
-    for i, length in enumerate(motion.PATTERNS[spec.shape]):
+    for i, length in enumerate(spec.PATTERNS[spec.shape]):
         upward = (moment * spec.amplitude > 0.0) == (i % 2 == 0)
         words = [NUMBERS[k % len(NUMBERS)] for k in range(length * counts)]
         rows.append(f"   {DIRECTIONS[axis][0 if upward else 1]:{WIDTH}} {' - '.join(words)}")
@@ -132,7 +132,7 @@ TOLERANCE: Final = 0.002  #: of the largest output, of the lines between the poi
 HEAP: Final = 100_000  #: bytes of SCR_HEAP_SIZE that the script takes
 POINT_BYTES: Final = 200  #: that a point takes while the script is compiled (measured: Lua 5.3, 64 bit)
 MAX_HEAP: Final = 1_000_000  #: of SCR_HEAP_SIZE
-SID_AXES: Final = dict(zip(motion.AXES, (10, 11, 12, 13), strict=True))  #: SID_AXIS of the mixer
+SID_AXES: Final = dict(zip(motion.EXCITATIONS, (10, 11, 12, 13), strict=True))  #: SID_AXIS of the mixer
 MOTOR_SHARE: Final = 0.5  #: of the mixer's roll, pitch and yaw that a motor of the frame gets at most
 SID_RANGES: Final = {
     "SID_MAGNITUDE": (0.0, 1.0, "lower --amplitude"), "SID_F_START_HZ": (0.01, 100.0, "change --duration"),
@@ -181,8 +181,8 @@ def _script(injection: Injection) -> dict[str, str]:
 def _sweeps(injection: Injection) -> dict[str, str]:
     """Return parameters of the mode System ID; SimulationError for other signals, and for a parameter out of its range."""
     vehicle, trim, specs = injection.vehicle, injection.trim, injection.maneuver.input
-    names = motion.channel_range(vehicle).names
-    if not all(isinstance(spec, motion.Sweep) for spec in specs):
+    names = vehicle.rotor_range.names
+    if not all(spec.shape == "sweep" for spec in specs):
         raise SimulationError("ardupilot: the mode System ID flies sweeps alone; add --shape sweep")
     if not all(n.startswith(("motor_", "pwm_")) for n in names):
         raise SimulationError(
@@ -191,14 +191,14 @@ def _sweeps(injection: Injection) -> dict[str, str]:
         )
     scale = np.array([1000.0 if n.startswith("pwm_") else 1.0 for n in names])
     mixing = (
-        motion.allocation(vehicle, motion.effects(vehicle, trim.start, trim.inputs, trim.changes))
+        vehicle.rotor_allocation(vehicle.rotor_effects(trim.start, trim.inputs, trim.changes))
         / scale[:, None]
     )
     out = {}
     for spec in specs:
-        if not isinstance(spec, motion.Sweep):
+        if spec.shape != "sweep":
             continue
-        i = motion.AXES.index(spec.control)
+        i = list(SID_AXES).index(spec.control)
         share = 1.0 if spec.control == "heave" else MOTOR_SHARE
         values = {
             "SID_AXIS": SID_AXES[spec.control],
@@ -229,7 +229,7 @@ def _text(firmware: str, parameters: dict[str, float], remark: str = "") -> str:
 
 ARDUPILOT: Final = Target(
     lambda injection: _sweeps(injection) if injection.on_rotors else _script(injection),
-    ("maneuver.lua", *(f"sid_{axis}.param" for axis in motion.AXES), "ardupilot.param"), on_wings=True, on_rotors=True,
+    ("maneuver.lua", *(f"sid_{axis}.param" for axis in motion.EXCITATIONS), "ardupilot.param"), on_wings=True, on_rotors=True,
     surfaces=FUNCTIONS,
 )  # fmt: skip
 

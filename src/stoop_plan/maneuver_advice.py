@@ -19,7 +19,7 @@ from typing import Final
 import numpy as np
 
 from stoop import Notice
-from stoop.extend.fits import FlownModel, Term
+from stoop.extend.fits import FlownModel
 from stoop.extend.notices import notice
 from stoop.extend.vehicles import MOMENT_ARMS
 
@@ -66,8 +66,8 @@ def advice(flown: FlownModel, name: str, stand_ins: Sequence[str]) -> tuple[Noti
             code = "advice-still-angle"
         maneuver = _excitation(variables, term.nonlinear, flown)
         out.append(notice(code, f"{str(term)[0].upper()}{str(term)[1:]}", amount=spread, maneuver=maneuver))
-    elif tied := _tied(term, flown):
-        maneuver = _separation(term, tied, flown)
+    elif tied := flown.terms.get(_tied(name, flown)):
+        maneuver = _separation(name, tied.name, flown)
         out.append(notice("advice-tied", str(term), other=str(tied), maneuver=maneuver))
     elif not shared:  # else numbers stand in for it that are measured on the ground
         out.append(notice("advice-several", maneuver=_excitation(term.variables, term.nonlinear, flown)))
@@ -77,26 +77,28 @@ def advice(flown: FlownModel, name: str, stand_ins: Sequence[str]) -> tuple[Noti
     return tuple(out)
 
 
-def _tied(term: Term, flown: FlownModel) -> Term | None:
-    """Return the other term of the same coefficient that could stand in best for this one.
+def _tied(name: str, flown: FlownModel) -> str:
+    """Return the other term of the same coefficient that could stand in best for this one, if any.
 
     All of them together where no single one is: then the one with the greatest share is named.
     """
-    mates = [t for t in flown.terms.values() if t.coefficient == term.coefficient and t.name != term.name]
+    term = flown.terms[name]
+    mates = [t for t in flown.terms.values() if t.coefficient == term.coefficient and t.name != name]
     moving = [t for t in mates if np.std(t.flown) > 0.0]
     if not moving or np.std(term.flown) == 0.0:
-        return None
+        return ""
     alone = np.array([abs(float(np.corrcoef(term.flown, t.flown)[0, 1])) for t in moving])
     table = np.column_stack([(t.flown - t.flown.mean()) / np.std(t.flown) for t in moving])
     series = (term.flown - term.flown.mean()) / np.std(term.flown)
     shares = np.linalg.lstsq(table, series, rcond=1e-9)[0]
     if max(alone) < TIED and float(np.std(table @ shares)) < TIED:
-        return None
-    return moving[int(np.argmax(alone if max(alone) >= TIED else np.abs(shares)))]
+        return ""
+    return moving[int(np.argmax(alone if max(alone) >= TIED else np.abs(shares)))].name
 
 
-def _separation(term: Term, tied: Term, flown: FlownModel) -> Notice:
+def _separation(name: str, other: str, flown: FlownModel) -> Notice:
     """Return what makes two terms vary in different ways."""
+    term, tied = flown.terms[name], flown.terms[other]
     own, both, controls = term.variables, term.variables | tied.variables, flown.controls
     several = sorted(both & controls) if len(both & controls) > 1 else []
     if several or {"p", "r"} <= both or both <= {"p", "r", "beta", flown.roll, flown.yaw}:

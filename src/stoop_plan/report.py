@@ -10,16 +10,16 @@ from typing import TYPE_CHECKING, Final, Literal
 import numpy as np
 
 from stoop import Flight
-from stoop.extend.flights import commands
-from stoop.extend.motion import unit_of
+from stoop.extend.motion import Maneuver
 from stoop.extend.reports import plots, sheet
 from stoop.extend.text import factor_and_unit, number
 from stoop.extend.variables import FAMILIES, VARIABLES
 from stoop_plan.injection_targets import MANUAL_THROTTLE
 
 if TYPE_CHECKING:  # the page of a flight takes colors and commands from here, and needs no optimization
-    from stoop.extend.flights import Found, Proposed
+    from stoop.extend.flights import Proposed
     from stoop_plan.input_design.optimization import Proposal
+    from stoop_plan.input_design.windows import FoundWindows
 
 DESIGN_LEAD: Final = """\
 The input below is the one, of those tried, whose flight makes the error bars of the parameters of {vehicle} smallest \
@@ -177,7 +177,7 @@ def design_sheet(proposal: Proposal, command: str, flown: Mapping[str, str] | No
 
 def _given_in(control: str) -> tuple[float, str]:
     """Return factor and unit in which a control is given: degrees of a surface, the unit of a command as it is."""
-    unit = unit_of(control)
+    unit = Maneuver.unit_of(control)
     return factor_and_unit(unit) if unit == "rad" else (1.0, "" if unit == "1" else unit.replace("2", "²"))
 
 
@@ -217,7 +217,7 @@ def _robustness(proposal: Proposal) -> str:
 
 
 def windows_sheet(
-    found: Found, flights: Mapping[str, Flight], vehicle: str, command: str, following: Sequence[str]
+    found: FoundWindows, flights: Mapping[str, Flight], vehicle: str, command: str, following: Sequence[str]
 ) -> sheet.Sheet:
     """Return the page; `vehicle` is its name or empty, `following` the words of the command that takes the file."""
     from stoop_plan.input_design.windows_file import NAME
@@ -258,7 +258,7 @@ def windows_sheet(
     return sheet.Sheet("Windows worth fitting", lead, tuple(sections))
 
 
-def span_of(window: Proposed, found: Found) -> str:
+def span_of(window: Proposed, found: FoundWindows) -> str:
     """Return start and stop of a window, s, and its flight where there are several."""
     several = len({w.flight for w in found.windows}) > 1
     return f"{window.flight}@" * several + window.span
@@ -270,12 +270,12 @@ def percent(share: float) -> str:
     return f"{100.0 * share:.1f} %" if share < 10.0 else large
 
 
-def flight_history(found: Found, flight: Flight) -> sheet.TimeHistory:
+def flight_history(found: FoundWindows, flight: Flight) -> sheet.TimeHistory:
     """Return commands, rates, speed and information over the whole flight, with the windows as shades."""
     own = [(i, w) for i, w in enumerate(found.windows, 1) if w.flight == flight.name]
     shades = [sheet.Shade(w.start, w.stop, str(i), COLORS[w.purpose]) for i, w in own]
     panels = []
-    for command in commands(flight):
+    for command in flight.commands():
         known = VARIABLES.get(command.variable)
         combined = "m/s2" if command.axis == "heave" else "rad/s2"  # of several channels
         factor, unit = factor_and_unit(known.unit if known else combined)

@@ -20,8 +20,8 @@ from stoop.estimate.linearization import interpolated, unwrapped
 from stoop.prediction.predict import Prediction
 from stoop.problem import Piece
 from stoop.problem.observation import state_channels
-from stoop.simulation.initial import rigid_states
 from stoop.vehicle import Vehicle
+from stoop.vehicle.channels import rigid_states
 
 LAGS: Final = 3
 RIDGES: Final = (

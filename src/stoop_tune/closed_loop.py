@@ -20,15 +20,16 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
+from pydantic import ValidationError
 
 from stoop import Flight, Vehicle
 from stoop.extend import arrays, motion
 from stoop.extend.arrays import rotations
 from stoop.extend.errors import ManeuverError, SimulationError, StoopError
+from stoop.extend.files import first_complaint
 from stoop.extend.notices import notice
 from stoop.extend.units import SEA_LEVEL_DENSITY, STANDARD_GRAVITY, standard_density
 from stoop.extend.variables import FAMILIES
-from stoop.extend.vehicles import noise_input
 from stoop_tune.control_laws.parameters import read_parameters
 from stoop_tune.control_laws.rate_law import AXES
 from stoop_tune.control_laws.recursion import LawRecursion
@@ -38,6 +39,7 @@ from stoop_tune.judgment import commands_of
 STEP_RATE: Final = 400.0  #: Hz, least at which the model moves
 LOST: Final = math.radians(75.0)  #: error of roll or pitch at which a flight ends
 EULER, RATES = FAMILIES["euler"], FAMILIES["rates"]
+WIND_CHANGES: Final = motion.Maneuver.UNDER_LAW[3:]  #: m/s
 QUATERNION: Final = ("e0", "e1", "e2", "e3")
 
 
@@ -91,7 +93,7 @@ def simulate_under_law(
 
 def on_rotors(vehicle: Vehicle, maneuver: motion.Maneuver) -> bool:
     """Return whether a maneuver is flown on rotors, not on wings."""
-    return bool(motion.steady_flight(vehicle, maneuver.airspeed).commands)
+    return bool(vehicle.rotors) and maneuver.airspeed is None
 
 
 @dataclass(frozen=True)
@@ -116,8 +118,8 @@ def fly_under_law(
         raise StoopError(f"{vehicle.where}: an autopilot flies about all axes; simulate the full model")
     moved = commands_of(vehicle, firmware, parameters, maneuver.altitude)
     laws = [firmware.law(parameters, a) for a in moved.axes]
-    course = Course.of(vehicle, maneuver.at_rate(laws[0].rate))
-    body = _Body(vehicle, course, np.random.default_rng([seed, motion.GUSTS]))
+    course = Course.of(vehicle, at_rate(maneuver, laws[0].rate))
+    body = _Body(vehicle, course, np.random.default_rng([seed, 1]))
     loop = AttitudeLoop(firmware, parameters, moved.axes, course)
     law, mixer = LawRecursion(laws, body.rates[loop.axes]), _Mixer(vehicle, moved.outputs)
     every = max(1, round(course.rate / maneuver.rate))
@@ -140,18 +142,29 @@ def fly_under_law(
         saturated.append(law.excess(achieved)[:, 0] != 0.0)
     sampled = slice(None, None, every)
     kept = np.array(states[sampled])
-    readings = motion.readings_along(vehicle, body.rows, kept, np.array(received[sampled]))[None]
+    readings = vehicle.readings_along(body.rows, kept, np.array(received[sampled]))[None]
     return FlownUnderLaw(
         course.point,
         course.time[sampled],
         centered_means(course.inputs, every),
-        motion.late_outputs(vehicle, readings, body.rows, every / course.rate)[0],
-        motion.over_ground(vehicle, course.point, kept) + course.wind[sampled],
+        vehicle.late_outputs(readings, body.rows, every / course.rate)[0],
+        course.point.over_ground(vehicle, kept) + course.wind[sampled],
         np.array(clipped[sampled]),
         kept,
         attitude_error=np.array(errors[sampled]),
         saturated=np.array(saturated[sampled]),
     )
+
+
+def at_rate(maneuver: motion.Maneuver, rate: float) -> motion.Maneuver:
+    """Return the maneuver at another rate, Hz; ManeuverError where it cannot be."""
+    raw = {**maneuver.model_dump(), "rate": rate}
+    try:
+        return motion.Maneuver.model_validate(raw)
+    except ValidationError as error:
+        raise ManeuverError(
+            f"at {rate:g} Hz, the rate of the loop: {first_complaint(error, raw, motion.Maneuver)}"
+        ) from None
 
 
 def centered_means(held: arrays.FloatArray, every: int) -> arrays.FloatArray:
@@ -183,27 +196,27 @@ class Course:
     @classmethod
     def of(cls, vehicle: Vehicle, maneuver: motion.Maneuver) -> Course:
         """Return the course of a maneuver at the rate of the loop."""
-        if len(maneuver.time) > motion.MAX_ROTOR_SAMPLES:
+        if len(maneuver.time) > maneuver.MAX_ROTOR_SAMPLES:
             raise ManeuverError(
-                f"duration: more than {motion.MAX_ROTOR_SAMPLES} samples of the loop at {maneuver.rate:g} Hz; lower it"
+                f"duration: more than {maneuver.MAX_ROTOR_SAMPLES} samples of the loop at {maneuver.rate:g} Hz; lower it"
             )
         if maneuver.battery is not None:
             raise ManeuverError("battery: under the law of an autopilot its voltage stays; remove it")
         angles = EULER if on_rotors(vehicle, maneuver) else EULER[:2]
-        known = dict.fromkeys((*angles, *motion.WIND_CHANGES, *motion.movable(vehicle, motion.OnWings)))
+        known = dict.fromkeys((*angles, *WIND_CHANGES, *motion.OnWings.movable(vehicle)))
         for spec in maneuver.input:
             if spec.control not in known:
                 raise ManeuverError(
                     f"the maneuver moves '{spec.control}', but under a law it may move {', '.join(known)}; correct the file"
                 )
-        others = tuple(one for one in maneuver.input if one.control not in motion.UNDER_LAW)
-        motion.check_maneuver(vehicle, maneuver.model_copy(update={"input": others}))
+        others = tuple(one for one in maneuver.input if one.control not in maneuver.UNDER_LAW)
+        maneuver.model_copy(update={"input": others}).check(vehicle)
         signals, none = maneuver.deflections(), np.zeros(len(maneuver.time))
-        point = motion.flown_trim(vehicle, maneuver)
+        point = maneuver.trim(vehicle)
         attitude, wind = (
-            np.column_stack([signals.pop(n, none) for n in names]) for names in (EULER, motion.WIND_CHANGES)
+            np.column_stack([signals.pop(n, none) for n in names]) for names in (EULER, WIND_CHANGES)
         )
-        inputs = motion.inputs_about(vehicle, point, signals, len(none))
+        inputs = point.inputs_about(vehicle, signals, len(none))
         trimmed = np.array([point.start.get(n, 0.0) for n in EULER])
         pitot = vehicle.value("sensors.V.scale", 1.0)
         return cls(
@@ -215,7 +228,7 @@ class _Mixer:
     """Commands about the axes as channels, each rotor's within its range."""
 
     def __init__(self, vehicle: Vehicle, outputs: arrays.FloatArray) -> None:
-        self.outputs, self.back, self.area = outputs, np.linalg.pinv(outputs), motion.channel_range(vehicle)
+        self.outputs, self.back, self.area = outputs, np.linalg.pinv(outputs), vehicle.rotor_range
 
     def channels(
         self, before: arrays.FloatArray, commands: arrays.FloatArray
@@ -232,16 +245,17 @@ class _Body:
 
     def __init__(self, vehicle: Vehicle, course: Course, rng: np.random.Generator) -> None:
         self.vehicle, self.rows = vehicle, course.point.lanes(vehicle).rows
-        start = {**course.point.start, **motion.gust_start(vehicle, rng)}
-        self.state = motion.initial_states(vehicle, start, self.rows, course.inputs[0])
+        start = {**course.point.start, **vehicle.gust_start(rng)}
+        self.state = vehicle.initial_states(start, self.rows, course.inputs[0])
         self.steps = max(1, math.ceil(STEP_RATE / course.rate))
         self.dt = 1.0 / (course.rate * self.steps)
         # at these short steps the gusts need no finer noise
         count = self.steps * len(course.time) + 1
         self.noise = rng.standard_normal((count, len(vehicle.gusts))) / math.sqrt(self.dt)
-        self.gusts = [vehicle.inputs.index(noise_input(axis)) for axis in vehicle.gusts]
+        self.gusts = [vehicle.inputs.index(f"gust.{axis}.noise") for axis in vehicle.gusts]
         self.actuators = [
-            _Held(a, self.rows, self.dt, course.inputs[0]) for a in motion.input_actuators(vehicle)
+            _Held(a.column, a.numbers(self.rows, self.dt)[:, 0], course.inputs[0])
+            for a in vehicle.actuators()
         ]
         self.gyros = np.array([[vehicle.value(f"sensors.{n}.scale", 1.0)] for n in RATES])
         self.velocity, self.attitude, self.turning = (
@@ -274,18 +288,16 @@ class _Body:
             arrived.append(arriving)
             now, then = arriving[:, None].copy(), arriving[:, None].copy()
             now[self.gusts, 0], then[self.gusts, 0] = self.noise[part], self.noise[part + 1]
-            self.state, _ = motion.step(self.vehicle.kernel(), self.rows, self.state, now, then, self.dt)
+            self.state, _ = self.vehicle.kernel().step(self.rows, self.state, now, then, self.dt)
         return arrived[0]
 
 
 class _Held:
     """An actuator whose commands are held over a step: dead zone, rate limit, then delay."""
 
-    def __init__(
-        self, actuator: motion.Actuator, rows: arrays.FloatArray, dt: float, inputs: arrays.FloatArray
-    ) -> None:
-        self.column, start = actuator.column, float(inputs[actuator.column])
-        dead_zone, self.largest_step, delay = actuator.numbers(rows, dt)[:, 0].tolist()
+    def __init__(self, column: int, numbers: arrays.FloatArray, inputs: arrays.FloatArray) -> None:
+        self.column, start = column, float(inputs[column])
+        dead_zone, self.largest_step, delay = numbers.tolist()
         whole = math.floor(delay)
         self.half_width, self.share = 0.5 * dead_zone, delay - whole
         self.after_play = self.position = start

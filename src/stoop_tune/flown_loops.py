@@ -87,14 +87,12 @@ class Signals:
 
 def recorded_signals(path: Path, flight: Flight, rotors: bool) -> dict[str, Signals]:
     """Return the signals of the rate loops in flight by axis, of those whose setpoint moves."""
-    streams, up = read(path, topics=STREAMS).streams, flights.in_flight(flight)
-    grid = flights.Grid(0, flight.time.size, flight.rate, float(flight.time[0]))
+    streams, up = read(path, topics=STREAMS).streams, flight.in_flight()
 
     def column(stream: str, *names: str) -> FloatArray:
         total = np.sum([streams[stream].columns[n] for n in names], axis=0)
         good = np.isfinite(total)
-        out = flights.resample(grid, streams[stream].time[good], total[good, None], smooth=True)[:, 0]
-        return np.where(up, out, np.nan)
+        return np.where(up, flight.resampled(streams[stream].time[good], total[good]), np.nan)
 
     found = {}
     for axis, forms in RECORDED.items():
@@ -126,10 +124,10 @@ def closed_loops(
         return None, [notice("tune-no-closed-loop", path.name, reason=str(error))]
     setpoints, rates = (np.array([one.values[:, k] for one in signals.values()]).T for k in (0, 1))
     slowest = min((one.slowest for one in signals.values()), default=np.nan)
-    band = 0.0, 2.0 * np.pi * min(flights.MAX_FREQUENCY, RESOLVED * slowest)
+    band = 0.0, 2.0 * np.pi * min(flights.FrequencyResponse.MAX_FREQUENCY, RESOLVED * slowest)
     stretches = [flights.Stretch(flight.rate, setpoints, rates)] if signals else []
     found, modeled, notices = [], {}, []
-    for one in flights.estimate_responses(stretches, list(signals), list(signals), band):
+    for one in flights.FrequencyResponse.estimate(stretches, list(signals), list(signals), band):
         if one.input != one.output or one.input not in loops[0]:
             continue
         loop, own = loops[0][one.input], signals[one.input]

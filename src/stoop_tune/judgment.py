@@ -13,15 +13,9 @@ from stoop import Notice, Vehicle, trim
 from stoop.extend.arrays import FloatArray
 from stoop.extend.errors import StoopError
 from stoop.extend.motion import (
-    INTEGRATORS,
+    LinearModel,
     Trim,
-    channel_gains,
-    channel_range,
-    input_delays,
     linear_models,
-    model_inputs,
-    neighbors,
-    parameter_rows,
 )
 from stoop.extend.text import without_rounding
 from stoop.extend.variables import FAMILIES
@@ -126,7 +120,7 @@ def commands_of(
     StoopError
         No surface moves by either, or how the motors are mixed is not known.
     """
-    inputs = model_inputs(vehicle)
+    inputs = vehicle.model_inputs()
     if firmware.rotors:
         if firmware.mixing is None:
             raise StoopError(
@@ -151,7 +145,7 @@ def commands_of(
             outputs[vehicle.inputs.index(rotor.channel)] = row * units[kind]
         channel = next(iter(rotors.values())).channel
         if firmware.thrust_slope is not None:
-            hover = float(trim(vehicle, altitude=altitude).inputs[channel_range(vehicle).columns].mean())
+            hover = float(trim(vehicle, altitude=altitude).inputs[vehicle.rotor_range.columns].mean())
             if channel.startswith("pwm"):
                 hover = (hover - STOP) / units["pwm"]
             slope = firmware.thrust_slope(parameters, hover)
@@ -159,7 +153,7 @@ def commands_of(
         return Commands(AXES, mixing, outputs, (channel,) * len(AXES))
     moves = _outputs(parameters) | {f"control_{a}": row for a, row in zip(AXES, np.eye(3), strict=True)}
     driven = np.array([moves.get(c, np.zeros(3)) for c in vehicle.inputs])
-    moved = channel_gains(vehicle, parameter_rows(vehicle))[0][:, :, None] * driven  # control, channel, axis
+    moved = vehicle.channel_gains(vehicle.parameter_rows())[0][:, :, None] * driven  # control, channel, axis
     first = [np.argwhere(moved[:, :, k])[:1, 1] for k in range(3)]
     flown = [
         a
@@ -199,10 +193,10 @@ def _outputs(parameters: Mapping[str, float]) -> dict[str, FloatArray]:
 def plants_of(vehicle: Vehicle, point: Trim, draws: Draws, commands: Commands) -> Plants:
     """Return the linear models about a trim, at the estimates and then at draws of the numbers."""
     drawn = draws.numbers_of(vehicle)
-    points = neighbors(point)({n: np.concatenate([[vehicle.value(n)], x]) for n, x in drawn.items()})
+    points = point.neighbors()({n: np.concatenate([[vehicle.value(n)], x]) for n, x in drawn.items()})
     states, A, B, *_ = linear_models(vehicle, points)
-    turning = [i for i, name in enumerate(states) if name not in INTEGRATORS]
-    late = {vehicle.inputs[column]: points.rows[row] for column, row in input_delays(vehicle)}
+    turning = [i for i, name in enumerate(states) if name not in LinearModel.INTEGRATORS]
+    late = {vehicle.inputs[column]: points.rows[row] for column, row in vehicle.input_delays()}
     still = np.zeros(points.rows.shape[1])
     gyros = {
         n: points.rows[row]

@@ -31,7 +31,6 @@ from stoop.extend.arrays import FloatArray
 from stoop.extend.errors import StoopError
 from stoop.extend.flights import RECONSTRUCTED
 from stoop.extend.units import SEA_LEVEL_DENSITY
-from stoop.extend.vehicles import Propeller
 from stoop.extend.verbs import hook
 from stoop_analysis.propagation.wing_figures import Domain
 from stoop_tune.control_laws import ardupilot, px4
@@ -91,7 +90,7 @@ class Candidates:
         if point.solution is None:
             raise StoopError("there is no steady flight")
         known, x = point.solution
-        rows = motion.parameter_rows(known.at.vehicle, {**self.numbers, **known.numbers}, self.count)
+        rows = known.at.vehicle.parameter_rows({**self.numbers, **known.numbers}, self.count)
         flight = replace(known, rows=rows)
         if throttle is not None and isinstance(flight, motion.OnWings):
             quiet = known.at.quiet.copy()
@@ -100,12 +99,10 @@ class Candidates:
             free = replace(flight, at=replace(known.at, quiet=quiet), powered=False)
             x = x[[name in free.unknowns for name in flight.unknowns]]
             flight = free
-        found, error = motion.solve(
-            flight.residuals, np.repeat(x[:, None], self.count, axis=1), motion.TOLERANCE
-        )
+        found, solved = flight.solve(np.repeat(x[:, None], self.count, axis=1))
         points = flight.trims(found)
         climb = flight.balance(points)[1] if isinstance(flight, motion.OnWings) else np.zeros(self.count)
-        return Flights(points, climb, np.where(error < motion.TOLERANCE, 0.0, np.nan))
+        return Flights(points, climb, np.where(solved, 0.0, np.nan))
 
     def airspeed(self, names: Names) -> float:
         """Return a true airspeed, m/s, of the parameters, where the vehicle was flown."""
@@ -125,7 +122,7 @@ class Candidates:
     def throttle(self) -> str:
         """The channel of the throttle from 0 to 1."""
         power = self.vehicle.file.propulsion
-        channel = power.channel if isinstance(power, Propeller) else ""
+        channel = power.channel if power is not None and power.kind == "propeller" else ""
         if channel.partition("_")[0] not in {"throttle", "control", "motor"}:
             raise StoopError("the thrust is not modeled over a throttle from 0 to 1")
         return channel
@@ -195,12 +192,12 @@ class Motors:
     def hover(self, c: Candidates) -> FloatArray:
         """Thrust setpoint in hover: curve of the command, the mean of the motors, by the curve that flew."""
         hover, curve = c.steady(), Parameters(c.parameters, "autopilot").number(*self.curve, -1.0)
-        commands = self.commands(c, hover.points.inputs[motion.channel_range(c.vehicle).columns])
+        commands = self.commands(c, hover.points.inputs[c.vehicle.rotor_range.columns])
         return np.asarray(thrust_of(curve, commands).mean(axis=0) + hover.none)
 
     def expo(self, c: Candidates) -> FloatArray:
         """Share F of the square for which thrust is straight over the setpoint F c^2 + (1 - F) c, by least squares."""
-        hover, area = c.steady(), motion.channel_range(c.vehicle)
+        hover, area = c.steady(), c.vehicle.rotor_range
         channel = np.linspace(float(area.idle[0]), float(area.full.min()), COMMANDS)
         command = self.commands(c, channel)
         inside = (command >= 0.0) & (command <= 1.0)
@@ -210,9 +207,7 @@ class Motors:
         for x in channel[inside]:
             inputs = hover.points.inputs.copy()
             inputs[area.columns] = x
-            sink = motion.accelerations(
-                c.vehicle, {"h": c.domain.altitude}, inputs, hover.points.rows, ("w",)
-            )[0]
+            sink = c.vehicle.accelerations({"h": c.domain.altitude}, inputs, hover.points.rows, ("w",))[0]
             lift.append(c.number("environment.gravity") - sink)
         square, linear, _ = np.polyfit(command[inside], np.array(lift), 2)
         return np.asarray(square / (linear + square) + hover.none)

@@ -13,7 +13,7 @@ import numpy as np
 from stoop import FittedModel, Flight, Notice, Vehicle, trim
 from stoop.extend.arrays import FloatArray
 from stoop.extend.fits import takes_model
-from stoop.extend.flights import RECONSTRUCTED, TRUE, airborne, power_spectra
+from stoop.extend.flights import RECONSTRUCTED, power_spectra
 from stoop.extend.notices import notice
 from stoop.extend.reports import sheet
 from stoop.extend.text import within_limits
@@ -32,6 +32,7 @@ from stoop_tune.physical_parameters import PhysicalParameters, physical_paramete
 from stoop_tune.proposal import Proposal, proposal
 from stoop_tune.report import tuning_page
 
+PITOT: Final = "airspeed_pitot"
 DRAWS: Final = 2000
 SPEEDS: Final = 3  #: airspeeds of a range
 #: of the rate of the grid, where a gyro shows noise, hardly motion, and not yet the low-pass before the grid
@@ -151,7 +152,7 @@ def tune(
     unfit = _not_for_control(model)
     against = (*unfit, *lacking, *(one for one in doubts if one.code == "tune-loop-contradicted"))
     notices = (*unfit, *drawn.notices, *lacking, *taken, *doubts)
-    streams = frozenset(s.source for f in model.flights for n, s in f.sources.items() if n in ("V", TRUE))
+    streams = frozenset(s.source for f in model.flights for n, s in f.sources.items() if n in ("V", PITOT))
     physics = physical_parameters(vehicle, firmware.title, values, domain, drawn, streams, float(pitot[0]))
     known = (firmware.title, found, len(drawn.values), drawn.source, notices)
     return JudgedGains(*known, design, against, band, physics, closed)
@@ -219,9 +220,9 @@ def pitot_readings(flights: Sequence[Flight], vehicle: Vehicle, drawn: Draws) ->
 
     found = []
     for flight in (one for one in flights if {"V", "psi"} <= one.names):
-        pitot = TRUE if TRUE in flight.names else "V"
+        pitot = PITOT if PITOT in flight.names else "V"
         read, speed, heading = (flight.column(n) for n in (pitot, "V", "psi"))
-        flown = airborne(flight) & np.isfinite(read + speed + heading)
+        flown = flight.airborne() & np.isfinite(read + speed + heading)
         if flight.sources[pitot].source == RECONSTRUCTED or not flown.any():
             continue
         north, east = (float(np.mean(f(heading[flown]))) for f in (np.cos, np.sin))

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from stoop.errors import SimulationError
-from stoop.simulation import initial_states, linearize, parameter_rows, trim
-from stoop.simulation.loads import air_density
+from stoop.simulation import linearize, trim
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import builtin_vehicle
 from stoop_analysis.derivatives import FORMS, LOADS, MOTIONS, Derivatives, ParameterCovariance, derivatives
@@ -76,7 +75,7 @@ def test_forces_and_moments_by_differences(name: str) -> None:
     vehicle = builtin_vehicle(name) if name == "quad-x" else load(name)
     point = trim(vehicle)
     found = derivatives(vehicle, point)
-    rows = parameter_rows(vehicle, point.changes)
+    rows = vehicle.parameter_rows(point.changes)
     n = vehicle.value
     xx, yy, zz, xy, xz, yz = (n(f"mass.inertia.{a}", 0.0) for a in ("xx", "yy", "zz", "xy", "xz", "yz"))
     tensor = np.array([[xx, -xy, -xz], [-xy, yy, -yz], [-xz, -yz, zz]])
@@ -88,7 +87,7 @@ def test_forces_and_moments_by_differences(name: str) -> None:
         moment = tensor @ rates[turning, 0] + np.cross(w, tensor @ w)
         return np.concatenate([n("mass.mass") * (rates[speeds, 0] + np.cross(w, V)), moment])
 
-    steady = initial_states(vehicle, point.start, rows, point.inputs)[:, 0]
+    steady = vehicle.initial_states(point.start, rows, point.inputs)[:, 0]
     for j, motion in enumerate(MOTIONS):
         step = np.zeros(len(steady))
         step[vehicle.states.index(motion)] = 1e-5
@@ -97,7 +96,7 @@ def test_forces_and_moments_by_differences(name: str) -> None:
     if name == "quad-x":  # a motor's thrust after its lag has settled: T1 + 2 T2 x
         x = point.inputs[0]
         column = 6 + list(found.controls).index("motor_1")
-        ratio = air_density(vehicle, point) / 1.225
+        ratio = point.density(vehicle) / 1.225
         assert ratio == pytest.approx(1.20165 / 1.225, rel=1e-5), "standard atmosphere, 200 m over sea level"
         thrust = ratio * (n("rotors.T1") + 2 * n("rotors.T2") * x)
         assert found.matrix[2, column] == pytest.approx(-thrust, rel=1e-4)

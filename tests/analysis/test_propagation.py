@@ -20,7 +20,6 @@ from stoop.errors import SimulationError, StoopError
 from stoop.results import uncertainty as of
 from stoop.results.result import Covariance, ParameterEstimate, Result
 from stoop.simulation import linearize
-from stoop.simulation.initial import parameter_rows
 from stoop.vehicle.builtin import builtin_text
 from stoop.vehicle.load import parse_vehicle
 from stoop_analysis.draws import Draws, draws_of, from_covariance, truncated_normal
@@ -47,8 +46,8 @@ def test_a_linear_expression_has_the_error_of_the_delta_method(aircraft: Vehicle
     names, covariance = ("CLalpha", "CD0"), np.array([[0.04, -0.001], [-0.001, 0.0001]])
     values = np.random.default_rng(0).multivariate_normal([4.78, 0.06], covariance, 20_000)
     one = parse_expressions({"sum": "2*CLalpha - 30*CD0 + mass.inertia.yy/60"}, aircraft)["sum"]
-    drawn = parameter_rows(aircraft, dict(zip(names, values.T, strict=True)), len(values))
-    found = figure("Expressions", one.samples(np.hstack([parameter_rows(aircraft), drawn])), names, values)
+    drawn = aircraft.parameter_rows(dict(zip(names, values.T, strict=True)), len(values))
+    found = figure("Expressions", one.samples(np.hstack([aircraft.parameter_rows(), drawn])), names, values)
     gradient = np.array([2.0, -30.0])
     std = float(np.sqrt(gradient @ covariance @ gradient))
     assert found.estimate == pytest.approx(2 * 4.78 - 30 * 0.06 + 2.0)
@@ -76,7 +75,7 @@ def test_bad_expressions_are_refused_in_one_line(aircraft: Vehicle) -> None:
             parse_expressions({"x": text}, aircraft)
         assert message in str(caught.value), text
     found = parse_expressions({"x": "1e2*mass.mass + abs(Cmq)^2"}, aircraft)["x"]
-    assert found.values(parameter_rows(aircraft)) == pytest.approx(100 * 189.40 + 47.6**2)
+    assert found.values(aircraft.parameter_rows()) == pytest.approx(100 * 189.40 + 47.6**2)
 
 
 @pytest.fixture(scope="module")
@@ -219,7 +218,7 @@ def test_draws_are_those_of_one_at_a_time(name: str, request: pytest.FixtureRequ
     speed, names = vehicle.value("reference.airspeed"), ("CLalpha", "Cmalpha", "Cnbeta", "Clp", "CD0")
     names += ("controls.aileron.lag",) if name == "vtail" else ()
     draws = spread(vehicle, names, 3)
-    rows = parameter_rows(vehicle, dict(zip(names, draws.values.T, strict=True)), 3)
+    rows = vehicle.parameter_rows(dict(zip(names, draws.values.T, strict=True)), 3)
     flight = level_flight(vehicle, rows, 200.0, DENSITY)
     at = steady_flights(flight, {"V": np.full(3, speed)})
     models = linear_flights(flight, at)
@@ -250,7 +249,9 @@ def test_static_margin_is_the_ratio_of_two_slopes_and_moves_with_the_moment_poin
     ):
         flow = {"V": np.array([35.0]), "alpha": np.array([alpha])}
         still = {c: np.zeros(1) for c in vehicle.controls}
-        assert static_margin(vehicle, parameter_rows(vehicle), flow, still) == pytest.approx(margin, rel=1e-6)
+        assert static_margin(vehicle, vehicle.parameter_rows(), flow, still) == pytest.approx(
+            margin, rel=1e-6
+        )
 
 
 def test_best_glide_of_a_parabolic_polar() -> None:
@@ -276,7 +277,7 @@ def test_a_lift_with_a_maximum_gives_a_stall_speed() -> None:
     text = builtin_text("twin-boom").replace("CLalpha = 4.78", bent)
     vehicle = parse_vehicle(text, "stalling").reduced("longitudinal")
     flow = {"V": np.array([35.0]), "alpha": np.zeros(1)}
-    peak = lift_maximum(vehicle, parameter_rows(vehicle), flow, {"elevator": np.zeros(1)}, 0.0, 0.4)
+    peak = lift_maximum(vehicle, vehicle.parameter_rows(), flow, {"elevator": np.zeros(1)}, 0.0, 0.4)
     assert peak == pytest.approx(4.78 / 16.0, abs=1e-6)
     domain = Domain((33.0, 40.0), 35.0, 200.0, DENSITY, (0.0, 0.4))
     found = propagate_draws(vehicle, spread(vehicle, ("CLalpha",), 50, 0.02), domain)

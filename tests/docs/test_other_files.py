@@ -15,10 +15,16 @@ from stoop.errors import VehicleError
 from stoop.flight import OUTPUTS, VARIABLES
 from stoop.flight.alignment import QUANTITIES
 from stoop.flight.conversion import MIXERS
-from stoop.flight.mapping import READY, GroupTable, SourceTable, TimeUnit, VariableTable, read_flight_mapping
-from stoop.simulation import maneuver, rotors
+from stoop.flight.mapping import (
+    FlightMapping,
+    GroupTable,
+    SourceTable,
+    TimeUnit,
+    VariableTable,
+)
+from stoop.simulation import maneuver
 from stoop.simulation.maneuver import parse_maneuver
-from stoop.vehicle import parse_vehicle, schema
+from stoop.vehicle import parse_vehicle, rotor_channels, schema
 from stoop.vehicle.defaults import EQUATION_1
 from stoop.vehicle.schema import Quantity
 from stoop.vehicle.terms import STATE_VARIABLES
@@ -53,9 +59,9 @@ def test_mappings_of_all_pages_are_read(tmp_path: Path) -> None:
         for kind, block in fences(page):
             if kind == "toml" and "duration" not in block and "[mass]" not in block:
                 path.write_text(block, encoding="utf-8")
-                assert read_flight_mapping(path).groups, page.name
+                assert FlightMapping.read(path).groups, page.name
     path.write_text(blocks(FLIGHTS, "toml")[0], encoding="utf-8")
-    mapping = read_flight_mapping(path)
+    mapping = FlightMapping.read(path)
     assert mapping.clock is not None
     assert (mapping.clock.column, mapping.clock.factor) == ("t_ms", 1e-3)
     az = next(source for source in mapping.sources if source.variables == ("az",))
@@ -69,7 +75,7 @@ def test_keys_of_mappings() -> None:
 
     assert keys("Mapping files", "table", "key") == set(VariableTable.model_fields)
     assert keys("Groups of sources", "key", "key") == {*SourceTable.model_fields, *GroupTable.model_fields}
-    assert keys("Groups of sources", "ready mapping", "ready mapping") == set(READY.values())
+    assert keys("Groups of sources", "ready mapping", "ready mapping") == set(FlightMapping.READY.values())
     told = table(FLIGHTS, "Streams with clocks of their own", "quantity").rows
     assert {row[0].strip("`"): row[1] for row in told} == QUANTITIES
     assert keys("Servo outputs and surfaces", "mixer", "mixer") == set(MIXERS)
@@ -100,7 +106,7 @@ def test_inputs_on_rotors_have_a_row_and_its_unit_and_the_maneuver_of_the_page_f
         for row in table(MANEUVERS, "On rotors", "control").rows
         for name in row[0].replace(" to ", ", ").split(", ")
     }
-    known = rotors.EXCITATIONS | rotors.SETPOINTS
+    known = rotor_channels.EXCITATIONS | rotor_channels.SETPOINTS
     assert {name: told[name] for name in known} == known
     flown = parse_maneuver(blocks(MANEUVERS, "toml")[0], "page")
     assert set(flown.deflections()) == {"rudder", "aileron"}

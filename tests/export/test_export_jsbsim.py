@@ -10,7 +10,7 @@ import pytest
 from stoop.base.files import write_files
 from stoop.base.rotations import to_body
 from stoop.errors import SimulationError
-from stoop.simulation import initial_states, parameter_rows, trim
+from stoop.simulation import trim
 from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.vehicle.builtin import builtin_vehicle, load_vehicle
 from stoop.vehicle.document import with_entries
@@ -40,7 +40,7 @@ def test_accelerations_at_random_states(name: str, variant: str, tmp_path: Path)
         inertia = [share * vehicle.value(f"mass.inertia.{axes}") for axes, share in shares]
         vehicle = with_entries(vehicle, {("reference", "inertia"): inertia})
     aircraft, random = exported(tmp_path, vehicle), np.random.default_rng(11)
-    rows, point = parameter_rows(vehicle), trim(vehicle, None, 200.0)
+    rows, point = vehicle.parameter_rows(), trim(vehicle, None, 200.0)
     # JSBSim's atmosphere: 8.1e-6
     tolerance = 1e-5 if vehicle.file.environment.density == "standard" else 1e-9
     for _ in range(5):
@@ -49,7 +49,7 @@ def test_accelerations_at_random_states(name: str, variant: str, tmp_path: Path)
         inputs = point.inputs * (1.0 + 0.1 * random.standard_normal(len(point.inputs)))
         record = js.Record(vehicle, start, np.array([0.0, 0.01]), np.stack([inputs, inputs]))
         flown = js.fly(tmp_path, aircraft, record, tmp_path / jsbsim_aircraft.PLANET)
-        states = initial_states(vehicle, start, rows, inputs)
+        states = vehicle.initial_states(start, rows, inputs)
         rates, readings = vehicle.kernel().evaluate(rows, states, inputs[:, None])
         turning = np.array([flown[k][0] for k in ("pdot", "qdot", "rdot")])
         ours = rates[[vehicle.states.index(c) for c in "pqr"], 0]
@@ -129,7 +129,7 @@ def vehicle_of(name: str) -> Vehicle:
 def test_accelerations_of_rotors_at_random_states(name: str, tmp_path: Path) -> None:
     vehicle = vehicle_of(name)
     tolerance = 1e-12 if name == "hexacopter.toml" else 2e-5  # JSBSim's standard atmosphere
-    aircraft, rows, random = exported(tmp_path, vehicle), parameter_rows(vehicle), np.random.default_rng(5)
+    aircraft, rows, random = exported(tmp_path, vehicle), vehicle.parameter_rows(), np.random.default_rng(5)
     point = trim(vehicle, None, 200.0)
     lags = [f"{r}.lag" for r in vehicle.file.rotor if f"{r}.lag" in vehicle.states]
     for _ in range(3):
@@ -138,7 +138,7 @@ def test_accelerations_of_rotors_at_random_states(name: str, tmp_path: Path) -> 
         inputs = point.inputs * (1.0 + 0.1 * random.standard_normal(len(point.inputs)))
         record = js.Record(vehicle, start | {"h": 150.0}, np.array([0.0, 0.01]), np.stack([inputs, inputs]))
         flown = js.fly(tmp_path, aircraft, record, tmp_path / jsbsim_aircraft.PLANET)
-        states = initial_states(vehicle, record.start, rows, inputs)
+        states = vehicle.initial_states(record.start, rows, inputs)
         found = vehicle.kernel().evaluate(rows, states, inputs[:, None])[0]
         rates, x = (dict(zip(vehicle.states, y[:, 0], strict=True)) for y in (found, states))
         turning = np.array([flown[k][0] for k in ("pdot", "qdot", "rdot")])

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from scipy.io import loadmat
 
-from stoop.simulation import Trim, initial_states, parameter_rows, trim
+from stoop.simulation import Trim, trim
 from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.vehicle.builtin import builtin_vehicle
 from stoop_analysis.derivatives import ParameterCovariance
@@ -74,8 +74,8 @@ def files(vehicle: Vehicle, point: Trim) -> Any:
 
 
 def check(vehicle: Vehicle, point: Trim, text: str) -> None:
-    rows, random = parameter_rows(vehicle, point.changes), np.random.default_rng(5)
-    steady = initial_states(vehicle, point.start, rows, point.inputs)[:, 0]
+    rows, random = vehicle.parameter_rows(point.changes), np.random.default_rng(5)
+    steady = vehicle.initial_states(point.start, rows, point.inputs)[:, 0]
     for _ in range(3):
         x = steady + 0.05 * random.standard_normal(len(vehicle.states))
         u = point.inputs + 0.05 * random.standard_normal(len(vehicle.inputs))
@@ -102,9 +102,9 @@ def stepped(made: Any, s: np.ndarray, a: np.ndarray, b: np.ndarray, p: np.ndarra
 
 
 def test_the_script_steps_as_the_kernel_does(twin_boom: Vehicle, steady: Trim) -> None:
-    made, rows, h = files(twin_boom, steady), parameter_rows(twin_boom, steady.changes), 0.05
+    made, rows, h = files(twin_boom, steady), twin_boom.parameter_rows(steady.changes), 0.05
     u = steady.inputs + 0.1 * np.random.default_rng(1).standard_normal((3, len(steady.inputs)))
-    begin = initial_states(twin_boom, steady.start, rows, u[0])
+    begin = twin_boom.initial_states(steady.start, rows, u[0])
     readings, s = twin_boom.kernel().trajectories(rows, begin, u, h)[0], begin[:, 0]
     for k in range(2):
         s = stepped(made, s, u[k], u[k + 1], rows[:, 0], h)
@@ -124,7 +124,7 @@ def test_it_flies_with_the_slopes_of_channels_that_spin_rotors_up(twin_boom: Veh
     u, h = np.zeros((4, 2)), 0.01
     u[:, 0] = (990.0, 1010.0, 970.0, 1000.0)
     u[:, 1] = (np.diff(u[:, 0]) / h)[[0, 1, 2, 2]]
-    p, s = parameter_rows(vehicle)[:, 0], initial_states(vehicle, {}, parameter_rows(vehicle), u[0])[:, 0]
+    p, s = vehicle.parameter_rows()[:, 0], vehicle.initial_states({}, vehicle.parameter_rows(), u[0])[:, 0]
     for k in range(3):
         s = stepped(found, s, u[k], np.array([u[k + 1, 0], u[k, 1]]), p, h)
         assert s[vehicle.states.index("r")] == pytest.approx(6e-5 / 0.03 * (u[k + 1, 0] - 990.0), abs=1e-12)
@@ -139,8 +139,8 @@ def test_scripts_name_files_that_are_written(twin_boom: Vehicle, steady: Trim) -
     read = loadmat(io.BytesIO(mat_bytes(found.variables)), simplify_cells=True)
     assert set(re.findall(r"'(x0|u0|p)'", found.texts[f"{found.name}_simulink.m"])) <= set(read)
     assert list(read["state_names"]) == list(twin_boom.states)
-    rows = parameter_rows(twin_boom, steady.changes)
-    states = initial_states(twin_boom, steady.start, rows, steady.inputs)
+    rows = twin_boom.parameter_rows(steady.changes)
+    states = twin_boom.initial_states(steady.start, rows, steady.inputs)
     for name, values in {"p": rows, "x0": states, "u0": steady.inputs}.items():
         assert np.array_equal(np.ravel(read[name]), np.ravel(values)), name
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from stoop.errors import SimulationError, StoopError
-from stoop.simulation import Trim, initial_states, parameter_rows, trim
+from stoop.simulation import Trim, trim
 from stoop.vehicle import Vehicle, load_vehicle, parse_vehicle
 from stoop.vehicle.builtin import builtin_text, builtin_vehicle
 from stoop.vehicle.document import with_entries
@@ -140,8 +140,8 @@ def test_a_draw_flies_in_mujoco_beside_callbacks_of_the_user(square: Vehicle, tm
     flown.command(channels)
     flown.forward()
     point = trim(quad)
-    states = initial_states(quad, point.start, parameter_rows(quad), point.inputs)
-    rates, _ = quad.kernel().evaluate(parameter_rows(quad, changes), states, channels[:, None].copy())
+    states = quad.initial_states(point.start, quad.parameter_rows(), point.inputs)
+    rates, _ = quad.kernel().evaluate(quad.parameter_rows(changes), states, channels[:, None].copy())
     ours = dict(zip(quad.states, rates[:, 0], strict=True))
     assert -flown.data.qacc[2] == pytest.approx(ours["w"], abs=1e-9)
     assert flown.data.qacc[3:] == pytest.approx([ours["p"], -ours["q"], -ours["r"]], abs=1e-9)
@@ -185,8 +185,8 @@ def test_numbers_and_starts_of_a_unit_can_be_set(twin_boom: Vehicle, steady: Tri
     angle = steady.start["theta"] - steady.start["alpha"]
     assert found["north"][-1] == pytest.approx(350.0 * np.cos(angle), rel=1e-3)
     assert abs(found["east"][-1]) < 10.0, "but for a little sideslip"
-    changed = parameter_rows(twin_boom, {**steady.changes, "Cmq": -30.0})
-    states = initial_states(twin_boom, steady.start, changed, steady.inputs)
+    changed = twin_boom.parameter_rows({**steady.changes, "Cmq": -30.0})
+    states = twin_boom.initial_states(steady.start, changed, steady.inputs)
     states[twin_boom.states.index("q")] = 0.1
     ours = twin_boom.kernel().trajectories(changed, states, np.tile(steady.inputs, (201, 1)), 0.01)[0]
     theirs = fmpy.simulate_fmu(str(place), stop_time=2.0, step_size=0.1, output_interval=0.1, output=list(twin_boom.outputs),

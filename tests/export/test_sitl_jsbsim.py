@@ -10,9 +10,9 @@ import pytest
 
 from stoop.base.files import write_files
 from stoop.errors import VehicleError
-from stoop.simulation.initial import rigid_states
 from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.vehicle.builtin import builtin_text, builtin_vehicle
+from stoop.vehicle.channels import rigid_states
 from stoop_export.autopilot_outputs import FULL_DEFLECTION
 from stoop_export.jsbsim_flight import simulator
 from stoop_export.sitl import AutopilotCommands, autopilot_commands

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from stoop.flight.apply_mapping import read_mapped
+from stoop.flight.apply_mapping import Mapped
 from stoop.logs import Recording, Stream
 from stoop_fleet.headers import CLOCKS, Dated, Header, contradictions, header
 
@@ -24,7 +24,7 @@ def test_real_logs_tell_vehicle_firmware_date_and_count(shared_data: Path) -> No
         ("ardupilot-dataflash-sample/test.BIN", "003600293036510331323731", "ArduPlane V3.8.2-dev (8178ab40)",
          datetime(2017, 10, 29, 1, 45, 48, tzinfo=UTC), 23.0),
     ):  # fmt: skip
-        found = header(read_mapped(shared_data / name, None, CLOCKS)[0])
+        found = header(Mapped.read(shared_data / name, None, CLOCKS)[0])
         assert (found.vehicle, found.software, found.count) == (vehicle, software, count)
         assert found.zero == pytest.approx(began.timestamp(), abs=1.0)
 

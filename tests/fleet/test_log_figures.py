@@ -15,7 +15,7 @@ from stoop.errors import FlightError
 from stoop.flight import Flight, from_columns
 from stoop.flight.flight import AirData
 from stoop.flight.gridding import Channels
-from stoop.reconstruction.compatibility import Compatibility, Consistency, Finding, Trace
+from stoop.reconstruction.compatibility import Compatibility, Consistency, InstrumentError, Trace
 from stoop.simulation.fly import simulate_flight
 from stoop.simulation.maneuver import load_maneuver
 from stoop.vehicle import Vehicle
@@ -77,7 +77,7 @@ def test_what_a_flight_cannot_tell_is_absent_with_the_reason() -> None:
     assert absent["hover"].startswith("no commands of motors")
 
 
-ERROR = Finding(0.0, 1.0, 0.0, 1.0, 0.0, 1.0, True, "", "1", "")
+ERROR = InstrumentError(0.0, 1.0, 0.0, 1.0, 0.0, 1.0, True, "", "1", "")
 
 
 def test_the_prior_of_an_instrument_error_is_taken_off(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -87,7 +87,7 @@ def test_the_prior_of_an_instrument_error_is_taken_off(monkeypatch: pytest.Monke
     scale = replace(ERROR, estimate=mean, std_error=error, prior_mean=1.0, prior_std=0.04)
     bias = replace(ERROR, estimate=0.0, std_error=0.03, prior_mean=0.0, prior_std=0.03, unit="rad/s")
     checked = SimpleNamespace(findings={"V.scale": scale, "p.bias": bias}, channels={})
-    monkeypatch.setattr(log_figures, "check", lambda flight: (checked, None))
+    monkeypatch.setattr(log_figures.Compatibility, "of", lambda flight: (checked, None))
     flight = drawn(np.random.default_rng(0))
     (one,) = told("instruments", flight).values()
     assert (one.name, one.parts) == ("V.scale", "pitot")

@@ -11,7 +11,7 @@ import pytest
 from stoop.base.files import write_files
 from stoop.cli.main import main
 from stoop.errors import StoopError
-from stoop.flight.apply_mapping import read_mapped
+from stoop.flight.apply_mapping import Mapped
 from stoop.flight.load import load_flight
 from stoop.vehicle.builtin import load_vehicle
 from stoop_fleet.headers import CLOCKS, header
@@ -88,7 +88,7 @@ def test_the_logs_say_what_flew_and_a_weak_rotor_asks_for_more(tmp_path: Path, c
     assert (old.serial, new.serial) == ("m1-2-1", "m1-2-2")
     shares = {}
     for name, row in truth.iterrows():
-        said = header(read_mapped(folder / f"{name}.ulg", None, CLOCKS)[0])
+        said = header(Mapped.read(folder / f"{name}.ulg", None, CLOCKS)[0])
         assert (said.vehicle, said.software) == (row.vehicle, "1.1" if str(name).endswith("3") else "1.0")
         assert said.zero == pytest.approx(pd.Timestamp(row.time).timestamp(), abs=0.51)
         found = {f.name: f.value for f in islice(rotors(load_flight(folder / f"{name}.ulg"), QUAD), 4)}

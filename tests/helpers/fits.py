@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from stoop import Flight, Options, Vehicle
-from stoop.assessment.error_bars import error_bars
+from stoop.assessment.error_bars import ErrorBars
 from stoop.base.arrays import FloatArray
 from stoop.estimate import methods
 from stoop.estimate.estimate import Estimate
@@ -22,7 +22,7 @@ def fit_by(method: str, vehicle: Vehicle, flights: Any, windows: Any, **options:
 
 
 def deviations(found: Estimate, truth: Mapping[str, float]) -> FloatArray:
-    std = dict(zip(found.estimates, error_bars(found).std.tolist(), strict=False))
+    std = dict(zip(found.estimates, ErrorBars.of(found).std.tolist(), strict=False))
     return np.array([(found.estimates[n] - true) / std[n] for n, true in truth.items()])
 
 

@@ -7,6 +7,7 @@ import pytest
 from helpers.flown import maneuver as lines_of
 from llvmlite import binding as llvm
 
+from stoop.assessment.flown_model import FlownModel, Term
 from stoop.errors import SimulationError
 from stoop.estimate.fit import Options, estimation_problem
 from stoop.problem.windows import Window
@@ -19,7 +20,7 @@ from stoop_plan.input_design.information import Knowledge, Limits, Setup, flight
 from stoop_plan.input_design.inputs import SHAPES, Frame
 from stoop_plan.input_design.optimization import Plan, design, propose, robustness, textbook_maneuver
 from stoop_plan.input_design.sensitivity import sensor_noise
-from stoop_plan.maneuver_advice import FlownModel, Term, advice
+from stoop_plan.maneuver_advice import advice
 from stoop_studies.verify.design import mean_ratio
 
 PLAN = Plan(duration=8.0, rate=50.0, evaluations=40, seed=1)

@@ -6,7 +6,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from stoop.errors import SimulationError
-from stoop.simulation.maneuver import PATTERNS, Maneuver
+from stoop.simulation.maneuver import Maneuver, Steps
 from stoop_plan.input_design.inputs import COUNTED_SHAPES, HANDS_OFF, SHAPES, STEADY, USUAL_SHAPES, Frame
 
 SLEW = dict.fromkeys(("elevator", "rudder"), math.radians(60.0))
@@ -46,8 +46,8 @@ def test_multisines_are_orthogonal_and_square_waves_fill_the_time() -> None:
     assert abs(a @ b) < 1e-9 * np.sqrt((a @ a) * (b @ b))
     family = SHAPES["square"](FRAME)
     for spec in family.inputs(np.random.default_rng(4).uniform(size=family.dimension)):
-        assert spec.start + sum(spec.lengths) == pytest.approx(11.5)
-        assert all(p * q < 0.0 for p, q in zip(spec.levels, spec.levels[1:], strict=False))
+        assert spec["start"] + sum(spec["lengths"]) == pytest.approx(11.5)
+        assert all(p * q < 0.0 for p, q in zip(spec["levels"], spec["levels"][1:], strict=False))
 
 
 def test_shapes_that_the_time_does_not_hold_are_refused() -> None:
@@ -58,7 +58,7 @@ def test_shapes_that_the_time_does_not_hold_are_refused() -> None:
     ):  # fmt: skip
         with pytest.raises(SimulationError, match=says):
             SHAPES[shape](frame).inputs(np.full(x, 0.5))
-    assert SHAPES["3-2-1-1"](counted(1.0, 21.0)).inputs(np.full(4, 0.5))[1].start == 11.0
+    assert SHAPES["3-2-1-1"](counted(1.0, 21.0)).inputs(np.full(4, 0.5))[1]["start"] == 11.0
 
 
 @pytest.mark.parametrize("shape", ["3-2-1-1", "doublet", "square"])
@@ -82,11 +82,11 @@ def counted(beat: float, duration: float = 40.0) -> Frame:
 def test_steps_by_hand_fall_on_the_beat(shape: str, data: st.DataObject, beat: float) -> None:
     family, end = SHAPES[shape](counted(beat)), STEADY - HANDS_OFF
     box = st.lists(st.floats(0.0, 1.0), min_size=family.dimension, max_size=family.dimension)
-    for spec in family.inputs(np.array(data.draw(box))):
+    for spec in map(Steps.model_validate, family.inputs(np.array(data.draw(box)))):
         assert spec.start / beat == pytest.approx(round(spec.start / beat))
         assert spec.step / beat == pytest.approx(max(1, round(spec.step / beat)))
         assert spec.start >= end + HANDS_OFF - 1e-9
-        end = spec.start + sum(PATTERNS[shape]) * spec.step
+        end = spec.start + sum(Steps.PATTERNS[shape]) * spec.step
         stops = 2.0 * math.degrees(abs(spec.amplitude))  # of half degrees
         assert stops == pytest.approx(round(stops))
         assert 0.01 <= abs(spec.amplitude) <= family.frame.amplitude[spec.control]
@@ -104,8 +104,8 @@ def test_sweeps_keep_amplitude_slew_and_band(drawn: list[float]) -> None:
     for control, move in moves.items():
         assert np.abs(move).max() <= frame.amplitude[control]
         assert np.abs(np.diff(move)).max() <= SLEW[control] / 1000.0 * 1.02
-    assert all(6.0 / spec.duration <= spec.low <= spec.band / 2.0 + 1e-9 for spec in specs)
-    assert all(spec.band <= 5.0 + 1e-9 for spec in specs)
+    assert all(6.0 / spec["duration"] <= spec["low"] <= spec["band"] / 2.0 + 1e-9 for spec in specs)
+    assert all(spec["band"] <= 5.0 + 1e-9 for spec in specs)
 
 
 @pytest.mark.parametrize("shape", [*USUAL_SHAPES, "2-1-1"])

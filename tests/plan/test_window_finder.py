@@ -9,8 +9,7 @@ from tune.made_up import quad
 
 from stoop.base.arrays import FloatArray
 from stoop.errors import FlightError
-from stoop.flight import Flight, Maneuver, from_columns
-from stoop.flight.airborne import carried_by_rotors, flying
+from stoop.flight import Flight, FlownManeuver, from_columns
 from stoop.flight.windows import Proposed
 from stoop.simulation.fly import simulate_flight
 from stoop.vehicle import Vehicle, parse_vehicle
@@ -81,7 +80,7 @@ def pulsed() -> tuple[Vehicle, Flight]:
 
 def test_windows_of_pulses(pulsed: tuple[Vehicle, Flight]) -> None:
     vehicle, flight = pulsed
-    assert not carried_by_rotors(flight)
+    assert not flight.carried_by_rotors()
     assert "roll" in [w.axis for w in find_windows({"f": flight}, vehicle).windows]
     assert not [d for d in doubts({"f": flight}, vehicle) if "rotors" in d.code]
 
@@ -90,7 +89,7 @@ def test_motors_are_told_by_gain_and_idle_and_a_pusher_does_not_lift(pulsed: tup
     vehicle, flight = pulsed
     told = with_motors(flight, vehicle)
     assert np.allclose(told.column("motor_3"), 0.001 * (flight.column("pwm_3") - 1000.0))
-    assert flying(told).all()
+    assert told.flying().all()
     for one, by in ((flight, None), (flight, builtin_vehicle("twin-boom")), (told, vehicle)):
         assert with_motors(one, by) is one
     tried, bare = (stretches._candidates(told, by, Excitation.of(told)) for by in (vehicle, None))
@@ -103,7 +102,7 @@ def test_motors_are_told_by_gain_and_idle_and_a_pusher_does_not_lift(pulsed: tup
 
 
 def at(start: float, seconds: float = 8.0, axis: str = "") -> Candidate:
-    found = Maneuver(axis, "u", start, start + seconds, 1.0, 2, 9.0, 1.0) if axis else None  # type: ignore[arg-type]
+    found = FlownManeuver(axis, "u", start, start + seconds, 1.0, 2, 9.0, 1.0) if axis else None  # type: ignore[arg-type]
     return Candidate("f", start, start + seconds, found)
 
 

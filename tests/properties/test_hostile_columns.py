@@ -9,7 +9,7 @@ from helpers.made_logs import CLOCK, lines_of
 
 from stoop.base.arrays import FloatArray
 from stoop.errors import StoopError
-from stoop.flight import describe, load_flight, without_faults
+from stoop.flight import describe, load_flight
 from stoop_plan.input_design.windows import find_windows
 
 HOSTILE = (0.0, 1.0, -1.0, 5e-324, 1e-9, 1e9, 1e154, -1e308, np.inf, -np.inf, np.nan)
@@ -57,4 +57,4 @@ def test_hostile_numbers_end_well(seeds: range, tmp_path: Path) -> None:
         with contextlib.suppress(StoopError):
             flight = load_flight(path)
             describe(flight)
-            find_windows({"flight": without_faults(flight)})
+            find_windows({"flight": flight.without_faults()})

@@ -18,7 +18,7 @@ from stoop.base.html import table
 from stoop.base.robust import white_noise
 from stoop.estimate.filter_gains import Gains
 from stoop.estimate.filter_likelihood import Innovations
-from stoop.flight.faults import Fault, without_faulty
+from stoop.flight.faults import Fault
 from stoop.flight.flight import from_columns
 from stoop.logs.blackbox_units import Settings, physical
 from stoop.logs.netcdf import _unpacked
@@ -28,14 +28,14 @@ from stoop.problem.windows import spans
 from stoop.reconstruction.compatibility import corrected_flight
 from stoop.report.charts import correlation_map
 from stoop.report.sheet import mathml
-from stoop.simulation import loads, parameter_rows, trajectories
 from stoop.simulation.linearize import LinearModel
-from stoop.simulation.rotors import channel_range, effects
+from stoop.simulation.trim import Trim
 from stoop.strategy.extensions import Trial
 from stoop.vehicle import parse_vehicle
 from stoop.vehicle.builtin import load_vehicle
 from stoop.vehicle.symbolic import forces, frames
 from stoop.workflow import outputs
+from stoop_analysis.frequency import with_inputs
 from stoop_analysis.performance.polar import Polar
 from stoop_analysis.propagation.wing_figures import full_deflection
 from stoop_app.columns import edited, rows_of
@@ -181,8 +181,7 @@ def test_the_best_glide_is_the_largest_ratio_of_a_polar() -> None:
 def test_a_multisine_begins_and_ends_at_zero() -> None:
     family = SHAPES["multisine"](Frame({"elevator": 0.05, "rudder": 0.02}, {}, 12.0, 2.0, 0.1))
     for one in family.inputs(np.random.default_rng(3).uniform(size=family.dimension)):
-        spec: Any = one
-        assert np.array(spec.amplitudes) @ np.sin(spec.phases) == pytest.approx(0.0, abs=1e-9)
+        assert np.array(one["amplitudes"]) @ np.sin(one["phases"]) == pytest.approx(0.0, abs=1e-9)
 
 
 def test_calibrated_readings_are_the_truth() -> None:
@@ -207,7 +206,7 @@ def test_jsbsim_has_the_density_of_the_standard_atmosphere() -> None:
     (factor,) = (float(one.text or "") for one in jsbsim_model.air_density(standard).iter("value"))
     assert 0.0023768924 * factor == pytest.approx(1.225, rel=1e-4)
     high: Any = SimpleNamespace(start={"h": 2000.0})  # ISA: 1.00649 kg/m3 at a geometric altitude of 2000 m
-    assert loads.air_density(standard, high) == pytest.approx(1.00655, rel=1e-4)
+    assert Trim.density(high, standard) == pytest.approx(1.00655, rel=1e-4)
 
 
 def test_a_phase_margin_is_the_least_turn_to_either_side() -> None:
@@ -244,7 +243,7 @@ def test_a_gust_has_the_intensity_of_its_axis_and_begins_as_it_goes_on() -> None
         columns = []
         for unit in np.eye(len(own)):
             rng: Any = SimpleNamespace(standard_normal=lambda n, e=unit: e if n == len(e) else np.zeros(n))
-            start = trajectories.gust_start(vehicle, rng)
+            start = vehicle.gust_start(rng)
             columns.append([start[s] for s in frames.GUST_STATES[axis]])
         root = np.array(columns).T
         np.testing.assert_allclose(root @ root.T, P[np.ix_(own, own)], rtol=1e-9)
@@ -295,17 +294,17 @@ def test_full_deflection_is_counted_from_the_center_of_the_channel() -> None:
         "\n[controls.aileron]\n[controls.rudder]\n[controls.elevator]\nmix = { servo_1 = 0.4, pwm_2 = -0.001 }\n"
         "center = { servo_1 = 0.1, pwm_2 = 1550.0 }\n"
     )
-    found: Any = full_deflection(vehicle, parameter_rows(vehicle), "elevator")
+    found: Any = full_deflection(vehicle, vehicle.parameter_rows(), "elevator")
     assert found[0] == pytest.approx(0.4 * 0.9 + 0.001 * 450.0)
 
 
 def test_a_rotor_that_turns_the_other_way_yaws_the_other_way() -> None:
     vehicle = load_vehicle("quad-x")
-    area, inputs = channel_range(vehicle), np.zeros(len(vehicle.inputs))
+    area, inputs = vehicle.rotor_range, np.zeros(len(vehicle.inputs))
     inputs[area.columns] = 0.6
-    moments = effects(vehicle, {}, inputs, {})[:3]
-    torque = moments - effects(vehicle, {}, inputs, {"rotors.torque_ratio": 0.0})[:3]
-    edits = rotor_edits(vehicle, torque, area)
+    moments = vehicle.rotor_effects({}, inputs, {})[:3]
+    torque = moments - vehicle.rotor_effects({}, inputs, {"rotors.torque_ratio": 0.0})[:3]
+    edits = rotor_edits(vehicle, torque, area.names)
     turned = {one.lines[0]: one.apply(moments) for one in edits if one.kind == "spin"}
     for k, rotor in enumerate(vehicle.file.rotor):
         expected = moments * np.where(np.arange(len(area.names)) == k, [[1.0], [1.0], [-1.0]], 1.0)
@@ -364,7 +363,7 @@ def test_mixed_inputs_come_as_late_as_the_channels_that_are_mixed() -> None:
         ("p",), ("flap", "motor_1", "motor_2"), ("p",), np.eye(1), np.array([[1.0, 2.0, 3.0]]), np.eye(1),
         np.zeros((1, 3)), (), np.array([0.1, 0.02, 0.02]), np.zeros(1),
     )  # fmt: skip
-    mixed = model.with_inputs(("roll",), ("motor_1", "motor_2"), np.array([[1.0], [-1.0]]))
+    mixed = with_inputs(model, ("roll",), ("motor_1", "motor_2"), np.array([[1.0], [-1.0]]))
     assert mixed.inputs == ("flap", "roll")
     np.testing.assert_array_equal(mixed.B, [[1.0, -1.0]])
     np.testing.assert_array_equal(mixed.input_delays, [0.1, 0.02])
@@ -413,7 +412,7 @@ def test_readings_at_a_lower_limit_are_lost_and_others_are_not() -> None:
     time, said = np.arange(6.0), SimpleNamespace(subject="q")
     x = np.array([-0.5, 0.3, -0.499, 0.2, -0.1, -0.5])
     fault: Any = Fault("clipped", "q", -0.5, 0.0, 5.0, said)  # type: ignore[arg-type]
-    np.testing.assert_array_equal(np.isnan(without_faulty(time, x, [fault])), x < -0.4)
+    np.testing.assert_array_equal(np.isnan(Fault.removed(time, x, [fault])), x < -0.4)
 
 
 def test_the_drag_of_a_draft_is_a_polar() -> None:

@@ -20,18 +20,16 @@ from stoop.base.units import FOOT, POUND_FORCE
 from stoop.estimate.regression.least_squares import Priors, Rows, solve
 from stoop.flight.flight import from_columns
 from stoop.flight.instrument_errors import RATES_DELAY, InstrumentError
-from stoop.flight.maneuvers import find_maneuvers
 from stoop.optimize.levenberg_marquardt import NielsenDamping
 from stoop.parallel import Plan, Run, execute
 from stoop.parallel.loop import Tally
 from stoop.parallel.store import open_store
 from stoop.problem.misfit import Piece as Flown
-from stoop.problem.prepare import Prepared, with_average_voltage, without_stuck_channels
+from stoop.problem.prepare import Prepared, with_average_voltage
 from stoop.reconstruction.kinematics import OUTPUTS
 from stoop.reconstruction.problem import START, Piece, Problem
 from stoop.report import charts, estimates
 from stoop.results.result import ParameterEstimate
-from stoop.simulation import initial_states, parameter_rows
 from stoop.vehicle import parse_vehicle
 from stoop.vehicle.builtin import load_vehicle
 from stoop_draft.vehicle_draft.autopilot import read_setup
@@ -76,9 +74,9 @@ def test_one_of_forty_levels_lies_three_deviations_off_by_chance() -> None:
 
 def test_a_cost_knows_no_turns_of_the_heading() -> None:
     vehicle = load_vehicle("twin-boom")
-    rows, inputs = parameter_rows(vehicle), np.zeros((30, len(vehicle.inputs)))
+    rows, inputs = vehicle.parameter_rows(), np.zeros((30, len(vehicle.inputs)))
     start = {"V": 35.0, "psi": math.pi - 0.01, "r": 0.3, "h": 100.0}
-    states = initial_states(vehicle, start, rows, inputs[0])
+    states = vehicle.initial_states(start, rows, inputs[0])
     outputs = vehicle.kernel().trajectories(rows, states, inputs, 0.01)[0]
     turned = outputs + 0.1 + np.array([2.0 * np.pi * (c in ("phi", "psi")) for c in vehicle.outputs])
     for z in (outputs + 0.1, turned, turned - 4.0 * (turned - outputs - 0.1) / 2.0):
@@ -164,7 +162,7 @@ def test_a_heading_about_south_is_not_stuck() -> None:
     psi = vehicle.outputs.index("psi")
     noise[:, psi] = np.mod(noise[:, psi] + 2.0 * np.pi, 2.0 * np.pi) - np.pi
     prepared = Prepared((), (Flown(0, 0.01 * np.arange(n), np.zeros((n, len(vehicle.inputs))), noise, {}),))
-    assert without_stuck_channels(vehicle, prepared) is prepared
+    assert prepared.without_stuck_channels(vehicle) is prepared
 
 
 def test_errors_of_a_regression_are_those_of_the_textbook() -> None:
@@ -266,7 +264,7 @@ def test_a_maneuver_has_half_a_second_before_it_and_a_second_after() -> None:
     elevator = np.where(inside, np.where(time < 21.0, 0.1, -0.1), 0.0)
     still = dict.fromkeys("pqr", np.zeros(time.size))
     flight = from_columns("f", time, {"V": np.full(time.size, 25.0), "elevator": elevator, **still})
-    (found,) = find_maneuvers(flight)
+    (found,) = flight.find_maneuvers()
     assert found.start == pytest.approx(20.0 - 0.5, abs=0.11)
     assert found.stop == pytest.approx(22.0 + 1.0, abs=0.11)
 

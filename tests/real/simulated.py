@@ -8,11 +8,9 @@ import numpy as np
 from stoop.base.arrays import FloatArray
 from stoop.base.rotations import quaternions_of
 from stoop.base.variables import EULER, RATES, SPECIFIC_FORCE, VELOCITY
-from stoop.simulation import parameter_rows, trajectories, trim
-from stoop.simulation.initial import initial_states
+from stoop.simulation import trim
 from stoop.simulation.maneuver import Maneuver
-from stoop.simulation.trim import inputs_about
-from stoop.vehicle import Vehicle, parse_vehicle
+from stoop.vehicle import Vehicle, parse_vehicle, trajectories
 from stoop_plan.log_bytes import Topic, ulog, ulog_dropout
 
 EXAMPLE: Final = Path(__file__).parents[2] / "examples" / "vtail.toml"
@@ -49,8 +47,8 @@ def flown(truth: Vehicle, seed: int = 1) -> dict[str, FloatArray]:
     ]  # fmt: skip
     maneuver = Maneuver.model_validate({"duration": AIRBORNE, "rate": RATE, "input": inputs})
     count, point = len(maneuver.time), trim(vehicle, None, 250.0)
-    commands = inputs_about(vehicle, point, maneuver.deflections(), count)
-    rows = parameter_rows(vehicle, point.changes)
+    commands = point.inputs_about(vehicle, maneuver.deflections(), count)
+    rows = vehicle.parameter_rows(point.changes)
     gains = np.zeros((len(vehicle.inputs), len(vehicle.outputs)))
     for control, law in LAW.items():
         for channel, gain in law.items():
@@ -59,16 +57,18 @@ def flown(truth: Vehicle, seed: int = 1) -> dict[str, FloatArray]:
     errors = np.array([NOISE.get(c, 0.1) for c in vehicle.outputs]) * rng.standard_normal((count, len(level)))
     gusts = trajectories.gust_noise(vehicle, count, dt, rng)
     states = np.empty((count, len(vehicle.states)))
-    begin = {**point.start, **trajectories.gust_start(vehicle, rng)}
-    states[0] = initial_states(vehicle, begin, rows, commands[0])[:, 0]
+    begin = {**point.start, **vehicle.gust_start(rng)}
+    states[0] = vehicle.initial_states(begin, rows, commands[0])[:, 0]
     for k in range(count - 1):
-        read = trajectories.readings_along(vehicle, rows, states[k : k + 1], commands[k : k + 1])[0]
+        read = vehicle.readings_along(rows, states[k : k + 1], commands[k : k + 1])[0]
         commands[k + 1] += gains @ (read + errors[k] - level)
         noise = gusts[trajectories.FINER * k : trajectories.FINER * (k + 1) + 1]
-        states[k + 1] = trajectories.next_state(vehicle, rows, states[k], commands[k : k + 2], noise, dt)
-    readings = trajectories.readings_along(vehicle, rows, states, commands)
+        states[k + 1] = vehicle.next_states(
+            rows, states[k][:, None], commands[k : k + 2][:, :, None], [noise], dt
+        )[:, 0]
+    readings = vehicle.readings_along(rows, states, commands)
     columns = dict(zip(vehicle.outputs, readings.T, strict=True))
-    over_ground = trajectories.over_ground(vehicle, point, states) + np.array([*WIND, 0.0])
+    over_ground = point.over_ground(vehicle, states) + np.array([*WIND, 0.0])
     columns |= dict(zip(VELOCITY, over_ground.T, strict=True))
     columns |= {c: commands[:, i] for i, c in enumerate(vehicle.recorded)}
     return columns | {"altitude": states[:, vehicle.states.index("h")]}

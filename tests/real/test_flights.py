@@ -9,11 +9,11 @@ from real import simulated
 
 from stoop.errors import FlightError
 from stoop.estimate.fit import Options
-from stoop.flight import OUTPUTS, Flight, find_maneuvers, load_flight, segments, without_faults
+from stoop.flight import OUTPUTS, Flight, load_flight, segments
 from stoop.flight.faults import Fault
 from stoop.flight.flight import AirData
 from stoop.logs import read
-from stoop.reconstruction.compatibility import Compatibility, check, corrected_flight
+from stoop.reconstruction.compatibility import Compatibility, corrected_flight
 from stoop.vehicle import load_vehicle
 from stoop.vehicle.load import parse_vehicle
 from stoop.workflow import fit
@@ -160,7 +160,7 @@ def test_signs_and_faults_of_the_v_tail(vtail_flight: Flight) -> None:
         found = check_mapping({}, columns, vtail_flight.rate, {}).notices
         assert [one.code for one in found] == codes
     fault = Fault("stuck", "r", 0.0, 150.0, 152.0, "r stands still")
-    blanked = without_faults(dataclasses.replace(vtail_flight, faults=(*vtail_flight.faults, fault)))
+    blanked = dataclasses.replace(vtail_flight, faults=(*vtail_flight.faults, fault)).without_faults()
     inside = (vtail_flight.time >= 150.0) & (vtail_flight.time <= 152.0)
     assert np.isnan(blanked.column("r")[inside]).all()
     assert np.array_equal(blanked.column("r")[~inside], data["r"][~inside], equal_nan=True)
@@ -201,7 +201,7 @@ def check_windows(flight: Flight, flown: tuple[tuple[float, float], ...]) -> Non
 
 def check_kinematics(flight: Flight, spans: list[tuple[float, float]], folder: Path) -> Compatibility:
     """Check the pitot, the wind and the navigation by kinematics alone, and a turned sign; the corrected flight is read again."""
-    result, found = check(flight, spans)
+    result, found = Compatibility.of(flight, spans)
     corrected = corrected_flight(found)
     air = air_of(flight)
     for axis, whole in (("n", air.wind_n), ("e", air.wind_e)):
@@ -218,7 +218,7 @@ def check_kinematics(flight: Flight, spans: list[tuple[float, float]], folder: P
         assert np.array_equal(again.column(name), corrected.column(name), equal_nan=True)
     assert "<h1>Data compatibility" in (folder / "compatibility.html").read_text()
     wrong = flight.data.assign(q=("time", -flight.column("q")))
-    turned, _ = check(dataclasses.replace(flight, data=wrong), spans[:1])
+    turned, _ = Compatibility.of(dataclasses.replace(flight, data=wrong), spans[:1])
     assert "attitude-inconsistent" in codes(turned)
     return result
 
@@ -250,7 +250,7 @@ def test_pitot_and_wind_of_the_v_tail(vtail_flight: Flight) -> None:
     """Its pitot reads -3 m/s at rest and 5 to 6 m/s low in flight (SOURCE.md)."""
     check_pitot_and_wind(vtail_flight, (5.0, 6.0), (-1.2, -3.2))
     assert abs(air_of(vtail_flight).velocity_delay) < 0.005
-    found = [(m.axis, round(m.start), round(m.stop)) for m in find_maneuvers(vtail_flight)]
+    found = [(m.axis, round(m.start), round(m.stop)) for m in vtail_flight.find_maneuvers()]
     small = ("pitch", 160, 162)  # a quarter of the size of the other one
     assert found == [("roll", 140, 146), ("pitch", 146, 152), small, ("yaw", 162, 169), ("roll", 188, 195)]
     flown = ((140.5, 145.0), (146.0, 151.5), (161.6, 168.3), (188.1, 195.1))  # docs/vtail.md

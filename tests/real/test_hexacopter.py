@@ -12,7 +12,7 @@ import pytest
 
 from stoop import optimize
 from stoop.flight import Flight, load_flight
-from stoop.problem.windows import parse_window, whole
+from stoop.problem.windows import Window
 from stoop.strategy.run import choose_method
 from stoop.vehicle import load_vehicle
 from stoop_draft.checks.motors import check_motors
@@ -68,8 +68,8 @@ def test_its_motors_are_not_accused(flight: Flight) -> None:
     """Hover and climbs without maneuvers, commands logged at 43 Hz: they explain a third of the motion at most."""
     flights = {flight.name: flight}
     for window in ("140:214", "214:260", "140:260"):
-        assert check_motors(VEHICLE, flight, [parse_window(window, flights)]) == []
-    assert check_motors(VEHICLE, flight, whole(flights)) == []
+        assert check_motors(VEHICLE, flight, [Window.parse(window, flights)]) == []
+    assert check_motors(VEHICLE, flight, Window.whole(flights)) == []
 
 
 def records(name: str) -> list[dict[str, str]]:

@@ -9,7 +9,7 @@ from helpers.fits import deviations
 from helpers.fits import fit_by as by_name
 
 from stoop import Options, Vehicle, simulate_flight, trim
-from stoop.assessment.error_bars import error_bars
+from stoop.assessment.error_bars import ErrorBars
 from stoop.assessment.extensions import extension_tests
 from stoop.base.units import KNOT
 from stoop.estimate import filter_error
@@ -18,17 +18,17 @@ from stoop.estimate.gusts import MIN_BIAS, exceed_sensors, gust_biases, gust_lev
 from stoop.estimate.instability import PREDICTED_GROWTH, growth, growth_at_start
 from stoop.flight import load_flight
 from stoop.flight.flight import from_columns
-from stoop.problem.prepare import prepare
+from stoop.problem.prepare import Prepared
 from stoop.problem.windows import Window
 from stoop.results.extensions import ExtensionTests
-from stoop.simulation import parameter_rows
 from stoop.simulation.linearize import linear_models
-from stoop.strategy.run import FIT_ALONE, choose_method
+from stoop.strategy.run import choose_method
 from stoop.strategy.run import fit as fit_by
 from stoop.vehicle import parse_vehicle
 from stoop.vehicle.document import with_entries
 from stoop.vehicle.extensions import extended
 from stoop_plan.flight_logs import save_flight_as
+from stoop_plan.input_design.quick_fit import FIT_ALONE
 from stoop_studies.verify import closed_loop, feedback, scenes
 from stoop_studies.verify.defects import fixed_wing, wing_maneuvers
 from stoop_studies.verify.scenes import ALTITUDE, Scene
@@ -56,8 +56,8 @@ def test_growth_is_that_of_the_exact_linear_model(scene: Scene) -> None:
     known = {n: {"value": v} for n, v in scene.truth.items() if n in scene.start.rows}
     true = scene.start.with_numbers(known)
     A = linear_models(true, trim(true, None, ALTITUDE).lanes(true))[1][0]
-    piece = prepare(true, scene.flights, WINDOW).pieces[0]
-    at = growth(true, piece, parameter_rows(true, piece.changes))
+    piece = Prepared.of(true, scene.flights, WINDOW).pieces[0]
+    at = growth(true, piece, true.parameter_rows(piece.changes))
     assert at.rate == pytest.approx(float(np.linalg.eigvals(A).real.max()), rel=0.1)
     assert at.factor == pytest.approx(np.exp(10.0 * at.rate), rel=0.05)
     assert np.exp(at.rate * at.horizon) == pytest.approx(PREDICTED_GROWTH)
@@ -195,7 +195,7 @@ def lacking_in_gusts(truth: Vehicle) -> ExtensionTests:
     flights = {n: simulate_flight(truth, flown[n], seed=int(rng.integers(2**31)), name=n) for n in names}
     windows = [Window(n, 0.0, scenes.DURATION) for n in names]
     done = filter_error.steady(scenes.turbulent_aircraft(), flights, windows, Options(seed=1))
-    return extension_tests(done, error_bars(done))
+    return extension_tests(done, ErrorBars.of(done))
 
 
 def test_lag_is_named_in_gusts_and_a_right_aircraft_lacks_nothing() -> None:

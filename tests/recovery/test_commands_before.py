@@ -12,9 +12,8 @@ from stoop.base.variables import EULER, RATES
 from stoop.problem.archive import problem_arrays, problem_document, restored_problem
 from stoop.problem.misfit import HISTORY, Misfit, Piece
 from stoop.problem.observation import at_center_of_gravity
-from stoop.problem.prepare import prepare
+from stoop.problem.prepare import Prepared
 from stoop.problem.windows import Window
-from stoop.simulation import parameter_rows
 from stoop.simulation.maneuver import parse_maneuver
 from stoop.vehicle import parse_vehicle
 from stoop.vehicle.document import with_entries
@@ -50,11 +49,11 @@ def begun(flight: Flight) -> float:
 
 
 def pieces(vehicle: Vehicle, flight: Flight, start: float) -> tuple[Piece, ...]:
-    return prepare(vehicle, {flight.name: flight}, [Window(flight.name, start, scenes.DURATION)]).pieces
+    return Prepared.of(vehicle, {flight.name: flight}, [Window(flight.name, start, scenes.DURATION)]).pieces
 
 
 def test_a_window_receives_what_the_whole_record_does(vehicle: Vehicle, flight: Flight) -> None:
-    rows = parameter_rows(vehicle)
+    rows = vehicle.parameter_rows()
     (whole,), (late,) = pieces(vehicle, flight, 0.0), pieces(vehicle, flight, begun(flight))
     first = len(whole.time) - len(late.time)
     expected = whole.received(vehicle, rows)[first:]

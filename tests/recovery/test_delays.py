@@ -8,21 +8,21 @@ import pytest
 from core.strategy import test_strategy as short
 from core.strategy.test_strategy import known
 
-from stoop.assessment.error_bars import error_bars
+from stoop.assessment.error_bars import ErrorBars
 from stoop.base.rotations import quaternions_of, to_body
 from stoop.base.units import STANDARD_GRAVITY
 from stoop.base.variables import EULER, SPECIFIC_FORCE, VELOCITY
 from stoop.errors import IdentificationError
 from stoop.estimate.estimate import Estimate
-from stoop.estimate.fit import Options
+from stoop.estimate.fit import Options, estimation_problem
 from stoop.estimate.regression.command_delay import LONGEST, Scan, scan_delays
 from stoop.flight import Flight
 from stoop.flight.flight import from_columns
-from stoop.problem.prepare import prepare
+from stoop.problem.prepare import Prepared
 from stoop.problem.windows import Window
-from stoop.reconstruction.compatibility import check
+from stoop.reconstruction.compatibility import Compatibility
 from stoop.results.extensions import ExtensionTest, ExtensionTests
-from stoop.strategy import Strategy, sensor_delays
+from stoop.strategy import Strategy, decision, sensor_delays
 from stoop.strategy.assumptions import with_found_delays
 from stoop.strategy.decision import Fitted, Setup, estimate
 from stoop.strategy.run import setup_of
@@ -52,7 +52,7 @@ def commanded_early(flight: Flight, seconds: float) -> Flight:
 
 def scanned(flights: list[Flight]) -> Scan | None:
     vehicle = scenes.aircraft()
-    pieces = prepare(vehicle, {one.name: one for one in flights}, WINDOWS).pieces
+    pieces = Prepared.of(vehicle, {one.name: one for one in flights}, WINDOWS).pieces
     return scan_delays(vehicle, pieces, [vehicle.inputs.index(c) for c in CONTROLS])
 
 
@@ -113,7 +113,7 @@ def test_a_drafted_prior_of_a_delay_is_moved() -> None:
     flights = [commanded_early(one, 0.4) for one in flown()]
     done = search(drafted, flights, [str(w) for w in WINDOWS], options=Options(seed=1))
     names = [p.name for p in done.estimate.problem.layout.parameters]
-    std = error_bars(done.estimate).std[names.index(NUMBER)]
+    std = ErrorBars.of(done.estimate).std[names.index(NUMBER)]
     assert std < 0.005
     assert abs(done.estimate.estimates[NUMBER] - 0.4) < 4.0 * std
     assert [n.code for n in done.estimate.notices].count("command-delay-found") == 1
@@ -174,15 +174,15 @@ def asks_for_a_delay(monkeypatch: pytest.MonkeyPatch) -> list[tuple[float, float
     late = next(one for one in catalogue(known()) if one.readings)
     test = ExtensionTest(late.name, "delay", 0.02, 0.001, "s", 20.0, 1e-9, 200.0, "x", 0.02)
     asked, compared = [ExtensionTests(10, 0.05, (test,))], list[tuple[float, float]]()
-    bars = cache(lambda: error_bars(calm().estimate))
+    bars = cache(lambda: ErrorBars.of(calm().estimate))
 
     def rise(before: Estimate, after: Estimate) -> float:
         compared.append((before.cost, after.cost))
         return before.cost - after.cost
 
     for name, one in {
-        "test": lambda found, left_out: (sensor_delays.Tested(bars(), asked.pop() if asked else ExtensionTests()), False),
-        "penalized_rise": rise, "log_likelihood_rise": lambda *fits: (rise(*fits), 1.0), "_notices": lambda *args: [],
+        "test": lambda found, left_out: (decision.Tested(bars(), asked.pop() if asked else ExtensionTests()), False),
+        "penalized_rise": rise, "log_likelihood_rise": lambda *fits: (rise(*fits), 1.0),
     }.items():  # fmt: skip
         monkeypatch.setattr(sensor_delays, name, one)
     return compared
@@ -198,7 +198,10 @@ def test_likelihoods_of_two_methods_are_not_compared(asks_for_a_delay: list, gai
         by_filter = setup.options.method == "filter-error" and not free
         cost = 1000.0 if by_filter else 20.0 - gain * free
         done = setup if by_filter else setup.by("output-error")
-        return stopped(replace(calm(), setup=done, estimate=replace(calm().estimate, cost=cost)), "converged")
+        problem = estimation_problem(setup.vehicle, setup.flights, setup.fitted, done.options)[0]
+        z = np.append(calm().estimate.z, np.zeros(int(free)))
+        found = replace(calm().estimate, cost=cost, problem=problem, z=z)
+        return stopped(replace(calm(), setup=done, estimate=found), "converged")
 
     found = sensor_delays.free_delays(filtered, fit)
     assert asks_for_a_delay[0] == (20.0, 20.0 - gain)
@@ -261,7 +264,7 @@ def test_a_fit_with_a_delay_that_does_not_end_leaves_the_other(asks_for_a_delay:
 @pytest.fixture(scope="module")
 def checked() -> tuple[object, object]:
     flight, delays = late_sensors(1)
-    return check(flight)[0], delays
+    return Compatibility.of(flight)[0], delays
 
 
 def test_delays_wind_and_vanes_come_back(checked: tuple[object, object]) -> None:

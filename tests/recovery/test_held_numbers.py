@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from stoop.assessment.components import held_mass_properties
-from stoop.assessment.error_bars import error_bars
+from stoop.assessment.error_bars import ErrorBars
 from stoop.estimate.estimate import Estimate
 from stoop.estimate.fit import Options
 from stoop.flight import Flight
@@ -50,7 +50,7 @@ def done(vehicle: Vehicle, strategy: Strategy = HOLD, name: str = "pitch") -> Fi
 
 
 def std(estimate: Estimate, name: str) -> float:
-    return float(error_bars(estimate).std[[p.name for p in estimate.problem.layout.parameters].index(name)])
+    return float(ErrorBars.of(estimate).std[[p.name for p in estimate.problem.layout.parameters].index(name)])
 
 
 @pytest.mark.parametrize("prior", [None, 8.0])

@@ -13,7 +13,7 @@ from helpers.flown import maneuver
 from scipy.integrate import DOP853
 
 from stoop.kernels import Kernel
-from stoop.simulation import initial_states, parameter_rows, trim
+from stoop.simulation import trim
 from stoop.simulation.fly import fly
 from stoop.simulation.maneuver import Maneuver
 from stoop.vehicle.builtin import builtin_vehicle
@@ -40,8 +40,8 @@ def exact(kernel: Kernel, rows: np.ndarray, x: np.ndarray, u: np.ndarray, corner
 def test_outputs_at_100_hz() -> None:
     twin_boom = builtin_vehicle("twin-boom")
     flown, point = fly(twin_boom, PAPER), trim(twin_boom)
-    rows = parameter_rows(twin_boom, point.changes)
-    start = initial_states(twin_boom, point.start, rows, flown.inputs[0])
+    rows = twin_boom.parameter_rows(point.changes)
+    start = twin_boom.initial_states(point.start, rows, flown.inputs[0])
     expected = exact(twin_boom.kernel(), rows, start[:, 0], flown.inputs, 0.01)
     error = np.abs(flown.outputs - expected).max(axis=0) / np.abs(expected).max(axis=0)
     assert error.max() < 1e-6, dict(zip(twin_boom.outputs, error, strict=True))
@@ -54,8 +54,8 @@ def test_order_four() -> None:
     u = np.repeat(point.inputs[None, :], corners, axis=0)
     for i, (name, size) in enumerate((("elevator", 0.03), ("aileron", 0.03), ("rudder", 0.05))):
         u[:, twin_boom.inputs.index(name)] += size * (np.sin(2.5 * t + i) + np.sin(4.1 * t))
-    rows = parameter_rows(twin_boom, point.changes)
-    start = initial_states(twin_boom, point.start, rows, u[0])
+    rows = twin_boom.parameter_rows(point.changes)
+    start = twin_boom.initial_states(point.start, rows, u[0])
     kernel, errors = twin_boom.kernel(), []
     expected = exact(kernel, rows, start[:, 0], u, coarse)
     for parts in (1, 2, 4, 8):

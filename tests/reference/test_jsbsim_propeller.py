@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from stoop.base.arrays import FloatArray
-from stoop.simulation import initial_states, parameter_rows
 from stoop.vehicle import parse_vehicle
 
 INCH, FOOT, POUND = 0.0254, 0.3048, 4.4482216152605
@@ -45,15 +44,15 @@ def flown() -> FloatArray:
 def test_gyroscopic_moments() -> None:
     """Those about y and z, sign included; JSBSim adds the reaction to the propeller's torque about x."""
     vehicle, record = parse_vehicle(VEHICLE, "light.toml"), flown()
-    rows, theirs = parameter_rows(vehicle), record[:, 5:]
-    still = parameter_rows(vehicle, {"propulsion.inertia": 0.0})
+    rows, theirs = vehicle.parameter_rows(), record[:, 5:]
+    still = vehicle.parameter_rows({"propulsion.inertia": 0.0})
     xx, yy, zz, xz = (vehicle.value(f"mass.inertia.{axes}") for axes in ("xx", "yy", "zz", "xz"))
     inertia = np.array([[xx, 0.0, -xz], [0.0, yy, 0.0], [-xz, 0.0, zz]])
     rates = [vehicle.states.index(a) for a in "pqr"]
     ours = []
     for speed, p, q, r, *_ in record:
         inputs = np.array([[speed if name == "rotor_1" else 0.0] for name in vehicle.inputs])
-        start = initial_states(vehicle, {"V": 30.0, "h": 900.0, "p": p, "q": q, "r": r}, rows, inputs[:, 0])
+        start = vehicle.initial_states({"V": 30.0, "h": 900.0, "p": p, "q": q, "r": r}, rows, inputs[:, 0])
         turning = [vehicle.kernel().evaluate(n, start, inputs)[0][rates, 0] for n in (rows, still)]
         ours.append(inertia @ (turning[0] - turning[1]))
     assert np.abs(theirs).max(axis=0).min() > 10.0, "both moments count"

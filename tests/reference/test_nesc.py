@@ -13,7 +13,6 @@ import pytest
 
 from stoop.base.atmosphere import standard_density
 from stoop.base.units import DEGREE, FOOT, POUND_FORCE, SLUG
-from stoop.simulation import initial_states, parameter_rows
 from stoop.vehicle import Vehicle, parse_vehicle
 
 EARTH_RATE = 7.292115e-5  #: rad/s, WGS 84
@@ -72,9 +71,9 @@ def flown(vehicle: Vehicle, data: Record, start: Numbers, changes: Numbers, part
     t = data["time"]
     fine = np.linspace(t[0], t[-1], (len(t) - 1) * parts + 1)
     density = np.interp(fine, t, data["airDensity_slug_ft3"] * DENSITY)[:, None]
-    rows = parameter_rows(vehicle, changes)
+    rows = vehicle.parameter_rows(changes)
     # a body at rest in the air has no direction of flow: begin with a micrometre per second, downwards
-    x = initial_states(vehicle, {"V": 1e-6, "alpha": np.pi / 2, "h": TOP} | start, rows, density[0])
+    x = vehicle.initial_states({"V": 1e-6, "alpha": np.pi / 2, "h": TOP} | start, rows, density[0])
     return vehicle.kernel().trajectories(rows, x, density, (t[1] - t[0]) / parts)[0, ::parts]
 
 
@@ -106,9 +105,9 @@ def test_03_moments_at_the_recorded_states(shared_data: Path) -> None:
     n = len(data["time"]) - 1  # at the first sample there is no airspeed
     p, q, r = rates(data)[1:].T * DEGREE
     u = (data["airDensity_slug_ft3"] * DENSITY)[None, 1:]
-    rows = parameter_rows(vehicle, None, n)
+    rows = vehicle.parameter_rows(None, n)
     start = {"V": speed(data)[1:], "alpha": 0.3, "beta": 0.2, "p": p, "q": q, "r": r}
-    x = initial_states(vehicle, start, rows, u)
+    x = vehicle.initial_states(start, rows, u)
     turning = vehicle.kernel().evaluate(rows, x, u)[0][[vehicle.states.index(c) for c in "pqr"]]
     inertia = np.array([vehicle.value(f"mass.inertia.{a}") for a in ("xx", "yy", "zz")])[:, None]
     omega = np.array([p, q, r])
@@ -140,8 +139,8 @@ def test_06_drag_at_the_recorded_states(shared_data: Path) -> None:
     data, vehicle = record(shared_data, "06", "01"), parse_vehicle(SPHERE, "sphere")
     n = len(data["time"]) - 1
     u = (data["airDensity_slug_ft3"] * DENSITY)[None, 1:]
-    rows = parameter_rows(vehicle, None, n)
-    x = initial_states(vehicle, {"V": speed(data)[1:], "alpha": np.pi / 2}, rows, u)
+    rows = vehicle.parameter_rows(None, n)
+    x = vehicle.initial_states({"V": speed(data)[1:], "alpha": np.pi / 2}, rows, u)
     felt = vehicle.kernel().evaluate(rows, x, u)[1][[vehicle.outputs.index(c) for c in ("ax", "ay", "az")]]
     force = np.linalg.norm(felt, axis=0) * vehicle.value("mass.mass")
     printed = np.sqrt(sum(data[f"aero_bodyForce_lbf_{axis}"][1:] ** 2 for axis in "XYZ")) * POUND_FORCE

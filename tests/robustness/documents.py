@@ -16,14 +16,14 @@ from stoop.assessment.uncertainty import agreement
 from stoop.errors import StoopError
 from stoop.estimate.noise import read_covariance
 from stoop.flight import describe, load_flight, save_flight
-from stoop.flight.mapping import read_flight_mapping
+from stoop.flight.mapping import FlightMapping
 from stoop.optimize import create, load_tagged, minimize, save_state
 from stoop.optimize.minimize import Stop
 from stoop.parallel.plan import Plan, Run
 from stoop.parallel.store import forget, open_store
 from stoop.report.identification import render_validation
 from stoop.results.result import from_json, read_result
-from stoop.simulation.maneuver import check_maneuver, load_maneuver
+from stoop.simulation.maneuver import load_maneuver
 from stoop.vehicle import load_vehicle, parse_vehicle
 from stoop.vehicle.builtin import BUILT_IN, builtin_text
 from stoop.vehicle.symbolic import build_model
@@ -57,7 +57,7 @@ def ask_vehicle(path: Path, number: int) -> None:
 
 def ask_mapping(path: Path, number: int) -> None:
     if number % 3 == 0:
-        read_flight_mapping(path)
+        FlightMapping.read(path)
         return
     table = path.with_name("a.csv")
     table.write_bytes(sound("csv")[0].files["a.csv"])
@@ -69,7 +69,7 @@ def ask_maneuver(path: Path, number: int) -> None:
     time, inputs = maneuver.time, maneuver.deflections().values()
     promise((np.diff(time) > 0.0).all(), "the time does not grow")
     promise(all(x.shape == time.shape and np.isfinite(x).all() for x in inputs), "an input is not finite")
-    check_maneuver(vehicles()[number // 17], maneuver)
+    maneuver.check(vehicles()[number // 17])
 
 
 def ask_windows(path: Path, number: int) -> None:

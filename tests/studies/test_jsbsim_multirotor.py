@@ -1,7 +1,6 @@
 import numpy as np
 import pytest
 
-from stoop.simulation import initial_states, parameter_rows
 from stoop_studies.verify import multirotor
 from stoop_studies.verify.jsbsim_flight import Recording
 from stoop_studies.verify.multirotor import FOOT_POUND, KNOWN, LIFTS, RATE, TURNS, TWISTS, Quadrotor
@@ -43,12 +42,12 @@ def test_equations_agree_at_the_states_flown(craft: Quadrotor, flown: Recording)
     found = multirotor.truth(craft, flown, None)
     known, true = flown.columns, {n: {"value": v} for n, v in found.items() if n not in KNOWN}
     vehicle = multirotor.vehicle_of(craft, flown, found, None).with_numbers(true)
-    rows = parameter_rows(vehicle, {}, len(flown.time))
+    rows = vehicle.parameter_rows({}, len(flown.time))
     turns = np.stack([known[c] for c in TURNS])
     told = np.vstack([turns, np.gradient(turns, 1.0 / RATE, axis=1)])
     assert vehicle.inputs == (*TURNS, *(f"{c}.slope" for c in TURNS))
     states = {c: known[c] for c in ("u", "v", "w", "p", "q", "r", "phi", "theta", "psi")}
-    start = initial_states(vehicle, {**states, "h": known["altitude"]}, rows, told)
+    start = vehicle.initial_states({**states, "h": known["altitude"]}, rows, told)
     rates, readings = vehicle.kernel().evaluate(rows, start, told)
     near = dict.fromkeys(("p_dot", "q_dot", "r_dot", "az"), 0.05) | dict.fromkeys(("ax", "ay"), 0.15)
     for name, share in near.items():  # what is left is that tables bend and that a plate is braked by |V| v

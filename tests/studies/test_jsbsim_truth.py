@@ -3,7 +3,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from stoop.simulation import initial_states, parameter_rows
 from stoop.vehicle import Vehicle
 from stoop_studies.verify import jsbsim_flight as flight
 from stoop_studies.verify.jsbsim import derivatives, inertia, moment_at_reference, vehicle_of
@@ -55,10 +54,10 @@ def test_equations_agree_at_the_states_flown() -> None:
     vehicle, flown, truth = short_case()
     known = flown.columns
     vehicle = vehicle.with_numbers({n: {"value": v} for n, v in truth.items()})
-    rows = parameter_rows(vehicle, {}, len(flown.time))
+    rows = vehicle.parameter_rows({}, len(flown.time))
     inputs = np.ascontiguousarray([known[c] for c in vehicle.inputs])
     states = {c: known[c] for c in ("V", "alpha", "beta", "p", "q", "r", "phi", "theta", "psi")}
-    start = initial_states(vehicle, {**states, "h": known["altitude"]}, rows, inputs)
+    start = vehicle.initial_states({**states, "h": known["altitude"]}, rows, inputs)
     rates, readings = vehicle.kernel().evaluate(rows, start, inputs)
     ours = dict(zip(vehicle.outputs, readings, strict=True))
     ours |= {f"{a}_dot": rates[vehicle.states.index(a)] for a in "pqr"}

@@ -11,7 +11,7 @@ from naive.closed_loops import asked_at_random, flown
 from tune.made_up import rolling
 
 from stoop.base.notices import Notice
-from stoop.flight.frequency_responses import FrequencyResponse, Stretch, estimate_responses
+from stoop.flight.frequency_responses import FrequencyResponse, Stretch
 from stoop_analysis.frequency import ModelResponse, known
 from stoop_plan.log_bytes import Table, Topic, dataflash_bytes, ulog
 from stoop_tune.control_laws import px4
@@ -41,7 +41,7 @@ def fly(seed: int, attitude: float = 0.0, pilot: float = 0.5, gust: float = 0.0)
 
 
 def compared(signals: Signals, model: Plants, attitude: float = 0.0, full: float = 0.0) -> Found:
-    (one,) = estimate_responses([Stretch(RATE, *signals[:2])], ["roll"], ["roll"], (0.0, 60.0))
+    (one,) = FrequencyResponse.estimate([Stretch(RATE, *signals[:2])], ["roll"], ["roll"], (0.0, 60.0))
     shown = replace(under_feedback(one, attitude), output="p")
     loops = [{"roll": AxisLoop(px4.fixed_wing(PARAMETERS, "roll"), attitude)}]
     modeled = modeled_loop(shown, [Condition(20.0, 1.0, model)], loops)
@@ -77,7 +77,7 @@ def test_an_effectiveness_30_percent_off_is_named_and_the_right_one_is_not(gust:
 def test_gusts_that_make_all_setpoints_show_nothing() -> None:
     """Setpoint and rate are coherent, but as the inverse of the feedback."""
     signals = fly(0, attitude=ATTITUDE, gust=3.0, pilot=0.0)
-    (raw,) = estimate_responses([Stretch(RATE, *signals[:2])], ["roll"], ["roll"], (0.0, 60.0))
+    (raw,) = FrequencyResponse.estimate([Stretch(RATE, *signals[:2])], ["roll"], ["roll"], (0.0, 60.0))
     assert known(raw).sum() > 20
     shown, _, doubts = compared(signals, plants(), ATTITUDE)
     assert known(shown).sum() == 0

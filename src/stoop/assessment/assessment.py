@@ -169,6 +169,17 @@ class Optimum:
         """Of the information."""
         return invert(self.information)
 
+    @classmethod
+    def of_likelihood(cls, fit: Estimate) -> Optimum:
+        """Return the greatest likelihood of a fit, no entry held."""
+        problem = fit.refit_problem
+        return likelihood_optimum(problem, linearize(problem, fit.z, np.arange(len(fit.z))))
+
+    @property
+    def nuisances(self) -> TallMatrix:
+        """Derivatives (n_r, E) of the residuals by the nuisances, where no entry is held."""
+        return self.jacobian.of_variables(np.arange(self.shared, len(self.z)))
+
     def at(self, steps: FloatArray) -> FloatArray:
         """Return vectors (B, D + E) for steps (B, f) from the optimum; parameters stay in their box."""
         Z = np.repeat(self.z[None, :], len(steps), axis=0)

@@ -186,46 +186,46 @@ class ErrorBars:
         kept = tuple(c for c in self.components if c.name not in names)
         return replace(self, components=kept, left_out=self.left_out | set(names))
 
+    @staticmethod
+    @on_one_blas_thread
+    def of(fit: Estimate) -> ErrorBars:
+        """Return the error bars of a fit, whatever its method; what its model lacks is added by `ErrorBars.with_model_error`.
 
-@on_one_blas_thread
-def error_bars(fit: Estimate) -> ErrorBars:
-    """Return the error bars of a fit, whatever its method; what its model lacks is added by `ErrorBars.with_model_error`.
-
-    Noise intensities take part and are not returned.
-    """
-    evidence = fit.evidence
-    unknowns, free = evidence.unknowns, evidence.free
-    pieces, prior = [piece.of(free) for piece in evidence.pieces], evidence.prior[np.ix_(free, free)]
-    uncertainty = estimate_uncertainty(pieces, prior, evidence.white, fit.observed_information)
-    determined, estimated = uncertainty.coloring.inverse.determined, [unknowns[i] for i in free]
-    given = _given_model(pieces, prior, uncertainty, evidence.inflation)
-    covariance = np.sum([c.covariance for c in given], axis=0)
-    scatter = _scatter(fit, uncertainty, sum(u.kind == "parameter" for u in estimated))
-    held = nonzero(Component("held", of_held_mass_properties(fit, uncertainty.coloring)))
-    maneuvers = () if scatter is None else nonzero(Component("maneuvers", of_scatter(scatter, covariance)))
-    at_bound = np.array([u.fixed == "bound" for u in unknowns])
-    plain, apart = uncertainty, fit.disagreement[free]
-    if fit.white_evidence is not evidence:
-        plain = estimate_uncertainty([piece.of(free) for piece in fit.white_evidence.pieces], prior)
-        apart = beyond_chance(apart, plain.colored, uncertainty.colored)
-    vehicle = fit.problem.layout.vehicle
-    contributed = contributions(vehicle, fit.white_evidence, plain.information, plain.noise)
-    k = sum(u.kind != "noise" for u in unknowns)
-    bars = ErrorBars(
-        components=(*given, *maneuvers, *held),
-        determined=determined,
-        count=k,
-        at_bound=at_bound[:k],
-        unknowns=tuple(unknowns),
-        conditional=_conditional(evidence, standard_errors(uncertainty.cramer_rao)) if at_bound.any() else (),
-        uncertainty=uncertainty,
-        free=free,
-        priors=np.array([u.prior_error for u in estimated]),
-        apart=apart,
-        contributions=contributed,
-        scatter=scatter,
-    )
-    return bars.with_model_error(np.zeros_like(prior))
+        Noise intensities take part and are not returned.
+        """
+        evidence = fit.evidence
+        unknowns, free = evidence.unknowns, evidence.free
+        pieces, prior = [piece.of(free) for piece in evidence.pieces], evidence.prior[np.ix_(free, free)]
+        uncertainty = estimate_uncertainty(pieces, prior, evidence.white, fit.observed_information)
+        determined, estimated = uncertainty.coloring.inverse.determined, [unknowns[i] for i in free]
+        given = _given_model(pieces, prior, uncertainty, evidence.inflation)
+        covariance = np.sum([c.covariance for c in given], axis=0)
+        scatter = _scatter(fit, uncertainty, sum(u.kind == "parameter" for u in estimated))
+        held = nonzero(Component("held", of_held_mass_properties(fit, uncertainty.coloring)))
+        between = None if scatter is None else Component("maneuvers", of_scatter(scatter, covariance))
+        maneuvers = () if between is None else nonzero(between)
+        at_bound = np.array([u.fixed == "bound" for u in unknowns])
+        plain, apart = uncertainty, fit.disagreement[free]
+        if fit.white_evidence is not evidence:
+            plain = estimate_uncertainty([piece.of(free) for piece in fit.white_evidence.pieces], prior)
+            apart = beyond_chance(apart, plain.colored, uncertainty.colored)
+        white, vehicle = fit.white_evidence, fit.problem.layout.vehicle
+        k = sum(u.kind != "noise" for u in unknowns)
+        bars = ErrorBars(
+            components=(*given, *maneuvers, *held),
+            determined=determined,
+            count=k,
+            at_bound=at_bound[:k],
+            unknowns=tuple(unknowns),
+            conditional=_conditional(evidence, uncertainty) if at_bound.any() else (),
+            uncertainty=uncertainty,
+            free=free,
+            priors=np.array([u.prior_error for u in estimated]),
+            apart=apart,
+            contributions=contributions(vehicle, white, plain.information, plain.noise),
+            scatter=scatter,
+        )
+        return bars.with_model_error(np.zeros_like(prior))
 
 
 def _given_model(
@@ -243,13 +243,13 @@ def _given_model(
     return out
 
 
-def _conditional(evidence: Evidence, std: FloatArray) -> tuple[str, ...]:
-    """Return the parameters that are known only as long as those at a bound are right there, from standard errors (f,)."""
+def _conditional(evidence: Evidence, found: Uncertainty) -> tuple[str, ...]:
+    """Return the parameters that are known only as long as those at a bound are right there."""
     free, unknowns = evidence.free, evidence.unknowns
     every = np.flatnonzero([u.fixed != "method" for u in unknowns])
     whole = inverse_information([p.of(every) for p in evidence.pieces], evidence.prior[np.ix_(every, every)])
     wide = standard_errors(marked(whole.matrix, whole.determined))[np.isin(every, free)]
-    leaning = free[wide > Limits.conditional_ratio * std]
+    leaning = free[wide > Limits.conditional_ratio * standard_errors(found.cramer_rao)]
     return tuple(unknowns[i].name for i in leaning if unknowns[i].kind == "parameter")
 
 

@@ -13,8 +13,6 @@ from stoop.estimate.estimate import Estimate
 from stoop.problem import Piece
 from stoop.problem.observation import observation_model
 from stoop.results.result import Result
-from stoop.simulation import parameter_rows
-from stoop.simulation.initial import commanded
 from stoop.vehicle import Vehicle, terms
 
 AXES: Final = {"pitch": ("Cm", "elevator"), "roll": ("Cl", "aileron"), "yaw": ("Cn", "rudder")}
@@ -101,7 +99,7 @@ def _columns(vehicle: Vehicle, fit: Estimate, index: int, piece: Piece) -> dict[
     """Return what terms are made of, (n,) each, along one piece as the model flew it."""
     read = dict(zip(vehicle.outputs, fit.readings[index].T, strict=True))
     still = np.zeros(len(piece.time))
-    rows = parameter_rows(vehicle, piece.changes)
+    rows = vehicle.parameter_rows(piece.changes)
     motion = {c: np.nan_to_num(read.get(c, still)) for c in ("V", "alpha", "beta", "p", "q", "r")}
     if "V" not in read:
         motion["V"] = np.full(len(piece.time), float(piece.start.get("V", 1.0)))
@@ -109,4 +107,4 @@ def _columns(vehicle: Vehicle, fit: Estimate, index: int, piece: Piece) -> dict[
     rates = (motion["p"], motion["q"], motion["r"])
     made = terms.values(vehicle.value, actual, motion["V"], motion["alpha"], motion["beta"], rates)
     every = np.repeat(rows, len(piece.time), axis=1)
-    return made | {c: commanded(vehicle, c, every, piece.inputs.T) for c in vehicle.controls}
+    return made | {c: vehicle.commanded(c, every, piece.inputs.T) for c in vehicle.controls}

@@ -37,15 +37,12 @@ from stoop.problem.observation import at_center_of_gravity, observation_model, t
 from stoop.results.modes import ConditionModes, DerivedValue, MeasuredMode, ModeEstimate, StateEquations
 from stoop.simulation import Trim, trim
 from stoop.simulation.linearize import (
-    INTEGRATORS,
-    REAL,
+    LinearModel,
     Mode,
     linear_models,
-    model_inputs,
-    modes_of,
-    tracked_eigenvalues,
+    oscillates,
+    tracked_modes,
 )
-from stoop.simulation.steady_flight import neighbors
 from stoop.simulation.trim import Trims
 from stoop.vehicle import Vehicle
 
@@ -95,7 +92,7 @@ def differentiated(
         step, name = STEP * room[i], list(values)[i]
         changes[name][1 + 2 * lane : 3 + 2 * lane] += step, -step
     names, A, B, *_ = linear_models(vehicle, follow(changes))
-    keep = [i for i, name in enumerate(names) if name not in INTEGRATORS]
+    keep = [i for i, name in enumerate(names) if name not in LinearModel.INTEGRATORS]
     both, n = np.concatenate([A[:, keep][:, :, keep], B[:, keep]], axis=2), len(keep)
     slopes = np.zeros((len(values), *both.shape[1:]))
     slopes[places] = (both[1::2] - both[2::2]) / (2.0 * (STEP * room[places])[:, None, None])
@@ -140,9 +137,8 @@ def mode_estimates(
     spread = basis * np.sqrt(np.maximum(power, 0.0))
     steps = np.random.default_rng(0).standard_normal((DRAWS, len(power))) @ spread.T
     lanes = linearized.A + np.tensordot(steps, linearized.derivative, 1)
-    base, *drawn = tracked_eigenvalues(np.concatenate([linearized.A[None], lanes]))
-    draws, out = np.array(drawn), []
-    for mode in (m for m in modes_of(linearized.A, linearized.names) if not m.name.endswith(".lag")):
+    out = []
+    for mode, values in tracked_modes(np.concatenate([linearized.A[None], lanes]), linearized.names):
         gradient = linearized.gradient(mode.eigenvalue)
         matters = np.abs(gradient) * linearized.room > MIN_EFFECT * abs(mode.eigenvalue)
         unknown = tuple(n for n, both in zip(parameters, matters & lost, strict=True) if both)
@@ -151,10 +147,7 @@ def mode_estimates(
             found: dict[str, Any] = {name: DerivedValue(value) for name, value in _quantities(mode).items()}
             out.append(ModeEstimate(mode.name, **found, remark=(remark,)))
             continue
-        s = mode.eigenvalue
-        pair = [s] if abs(s.imag) <= REAL else [s, s.conjugate()]
-        places = [int(np.argmin(np.abs(base - one))) for one in pair]
-        out.append(_estimated(mode, gradient, known, draws[:, places]))
+        out.append(_estimated(mode, gradient, known, values[1:]))
     return tuple(out)
 
 
@@ -184,8 +177,8 @@ def _estimated(
     with np.errstate(divide="ignore", invalid="ignore"):
         damping = -middle / frequency
     samples = {"real": middle, "imag": np.abs(drawn[:, 0].imag), "frequency": frequency, "damping": damping}
-    pair, spread = abs(s.imag) > REAL, float(np.std(middle))
-    other = float(np.mean((np.abs(drawn[:, 0].imag) > REAL) != pair))
+    pair, spread = drawn.shape[1] == 2, float(np.std(middle))
+    other = float(np.mean(oscillates(drawn[:, 0]) != pair))
     unlike = errors["real"] > 0.0 and not 1.0 / SPREAD_RATIO < spread / errors["real"] < SPREAD_RATIO
     sampled, spans, values = other > OTHER_CHARACTER or unlike, {}, _quantities(mode)
     for name, draws in samples.items():
@@ -300,15 +293,17 @@ def _at(
     values, widths = {p.name: vehicle.value(p.name) for p in free}, {p.name: p.upper - p.lower for p in free}
     try:
         # the trim follows changed numbers, a mean state stays
-        follow = neighbors(point) if about == "trim" else partial(point.lanes, vehicle)
+        follow = point.neighbors() if about == "trim" else partial(point.lanes, vehicle)
         linearized = differentiated(vehicle, follow, values, widths)
         if not (np.isfinite(linearized.A).all() and np.isfinite(linearized.derivative).all()):
             return nothing
         found = mode_estimates(linearized, parameters, covariance)
-        linear = state_equation_estimates(linearized, model_inputs(vehicle), covariance)
+        linear = state_equation_estimates(linearized, vehicle.model_inputs(), covariance)
     except (SimulationError, np.linalg.LinAlgError):
         return nothing
     measure = hooks("measured_modes", list[MeasuredMode])
-    recorded = (replace(m, measured=tuple(y for f in measure for y in f(fit, condition, m))) for m in found)
+    at = fit, condition.maneuvers, condition.start["V"]
+    pairs = ((m, (y for f in measure for y in f(*at, m.name, m.frequency.estimate))) for m in found)
+    recorded = (replace(m, measured=tuple(values)) for m, values in pairs)
     known = replace(nothing, about=about, alpha=point.start["alpha"], remark=remark, linear=linear)
     return replace(known, modes=tuple(recorded))

@@ -33,7 +33,6 @@ from stoop.assessment.covariance import NORMAL_95, correlation
 from stoop.assessment.error_bars import (
     GIVEN_MODEL,
     ErrorBars,
-    error_bars,
     marginal_information,
     near_null_directions,
     partners,
@@ -73,7 +72,6 @@ NO_REPEATABILITY: Final = Repeatability()
 NO_COMPONENTS: Final = Components()
 DISAGREEMENT: Final = 1.4  #: ratio of standard errors from which two methods disagree
 SKEWNESS: Final = 1.5  #: ratio of the arms of an interval from which it is no longer normal
-MAX_RHAT: Final = 1.01  #: of every parameter; above it a posterior says nothing yet (Vehtari et al. 2021)
 MAX_PRIOR_SHARE: Final = 0.5  #: of an estimate: beyond, the prior knows more than the maneuver
 
 
@@ -180,7 +178,7 @@ def method_agreement(
         which = "".join(("-wider" if wider else "", "-narrower" if narrower else "")) or "-agrees"
         ratio = float(np.median(list(bootstrap.values())))
         out.append(notice(f"bootstrap{which}", ratio=ratio, wider=_listed(wider), narrower=_listed(narrower)))
-    if "posterior" in methods and methods["posterior"].figures.get("rhat", np.inf) > MAX_RHAT:
+    if "posterior" in methods and methods["posterior"].figures.get("rhat", np.inf) > MethodIntervals.MAX_RHAT:
         out.append(notice("agreement-no-posterior"))
     elif "posterior" in methods:
         skewed = _skewed(sure, methods["posterior"])
@@ -290,7 +288,7 @@ def repeatability(
             if own is None or stopped:
                 remarks.append(notice("maneuver-stopped", str(window)))
                 continue
-            for name, one in _estimates(own, error_bars(own).without({"held"})).items():
+            for name, one in _estimates(own, ErrorBars.of(own).without({"held"})).items():
                 singles[name][i] = one
             if own.outcome.status not in CONFIRMED:
                 remarks.append(notice("maneuver-no-optimum", str(window), advice=own.outcome.advice))

@@ -274,9 +274,8 @@ def start_build(root: Path) -> Path:
     try:
         root.mkdir(parents=True, exist_ok=True, mode=0o700)
         for old in root.glob(f"{BUILDING}*"):  # a process was killed while it compiled
-            with contextlib.suppress(
-                FileNotFoundError
-            ):  # another process has just put its folder in its place
+            # another process may just have put its folder in its place
+            with contextlib.suppress(FileNotFoundError):
                 if time.time() - old.stat().st_mtime > STALE:
                     discard(old)
         return Path(tempfile.mkdtemp(prefix=BUILDING, dir=root))

@@ -24,12 +24,10 @@ from stoop.base.arrays import FloatArray
 from stoop.base.notices import Notice, notice
 from stoop.checks.rotors import rotor_notices
 from stoop.problem import Misfit
-from stoop.simulation import parameter_rows
-from stoop.simulation.initial import commanded
 from stoop.vehicle import Parameter, Vehicle
+from stoop.vehicle.channels import AIR_FRAME, GROUND_FRAME
 from stoop.vehicle.defaults import ROTOR_AERODYNAMICS, WIND_NUMBERS
 from stoop.vehicle.schema import WIND
-from stoop.vehicle.vehicle import AIR_FRAME, GROUND_FRAME
 
 AXES: Final = (("V", "alpha", "q"), ("beta", "p", "r"))  #: motions that the terms of one plane multiply
 CONSTANT: Final = 1e-6  #: rad rms, below which a deflection is constant but for rounding
@@ -66,8 +64,8 @@ def deflections(problem: Misfit) -> dict[str, FloatArray]:
     """Return the deflections (n,) of all controls over all pieces, rad, without the mean of each piece."""
     vehicle, parts = problem.layout.vehicle, []
     for piece in problem.pieces:
-        rows = np.repeat(parameter_rows(vehicle, piece.changes), len(piece.time), axis=1)
-        signals = [commanded(vehicle, name, rows, piece.inputs.T) for name in vehicle.controls]
+        rows = np.repeat(vehicle.parameter_rows(piece.changes), len(piece.time), axis=1)
+        signals = [vehicle.commanded(name, rows, piece.inputs.T) for name in vehicle.controls]
         parts.append([x - np.mean(x) for x in signals])
     return dict(zip(vehicle.controls, map(np.concatenate, zip(*parts, strict=True)), strict=False))
 

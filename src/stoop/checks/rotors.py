@@ -13,14 +13,11 @@ from stoop.base.notices import Notice, notice
 from stoop.base.variables import RATES
 from stoop.errors import IdentificationError
 from stoop.flight import Flight
-from stoop.flight.airborne import carried_by_speed, flying, lift_command, require_motors_ran
+from stoop.flight.airborne import carried_by_speed
 from stoop.problem import Misfit, Piece
-from stoop.problem.windows import Window, within
-from stoop.simulation import parameter_rows
-from stoop.simulation.initial import commanded
-from stoop.simulation.rotors import channel_range
+from stoop.problem.windows import Window
 from stoop.vehicle import Vehicle
-from stoop.vehicle.vehicle import AIR_FRAME, GROUND_FRAME
+from stoop.vehicle.channels import AIR_FRAME, GROUND_FRAME
 
 #: value at full power of channels, by name or kind; N and rad/s: enough to be no noise
 POWER: Final = {"motor": 1.0, "rotor": 300.0, "control_throttle": 1.0, "throttle": 1.0, "thrust": 10.0}
@@ -51,7 +48,7 @@ def foreign_motors(vehicle: Vehicle, flight: Flight, windows: Sequence[Window]) 
 
     An output, which may move a surface as well, is one where it lies where the rotors' are, and moves as much.
     """
-    inside = within(flight, windows)
+    inside = Window.within(flight, windows)
 
     def level(channel: str) -> tuple[float, float]:
         """Return the median of a channel, and how far it scatters; zeros where it was not recorded."""
@@ -87,7 +84,7 @@ def thrust_missing(vehicle: Vehicle, flight: Flight, windows: Sequence[Window]) 
     """Return which motors run though the file of an aircraft has no propulsion: drag takes up their thrust."""
     if vehicle.file.propulsion is not None:
         return []
-    inside, running = within(flight, windows), []
+    inside, running = Window.within(flight, windows), []
     for channel in (str(name) for name in flight.channels):
         full = POWER.get(channel.rpartition("_")[0] if channel[-1].isdigit() else channel)
         if full is not None and channel not in vehicle.recorded:
@@ -128,8 +125,8 @@ def _lift_differs(vehicle: Vehicle, carried: Mapping[str, Flight]) -> list[Notic
     """Compare the commands that usually carry the vehicle in its flights."""
     levels = {}
     for name, flight in carried.items():
-        command = lift_command(flight)
-        known = np.empty(0) if command is None else command[flying(flight) & np.isfinite(command)]
+        command = flight.lift_command()
+        known = np.empty(0) if command is None else command[flight.flying() & np.isfinite(command)]
         if known.size and (level := float(np.median(known))) > 0.0:
             levels[name] = level
     low, high = (pick(levels, key=lambda n: levels[n], default="") for pick in (min, max))
@@ -154,7 +151,7 @@ def _require_flight(vehicle: Vehicle, windows: Sequence[Window], pieces: Sequenc
                 "--maneuver START:STOP where they carry the vehicle (stoop maneuvers), and check rotors.idle and rotors.gain "
                 f"in {vehicle.where}"
             )
-    area = channel_range(vehicle)
+    area = vehicle.rotor_range
     moved = np.max([np.ptp(p.inputs[:, area.columns], axis=0) for p in pieces], axis=0)
     still = [name for name, size in sorted(zip(area.names, moved, strict=True)) if size == 0.0]
     if still and len(still) < len(area.names):
@@ -188,7 +185,6 @@ class KindChecks:
     lift: Callable[[Vehicle, Mapping[str, Flight]], list[Notice]]  #: of flights that rotors carry
     motors: tuple[Callable[[Vehicle, Flight, Sequence[Window]], list[Notice]], ...] = ()
     windows: tuple[Callable[[Vehicle, Flight, Sequence[Window]], list[Notice]], ...] = ()  #: that were chosen
-    flight: tuple[Callable[[Flight], None], ...] = ()  #: refuse a whole flight
     data: tuple[Callable[[Vehicle, Sequence[Window], Sequence[Piece]], None], ...] = ()  #: refuse windows
 
 
@@ -196,13 +192,7 @@ KINDS: Final = {
     AIR_FRAME: KindChecks(
         _other_aircraft, _lift_of_aircraft, motors=(thrust_missing,), windows=(windows_on_ground,)
     ),
-    GROUND_FRAME: KindChecks(
-        _other_rotors,
-        _lift_differs,
-        motors=(foreign_motors,),
-        flight=(require_motors_ran,),
-        data=(_require_flight,),
-    ),
+    GROUND_FRAME: KindChecks(_other_rotors, _lift_differs, motors=(foreign_motors,), data=(_require_flight,)),
 }
 
 
@@ -222,7 +212,7 @@ def rotor_notices(problem: Misfit) -> list[Notice]:
 
 def _limited(vehicle: Vehicle, pieces: Sequence[Piece]) -> Iterator[Notice]:
     """Yield commands at an end of their range, and those that stop again and again at one number inside of it."""
-    area = channel_range(vehicle)
+    area = vehicle.rotor_range
     inputs = np.concatenate([p.inputs for p in pieces])
     plateaus = []
     for name, column, low, high in zip(area.names, area.columns, area.idle, area.full, strict=True):
@@ -265,8 +255,8 @@ def _largest_rms(x: FloatArray, dt: float) -> float:
 
 def _spins(vehicle: Vehicle, piece: Piece) -> FloatArray:
     """Return x of every rotor (rotors, n), before lag and delay."""
-    rows = np.repeat(parameter_rows(vehicle, piece.changes), len(piece.time), axis=1)
-    return np.array([commanded(vehicle, name, rows, piece.inputs.T) for name in vehicle.rotors])
+    rows = np.repeat(vehicle.parameter_rows(piece.changes), len(piece.time), axis=1)
+    return np.array([vehicle.commanded(name, rows, piece.inputs.T) for name in vehicle.rotors])
 
 
 def _off(vehicle: Vehicle, piece: Piece) -> BoolArray:

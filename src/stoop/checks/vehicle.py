@@ -13,9 +13,8 @@ from stoop.base.packages import hooks
 from stoop.checks.rotors import KINDS
 from stoop.errors import FlightError
 from stoop.flight import Flight
-from stoop.flight.airborne import carried_by_rotors
 from stoop.problem import Piece
-from stoop.problem.windows import Window, whole
+from stoop.problem.windows import Window
 from stoop.vehicle import Vehicle
 from stoop.vehicle.checks import principal_moments
 from stoop.vehicle.usual import ROTORS_ONLY, WINGED
@@ -47,7 +46,7 @@ def check_vehicle(
 
 def check_rotors(vehicle: Vehicle, flights: Mapping[str, Flight], windows: Sequence[Window]) -> list[Notice]:
     """Return what the motors of flights, and the windows that were chosen, say against a vehicle file."""
-    taken, kind = windows or whole(flights), KINDS[vehicle.frame]
+    taken, kind = windows or Window.whole(flights), KINDS[vehicle.frame]
     by_flight = {w.flight: [x for x in taken if x.flight == w.flight] for w in taken}
     checks = (*kind.motors, *hooks("check_motors", list[Notice]), *(kind.windows if windows else ()))
     found: list[Notice] = []
@@ -59,7 +58,7 @@ def check_rotors(vehicle: Vehicle, flights: Mapping[str, Flight], windows: Seque
 
 def check_lift(vehicle: Vehicle, flights: Mapping[str, Flight]) -> list[Notice]:
     """Return why a flight is hardly of this vehicle, or two flights of one."""
-    carried = {name: flight for name, flight in flights.items() if carried_by_rotors(flight)}
+    carried = {name: flight for name, flight in flights.items() if flight.carried_by_rotors()}
     return KINDS[vehicle.frame].lift(vehicle, carried)
 
 
@@ -81,7 +80,7 @@ def require_channels(vehicle: Vehicle, flight: Flight, named_by: str = "--vehicl
     missing = [name for name in vehicle.recorded if name not in flight.names]
     if missing:
         there = [str(name) for name in flight.channels if str(name).startswith(DRIVES)]
-        other = KINDS[vehicle.frame].other_vehicle(vehicle, missing, carried_by_rotors(flight))
+        other = KINDS[vehicle.frame].other_vehicle(vehicle, missing, flight.carried_by_rotors())
         raise FlightError(
             f"{flight.name}: input {', '.join(repr(name) for name in missing)} is not in this flight, whose inputs are "
             f"{', '.join(there) or 'not recorded'}; {other}check {named_by}, "

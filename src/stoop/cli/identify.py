@@ -54,7 +54,7 @@ def _run(arguments: argparse.Namespace) -> int:
     from stoop.cli.progress_file import ProgressFile
     from stoop.estimate.iterates import watched
     from stoop.flight.flight import flight_name
-    from stoop.problem.windows import parse_window
+    from stoop.problem.windows import Window
     from stoop.strategy.run import choose_method
     from stoop.workflow import Bootstrap, Profile
     from stoop.workflow.checkpoint import Checkpoint, identity
@@ -70,7 +70,7 @@ def _run(arguments: argparse.Namespace) -> int:
     arguments.maneuver, arguments.validate = windows
     strategy, (vehicle, flights, settings) = strategy_of(arguments), _read(arguments)
     known = {flight.name: flight for flight in flights}
-    fitted = [parse_window(one, known) for one in arguments.maneuver]
+    fitted = [Window.parse(one, known) for one in arguments.maneuver]
     stores = [arguments.output / name for name in STORES]
     assessments: list[Assessment] = []
     if arguments.bootstrap:

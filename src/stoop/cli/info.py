@@ -172,7 +172,7 @@ def compatibility(arguments: argparse.Namespace) -> int:
     """Check whether the sensors agree, write where asked to, and print what was found."""
     from stoop.flight import load_flight
     from stoop.problem.windows import spans
-    from stoop.reconstruction.compatibility import check, corrected_flight
+    from stoop.reconstruction.compatibility import Compatibility, corrected_flight
     from stoop.workflow.reconstruction import COMPATIBILITY, write_compatibility
 
     folder, others = arguments.output, options.given_paths(arguments.mapping)
@@ -181,7 +181,7 @@ def compatibility(arguments: argparse.Namespace) -> int:
     with LiveLine("reading the log"):
         flight = load_flight(arguments.flight, arguments.mapping)
     with LiveLine("integrating and comparing"):
-        result, found = check(flight, spans(arguments.window, flight))
+        result, found = Compatibility.of(flight, spans(arguments.window, flight))
         corrected = corrected_flight(found)
     out = page()
     out.heading("Sensors")

@@ -30,7 +30,6 @@ from stoop.problem.windows import Window
 from stoop.results.decisions import DecisionRecord
 from stoop.results.result import ProcessNoise
 from stoop.vehicle import Vehicle
-from stoop.vehicle.vehicle import leaves
 
 #: fields of an outcome that are no arrays
 OUTCOME: Final = ("cost", "trajectories", "generation", "status", "advice", "optimizer")
@@ -113,7 +112,7 @@ class Estimate(ABC):
         entry ``head`` is a JSON document in UTF-8. The state of the search, with which a search goes on, is not among them.
         """
         vehicle, outcome = self.problem.layout.vehicle, self.outcome
-        numbers = dict(leaves(vehicle.file))
+        numbers = vehicle.quantities
         limits = {p.name: numbers[p.name].bounds for p in vehicle.parameters}
         head = {
             "problem": problem_document(self.problem),

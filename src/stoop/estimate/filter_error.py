@@ -42,8 +42,7 @@ from stoop.problem.evidence import Evidence, PieceEvidence, Unknown, unknowns_of
 from stoop.problem.prepare import Prepared
 from stoop.results.decisions import applied
 from stoop.results.result import ProcessNoise
-from stoop.simulation import parameter_rows
-from stoop.simulation.delays import output_delays
+from stoop.vehicle.delays import output_delays
 
 #: at most, of the first searches, of which the best goes on
 FIRST_STEPS: Final = 20
@@ -300,7 +299,7 @@ def without_outliers(likelihood: Likelihood, z: FloatArray, problem: Misfit) -> 
             break
         pieces = []
         for piece, mask in zip(problem.pieces, masks, strict=True):
-            measured, rows = piece.measured.copy(), parameter_rows(vehicle, piece.changes)
+            measured, rows = piece.measured.copy(), vehicle.parameter_rows(piece.changes)
             late = {column: round(float(rows[row, 0]) / dt) for column, row in output_delays(vehicle)}
             for column in range(measured.shape[1]):
                 at = np.flatnonzero(mask[:, column]) + late.get(column, 0)

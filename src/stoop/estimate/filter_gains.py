@@ -27,7 +27,7 @@ from stoop.estimate.linearization import LinearModels
 from stoop.kernels import filtering
 from stoop.problem import Piece
 from stoop.vehicle import Vehicle
-from stoop.vehicle.vehicle import RIGID_STATES
+from stoop.vehicle.channels import RIGID_STATES
 
 #: per root second
 FIRST_INTENSITY: Final = {"u": 0.3, "v": 0.3, "w": 0.3, "p": 0.1, "q": 0.1, "r": 0.1}

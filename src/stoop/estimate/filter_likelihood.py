@@ -37,8 +37,7 @@ from stoop.estimate.response import ExtendedModel, Responses, Trajectory
 from stoop.kernels import filtering
 from stoop.optimize.normal_equations import project, square
 from stoop.problem import Misfit
-from stoop.simulation.delays import distinct_inputs, late_outputs
-from stoop.simulation.trajectories import readings_along
+from stoop.vehicle.delays import distinct_inputs
 
 #: name of the search of filter error, in its states
 SCORING: Final = "scoring"
@@ -202,8 +201,8 @@ class Likelihood:
             gains = self.gains(z[None, :], rows, start, i)
             states = run_filter(self.problem, i, rows, start, gains, states=True)[1][0]
             inputs = piece.received(vehicle, rows).reshape(len(piece.inputs), -1)
-            readings = readings_along(vehicle, rows, states, inputs[: len(states)])
-            out.append(late_outputs(vehicle, readings[None], rows, piece.dt)[0])
+            readings = vehicle.readings_along(rows, states, inputs[: len(states)])
+            out.append(vehicle.late_outputs(readings[None], rows, piece.dt)[0])
         return tuple(out)
 
     def score(self, z: FloatArray) -> Score:

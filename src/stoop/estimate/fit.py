@@ -46,7 +46,7 @@ from stoop.optimize.local_refinement import FULL
 from stoop.problem import Layout, Misfit, Weights
 from stoop.problem.evidence import Evidence, observed_information, simulation_evidence
 from stoop.problem.misfit import horizon_ladder
-from stoop.problem.prepare import Prepared, at_readings, decoupled, nuisances, prepare, without_stuck_channels
+from stoop.problem.prepare import Prepared, at_readings, decoupled
 from stoop.problem.windows import Window
 from stoop.results.decisions import DecisionRecord
 from stoop.vehicle import Vehicle
@@ -241,15 +241,15 @@ def estimation_problem(
         taken.append(DecisionRecord("recorded-motion", "applied", found, "taken from the record"))
     for name in dict.fromkeys(w.flight for w in windows):
         require_channels(vehicle, flights[name])
-    prepared = replace(prepare(vehicle, flights, windows), decisions=tuple(taken))
-    prepared = without_stuck_channels(vehicle, prepared) if allowed.stuck_channels else prepared
+    prepared = replace(Prepared.of(vehicle, flights, windows), decisions=tuple(taken))
+    prepared = prepared.without_stuck_channels(vehicle) if allowed.stuck_channels else prepared
     for window in windows:  # states that a reduced model holds constant, because they were not recorded
         here = decoupled(vehicle, flights, [window]).measured
         if lost := tuple(c for c in vehicle.held_channels if c not in here):
             assumed = notice("motion-not-recorded", str(window), model=vehicle.reduce, channels=lost)
             prepared = replace(prepared, notices=(*prepared.notices, assumed))
     require_data(vehicle, prepared.windows, prepared.pieces)
-    layout = Layout.of(vehicle, nuisances(vehicle, prepared))
+    layout = Layout.of(vehicle, prepared.nuisances(vehicle))
     if layout.dimension == 0:
         raise IdentificationError(f"{vehicle.where}: no number is free; set free = true or use --free NAME")
     for p in layout.parameters:

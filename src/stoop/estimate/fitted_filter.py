@@ -27,9 +27,8 @@ from stoop.estimate.filter_likelihood import FrozenFilter, Likelihood
 from stoop.estimate.linearization import linearized, measured_points, undelayed
 from stoop.problem import Layout, Misfit, Nuisance, Piece
 from stoop.results.result import NoiseCovariance, ProcessNoise
-from stoop.simulation import parameter_rows
 from stoop.vehicle import Vehicle
-from stoop.vehicle.vehicle import GUST_STATES
+from stoop.vehicle.channels import GUST_STATES
 
 #: of the intensity in each gust state
 GUST_SHARES: Final = {"u": (1.0,), "v": (0.5**0.5, 0.5), "w": (0.5**0.5, 0.5)}
@@ -103,7 +102,7 @@ class FittedFilter:
         """Return the variance (n, n_y) of readings by gusts and other process noise since the beginning of a piece."""
         noise, tail = self._known(vehicle)
         at = measured_points(vehicle, piece, np.zeros(len(piece.time), dtype=np.int64))
-        rows = parameter_rows(vehicle, piece.changes)
+        rows = vehicle.parameter_rows(piece.changes)
         linear = linearized(vehicle, rows, at.states[:, :, None], at.inputs, piece.dt)
         F, H = linear.transition[0, 0], linear.readings[0, 0]
         Q = noise.process(tail[None, :], linear.drive, piece.dt)[0, 0]

@@ -45,14 +45,13 @@ from stoop.estimate.linearization import undelayed
 from stoop.estimate.scoring import ScoringModel
 from stoop.flight import Flight
 from stoop.flight.air_data import RECONSTRUCTED
-from stoop.flight.airborne import in_flight
 from stoop.optimize.levenberg_marquardt import Stages, TenfoldDamping
 from stoop.problem import Nuisance
 from stoop.problem.evidence import invert
 from stoop.problem.observation import along_body, at_center_of_gravity, state_channels
 from stoop.problem.windows import Window
-from stoop.simulation.initial import rigid_states
 from stoop.vehicle import Vehicle
+from stoop.vehicle.channels import rigid_states
 from stoop.vehicle.document import write_entry
 from stoop.vehicle.schema import Turbulence
 
@@ -109,7 +108,7 @@ def gust_levels(vehicle: Vehicle, flights: Mapping[str, Flight], windows: Sequen
         if not flight.names >= needed or any(one.source == RECONSTRUCTED for one in read):
             continue
         counted = np.logical_and.reduce([one.counted(len(flight.time)) for one in read])
-        up = in_flight(flight)
+        up = flight.in_flight()
         for w in (w for w in windows if w.flight == name):
             more = max(0.0, 0.5 * (Limits.widened - (w.stop - w.start)))
             inside = flight.between(w.start - more, w.stop + more)

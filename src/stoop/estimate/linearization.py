@@ -19,10 +19,9 @@ from stoop.errors import IdentificationError
 from stoop.kernels import filtering
 from stoop.problem import Misfit, Piece
 from stoop.problem.observation import recorded_motion
-from stoop.simulation import initial_states, parameter_rows
-from stoop.simulation.delays import delayed, output_delays
 from stoop.vehicle import Vehicle
-from stoop.vehicle.vehicle import noise_input
+from stoop.vehicle.channels import noise_input
+from stoop.vehicle.delays import delayed, output_delays
 
 GUARD: Final = 3  #: samples; further from an end its interpolation is as good as the noise
 
@@ -66,7 +65,7 @@ def linearized(
     p = np.broadcast_to(rows[:, None, None, :], (len(rows), *shape)).reshape(len(rows), -1)
     # a candidate that diverges is a value
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-        after, readings = filtering.step(kernel, p, filtering.move(kernel, x, d), u, u, dt)
+        after, readings = kernel.step(p, filtering.move(kernel, x, d), u, u, dt)
         after, readings = after.reshape(nx, *shape), readings.reshape(-1, *shape)
         inverse = perturbations_of(vehicle, after[:, 0])
         up, down = (slice(None), slice(1, 1 + ne)), (slice(None), slice(1 + ne, 1 + 2 * ne))
@@ -172,7 +171,7 @@ def undelayed(problem: Misfit) -> Misfit:
             "--method output-error or multiple-shooting"
         )
     for piece in problem.pieces:
-        measured, rows = piece.measured.copy(), parameter_rows(vehicle, piece.changes)
+        measured, rows = piece.measured.copy(), vehicle.parameter_rows(piece.changes)
         for column, _, row in late:
             values, samples = piece.whole[:, column], float(rows[row, 0]) / piece.dt
             if np.isfinite(values).any() and samples != 0.0:
@@ -222,11 +221,11 @@ def measured_points(vehicle: Vehicle, piece: Piece, points: IntArray) -> Points:
     def mean(values: FloatArray) -> FloatArray:
         return np.bincount(points, values) / np.bincount(points)
 
-    rows = parameter_rows(vehicle, piece.changes)
+    rows = vehicle.parameter_rows(piece.changes)
     means = {name: mean(values) for name, values in start.items()}
     inputs = np.array([mean(column) for column in piece.inputs.T])
     states = [
-        initial_states(vehicle, {n: m[r] for n, m in means.items()}, rows, inputs[:, r])
+        vehicle.initial_states({n: m[r] for n, m in means.items()}, rows, inputs[:, r])
         for r in range(inputs.shape[1])
     ]
     return Points(np.concatenate(states, axis=1), inputs)

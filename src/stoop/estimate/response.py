@@ -20,11 +20,11 @@ import numpy as np
 from stoop.base.arrays import BoolArray, FloatArray, IntArray
 from stoop.base.variables import WRAPPED
 from stoop.problem import Misfit, Piece, Weights
-from stoop.simulation.delays import delayed, first_order_lag, late, late_outputs, output_delays
 from stoop.vehicle import Vehicle
-from stoop.vehicle.arrays import Equations, Evaluation, array_equations
+from stoop.vehicle.arrays import Equations, Evaluation
+from stoop.vehicle.channels import slope_input
+from stoop.vehicle.delays import delayed, first_order_lag, late, output_delays
 from stoop.vehicle.extensions import Extension, extended
-from stoop.vehicle.vehicle import slope_input
 
 PLAYED: Final = ("rate_limit", "dead_zone")  #: what acts on the recorded channels, not in the equations
 STEP: Final = 1e-6  #: of a state's size, for the Jacobians
@@ -133,7 +133,7 @@ class ExtendedModel:
     def of(cls, base: Vehicle) -> ExtendedModel:
         """Return the model of a vehicle."""
         vehicle, catalogue = extended(base)
-        return cls(base, vehicle, catalogue, array_equations(vehicle))
+        return cls(base, vehicle, catalogue, vehicle.array_equations())
 
     def rows(self, known: FloatArray) -> FloatArray:
         """Return the parameters of the extended vehicle for those (n_p,) of the vehicle."""
@@ -178,7 +178,7 @@ class ExtendedModel:
         rows = np.repeat(known, dy.shape[2], axis=1)
         for own in at.stretches if output_delays(self.base) else ():
             part = np.ascontiguousarray(dy[own].transpose(2, 0, 1))
-            dy[own] = late_outputs(self.base, part, rows, at.dt, moved).transpose(1, 2, 0)
+            dy[own] = self.base.late_outputs(part, rows, at.dt, moved).transpose(1, 2, 0)
         return dy
 
     def _step(self, one: Extension, at: Trajectory, piece: Piece) -> tuple[FloatArray, FloatArray | None]:

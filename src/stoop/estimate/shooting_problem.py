@@ -37,8 +37,6 @@ from stoop.estimate.shooting_windows import (
 from stoop.optimize.normal_equations import project
 from stoop.problem import Misfit
 from stoop.problem.evidence import Evidence, PieceEvidence, unknowns_of
-from stoop.simulation import parameter_rows
-from stoop.simulation.initial import commanded
 
 GUST_SCALE: Final = 1.0  #: m/s, of a gap of a gust state
 SPIN_SCALE: Final = 1e-3  #: of a rotor's largest x, of a gap of its lag: no gust changes that
@@ -177,12 +175,12 @@ class ShootingProblem:
     def of(cls, problem: Misfit, length: float) -> ShootingProblem:
         """Return the problem in windows of about a given length, s, with the largest weights of the gaps."""
         vehicle, model = problem.layout.vehicle, window_model(problem.layout.vehicle)
-        rows, scales = parameter_rows(vehicle), []
+        rows, scales = vehicle.parameter_rows(), []
         for name in vehicle.moves:
             rotor = name.removesuffix(".lag")
             if rotor in vehicle.rotors:
                 flown = [(np.repeat(rows, len(p.inputs), axis=1), p.inputs.T) for p in problem.pieces]
-                spins = [np.max(commanded(vehicle, rotor, *one)) for one in flown]
+                spins = [np.max(vehicle.commanded(rotor, *one)) for one in flown]
                 scales.append(SPIN_SCALE * (float(np.nanmax(spins)) or 1.0))
             else:
                 usual = model.gap_scales.get(name, model.angle_scale)

@@ -22,10 +22,8 @@ from stoop.kernels import filtering
 from stoop.kernels.windows import windows
 from stoop.optimize.normal_equations import project, square
 from stoop.problem import Misfit, Piece, observation, on_circle
-from stoop.simulation import initial_states, parameter_rows
-from stoop.simulation.delays import distinct_inputs, late_outputs, output_delays
-from stoop.simulation.initial import commanded
 from stoop.vehicle import Vehicle
+from stoop.vehicle.delays import distinct_inputs, output_delays
 from stoop.vehicle.schema import WIND
 
 WINDOW_LENGTH: Final = 1.0  #: s: no vehicle leaves its record far in that
@@ -71,7 +69,7 @@ def _parabola(column: FloatArray, at: int, width: int) -> float:
 
 def _through_air(vehicle: Vehicle, piece: Piece, readings: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
     """Return the motion through the air, body axes: bias and scale of the piece undone, the wind taken off."""
-    rows = parameter_rows(vehicle, piece.changes)[:, 0]
+    rows = vehicle.parameter_rows(piece.changes)[:, 0]
     true = observation.true_values(vehicle, readings, rows)
     if not set(WIND) & set(true):
         return true
@@ -198,17 +196,17 @@ class Shots:
         at, rows = np.array(self.edges[:-1]), self._kernel_parameters(z)
         inputs = np.ascontiguousarray(self.piece.inputs[at].T)
         every = np.repeat(rows, len(at), axis=1)
-        states = initial_states(self.vehicle, self.measured_starts(z), every, inputs)
+        states = self.vehicle.initial_states(self.measured_starts(z), every, inputs)
         return np.pad(states, [(0, len(self.wind_columns)), (0, 0)])
 
     def _kernel_parameters(self, z: FloatArray | None) -> FloatArray:
         """Return the kernel parameters (n_p, 1) of a search vector, or of the file."""
         if z is None:
-            return parameter_rows(self.vehicle, self.piece.changes)
+            return self.vehicle.parameter_rows(self.piece.changes)
         return self.problem.candidates(z[None, :], self.index)[0]
 
     def measured_starts(self, z: FloatArray | None = None) -> dict[str, FloatArray]:
-        """Return what :func:`~stoop.simulation.initial_states` takes of every window, (w,) each, for a search vector.
+        """Return what :meth:`Vehicle.initial_states` takes of every window, (w,) each, for a search vector.
 
         The initial state of a rotor or surface with a lag follows from its earlier commands and the lag.
         """
@@ -228,7 +226,7 @@ class Shots:
         rows = self._kernel_parameters(z)
         for state in (s for s in vehicle.states if s.endswith(".lag")):
             name = state.removesuffix(".lag")  # by how much it is off its command
-            command = commanded(vehicle, name, np.repeat(rows, len(at), axis=1), piece.inputs[at].T)
+            command = vehicle.commanded(name, np.repeat(rows, len(at), axis=1), piece.inputs[at].T)
             starts[state] = lagged_command(vehicle, piece, name, rows)[at] - command
         return starts
 
@@ -373,7 +371,7 @@ class Shots:
         for length in np.unique(steps) if output_delays(vehicle) else ():
             lanes = steps == length  # each in its own length, whatever stands beside it
             part = np.ascontiguousarray(out[lanes, : length + 1])
-            out[lanes, : length + 1] = late_outputs(vehicle, part, rows[:, lanes], dt, piece.moved)
+            out[lanes, : length + 1] = vehicle.late_outputs(part, rows[:, lanes], dt, piece.moved)
         return out, last
 
 

@@ -38,13 +38,13 @@ from stoop.base.units import STANDARD_GRAVITY
 from stoop.base.variables import RATES, SPECIFIC_FORCE
 from stoop.errors import IdentificationError
 from stoop.estimate.filter_gains import first_guess
-from stoop.estimate.regression.aircraft import AircraftEquations, Motion, histories
+from stoop.estimate.regression.aircraft import AircraftEquations, History, Motion
 from stoop.estimate.regression.least_squares import Estimates, TimeDomain
 from stoop.estimate.regression.method import regression
 from stoop.problem import Layout, Piece
 from stoop.problem.observation import observation_model, true_values
-from stoop.simulation.initial import rigid_states
 from stoop.vehicle import Vehicle
+from stoop.vehicle.channels import rigid_states
 from stoop.vehicle.symbolic.frames import body_acceleration, euler_rates
 
 INERTIAL: Final = (*SPECIFIC_FORCE, *RATES)
@@ -234,7 +234,7 @@ class ReconstructedEquations(AircraftEquations):
             lost.extend([] if converged else [float(piece.time[0])])
             return found
 
-        found = tuple(h for piece in pieces for h in histories(vehicle, piece, motion))
+        found = tuple(h for piece in pieces for h in History.of(vehicle, piece, motion))
         return cls(layout, found, tuple(lost))
 
     def notices(self, _: Estimates) -> list[Notice]:

@@ -7,3 +7,4 @@ from stoop.base.arrays import run_slices as run_slices
 from stoop.base.blas import on_one_blas_thread as on_one_blas_thread
 from stoop.base.dual import Dual as Dual
 from stoop.base.robust import robust_std as robust_std
+from stoop.kernels.kernel import thread_count as thread_count

@@ -1,7 +1,4 @@
-"""What a fit asks and answers: the problem and its pieces, estimates, covariance, results.
-
-`Result` and what it holds are stable as a ``result.json`` is; what solves the problem is not.
-"""
+"""What a fit asks and answers: problems and their pieces, estimates, error bars, and the `Result` of a ``result.json``."""
 
 from stoop.base.lazy import attach
 

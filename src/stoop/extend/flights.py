@@ -1,7 +1,4 @@
-"""Flights on one grid, their mappings and windows, the maneuvers in them, and frequency responses.
-
-Columns of a `Flight` are SI, in body axes, NaN where nothing was measured.
-"""
+"""Flights on one grid in SI and body axes, their mappings, windows and maneuvers, and frequency responses."""
 
 from stoop.base.lazy import attach
 

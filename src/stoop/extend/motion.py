@@ -1,7 +1,4 @@
-"""How a vehicle moves: trim, steady flight, linear models, simulated maneuvers, forces, actuators and rotors.
-
-Many conditions are computed at a time, as lanes of an array.
-"""
+"""How a vehicle moves: trim, steady flight, linear models and simulated maneuvers, with many conditions at a time as lanes."""
 
 from stoop.base.lazy import attach
 

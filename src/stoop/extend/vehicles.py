@@ -1,7 +1,4 @@
-"""Vehicle files: parameters and their numbers, expressions, equations, and what is checked of them.
-
-`Vehicle.with_numbers` and `Vehicle.rows` are the way to change numbers; a vehicle is never changed in place.
-"""
+"""Vehicle files: their schema, terms, equations in symbols, and checks; a `Vehicle` is never changed in place."""
 
 from stoop.base.lazy import attach
 

@@ -33,7 +33,7 @@ from stoop.base.rotations import matrices_of, normalized, quaternions_of
 from stoop.base.units import DEGREE
 from stoop.base.variables import EULER, QUATERNION, RATES, SPECIFIC_FORCE, VARIABLES, VELOCITY
 from stoop.flight import airspeed
-from stoop.flight.airborne import carried_by_rotors, hovered
+from stoop.flight.airborne import hovered
 from stoop.flight.flight import NAN, POOR_WIND, AirData, Flight, Gridded
 from stoop.flight.gridding import complete
 from stoop.flight.instrument_errors import prior_std
@@ -84,7 +84,9 @@ def with_air(flight: Flight) -> Flight:
     if not complete(np.column_stack([flight.column(name) for name in needed])).any():
         return _with_pitot(flight)
     columns, air = _columns_with_air(flight)
-    if (air.method == "none" and carried_by_rotors(flight)) or (air.method == "sideslip" and hovered(flight)):
+    if (air.method == "none" and flight.carried_by_rotors()) or (
+        air.method == "sideslip" and hovered(flight)
+    ):
         return flight
     new = columns.keys() - (there if _measured_speed(flight) is not None else there - {"V"})
     # between readings of the velocity accelerometers tell how it changed

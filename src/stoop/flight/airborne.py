@@ -7,7 +7,7 @@ surfaces do not.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
@@ -16,7 +16,9 @@ from stoop.base.autopilots import ARDUPILOT
 from stoop.base.units import STANDARD_GRAVITY
 from stoop.base.variables import FAMILIES, SPECIFIC_FORCE, VELOCITY
 from stoop.errors import FlightError
-from stoop.flight.flight import Flight
+
+if TYPE_CHECKING:
+    from stoop.flight.flight import Flight
 
 
 @dataclass(frozen=True)
@@ -65,9 +67,9 @@ ROTOR_KINDS: Final = (
 
 def flying(flight: Flight) -> BoolArray:
     """Tell at which samples (n,) the vehicle flies, take-off and landing left out; everywhere when nothing tells."""
-    if not carried_by_rotors(flight):
-        return airborne(flight)
-    command = lift_command(flight)
+    if not flight.carried_by_rotors():
+        return flight.airborne()
+    command = flight.lift_command()
     if command is None or not np.isfinite(command).any():
         return np.ones(flight.time.size, dtype=bool)
     known = np.isfinite(command)
@@ -87,8 +89,8 @@ def in_flight(flight: Flight) -> BoolArray:
 
     The horizontal speed tells as well: the vertical one may be in a wrong unit.
     """
-    up = flying(flight)
-    if not carried_by_rotors(flight) and flight.names >= set(VELOCITY):
+    up = flight.flying()
+    if not flight.carried_by_rotors() and flight.names >= set(VELOCITY):
         up |= _without_edges(carried_by_speed(flight, VELOCITY[:2]), flight.rate)
     return up if up.sum() >= FLYING.least * flight.rate else np.ones(up.size, dtype=bool)
 
@@ -128,7 +130,7 @@ def _without_edges(up: BoolArray, rate: float) -> BoolArray:
 def carried_by_rotors(flight: Flight) -> bool:
     """Tell whether rotors carry the vehicle: several motors, or it stood still in the air for a while, or its pulses."""
     several = max(len(_moving(flight, kind)) for kind in ("motor", "rotor"))
-    return several >= FLYING.rotors or hovered(flight) or bool(rotor_pulses(flight))
+    return several >= FLYING.rotors or hovered(flight) or bool(flight.rotor_pulses())
 
 
 def lift_command(flight: Flight) -> FloatArray | None:
@@ -137,7 +139,7 @@ def lift_command(flight: Flight) -> FloatArray | None:
     if np.nanmax(np.append(np.abs(throttle), 0.0)) > 0.0:
         return throttle
     for kind, idle, full in ROTOR_KINDS:
-        names = (rotor_pulses(flight) if kind == "pwm" else []) or _moving(flight, kind)
+        names = (flight.rotor_pulses() if kind == "pwm" else []) or _moving(flight, kind)
         if len(names) >= FLYING.rotors:
             return np.asarray(np.mean([(flight.column(name) - idle) / full for name in names], axis=0))
     return None
@@ -157,7 +159,7 @@ def motors_ran(flight: Flight) -> bool:
 
     Fewer motors than carry a vehicle are those of an aeroplane, which flies, or glides, by its wings.
     """
-    command = lift_command(flight)
+    command = flight.lift_command()
     if command is None:
         every = [[n for n in FAMILIES[kind] if n in flight.names] for kind in ("motor", "rotor")]
         known = [[n for n in own if np.isfinite(flight.column(n)).any()] for own in every]
@@ -169,7 +171,7 @@ def motors_ran(flight: Flight) -> bool:
 def require_motors_ran(flight: Flight) -> None:
     """Refuse a flight in which nothing flew: FlightError."""
     if not motors_ran(flight):
-        command = lift_command(flight)
+        command = flight.lift_command()
         most = 0.0 if command is None else float(np.nanmax(np.append(command, 0.0)))
         raise FlightError(
             f"{flight.name}: the motors never ran (their commands reach {100.0 * most:.0f} % at most): nothing flew in this "
@@ -180,7 +182,7 @@ def require_motors_ran(flight: Flight) -> None:
 def hovered(flight: Flight) -> bool:
     """Tell whether it stood still in the air while its rotors pulled."""
     needed = {"vn", "ve", "altitude", *SPECIFIC_FORCE}
-    command = lift_command(flight) if flight.names >= needed else None
+    command = flight.lift_command() if flight.names >= needed else None
     if command is None or not np.isfinite(command).any():
         return False
     height, speed = flight.column("altitude"), np.hypot(flight.column("vn"), flight.column("ve"))

@@ -20,7 +20,7 @@ from stoop.flight.alignment import align, suggest_alignments
 from stoop.flight.conversion import rotate_axes
 from stoop.flight.flight import with_other_form
 from stoop.flight.gridding import MAX_VALUE, Channels
-from stoop.flight.mapping import READY, FlightMapping, Source, read_flight_mapping, ready
+from stoop.flight.mapping import FlightMapping, Source
 from stoop.logs import Recording, Stream
 from stoop.logs.csv_tables import mapping_beside, read_raw_csv
 from stoop.logs.read import kind
@@ -43,61 +43,120 @@ class Mapped:
     #: variable of a ready mapping -> its source there, and the stream that supplied it
     ready: Mapping[str, tuple[Source, str]] = field(default_factory=dict)
 
+    @staticmethod
+    def read(
+        path: Path, given: Path | None = None, further: frozenset[str] = frozenset()
+    ) -> tuple[Recording, Mapped | None]:
+        """Read the streams of a log that its mapping needs, and name its channels by the registry.
 
-def read_mapped(
-    path: Path, given: Path | None = None, further: frozenset[str] = frozenset()
-) -> tuple[Recording, Mapped | None]:
-    """Read the streams of a log that its mapping needs, and name its channels by the registry.
+        Parameters
+        ----------
+        path : the log
+        given : its mapping; None takes the one beside the log, else the ready one of the format
+        further : streams, without instance, that are read besides
 
-    Parameters
-    ----------
-    path : the log
-    given : its mapping; None takes the one beside the log, else the ready one of the format
-    further : streams, without instance, that are read besides
+        Returns
+        -------
+        recording : of any format
+        mapped : its channels; None for a flight that stoop wrote
 
-    Returns
-    -------
-    recording : of any format
-    mapped : its channels; None for a flight that stoop wrote
+        Raises
+        ------
+        FlightError, LogError
+            When log or mapping cannot be read, there is none for this format, or it names what is not in log or registry.
+        """
+        place = given
+        if place is None:
+            try:
+                place = mapping_beside(path) if mapping_beside(path).is_file() else None
+            except (OSError, ValueError):  # the reader says it better
+                place = None
+        form = kind(path) if path.is_file() else ""
+        known = FlightMapping.READY.get(form) if place is None else None
+        mapping = None if known is None else FlightMapping.ready(known)
+        if place is not None and path.exists():
+            mapping = FlightMapping.read(place)
+        needed = None if mapping is None or "" in mapping.streams else mapping.streams | further
+        recording = logs.read(path, given, needed)
+        if recording.format == "stoop-netcdf":
+            return recording, None
+        if mapping is None and recording.format not in FlightMapping.READY:
+            start = mapping_beside(recording.path)
+            raise FlightError(
+                f"{recording.path}: this kind of log needs a mapping of its columns; "
+                f"draft one by stoop map {recording.path} -o {start}, and correct it"
+            )
+        mapping = mapping or FlightMapping.ready(FlightMapping.READY[recording.format])
+        whole = _with_files(recording, mapping) if mapping.files else recording
+        found = Mapped.of(mapping, whole)
+        if not mapping.alignments and (mapping.files or recording.format not in FlightMapping.READY):
+            by_stream: dict[str, list[Channels]] = {}
+            for group in found.channels:
+                by_stream.setdefault(group.source, []).append(group)
+            where = str(place or "the mapping")
+            disagreeing = suggest_alignments(whole, lambda _, name: by_stream.get(name, []), where)
+            found = replace(found, notices=[*found.notices, *disagreeing])
+        unnamed = {f"{stream} {column}" for stream, columns in found.unmapped.items() for column in columns}
+        defects = tuple(d for d in recording.defects if d.kind != "text" or d.place not in unnamed)
+        return replace(recording, defects=defects), found
 
-    Raises
-    ------
-    FlightError, LogError
-        When log or mapping cannot be read, there is none for this format, or it names what is not in log or registry.
-    """
-    place = given
-    if place is None:
-        try:
-            place = mapping_beside(path) if mapping_beside(path).is_file() else None
-        except (OSError, ValueError):  # the reader says it better
-            place = None
-    form = kind(path) if path.is_file() else ""
-    mapping = ready(READY[form]) if place is None and form in READY else None
-    if place is not None and path.exists():
-        mapping = read_flight_mapping(place)
-    needed = None if mapping is None or "" in mapping.streams else mapping.streams | further
-    recording = logs.read(path, given, needed)
-    if recording.format == "stoop-netcdf":
-        return recording, None
-    if mapping is None and recording.format not in READY:
-        start = mapping_beside(recording.path)
-        raise FlightError(
-            f"{recording.path}: this kind of log needs a mapping of its columns; "
-            f"draft one by stoop map {recording.path} -o {start}, and correct it"
-        )
-    mapping = mapping or ready(READY[recording.format])
-    whole = _with_files(recording, mapping) if mapping.files else recording
-    found = apply_mapping(mapping, whole)
-    if not mapping.alignments and (mapping.files or recording.format not in READY):
-        by_stream: dict[str, list[Channels]] = {}
-        for group in found.channels:
-            by_stream.setdefault(group.source, []).append(group)
-        where = str(place or "the mapping")
-        disagreeing = suggest_alignments(whole, lambda _, name: by_stream.get(name, []), where)
-        found = replace(found, notices=[*found.notices, *disagreeing])
-    unnamed = {f"{stream} {column}" for stream, columns in found.unmapped.items() for column in columns}
-    defects = tuple(d for d in recording.defects if d.kind != "text" or d.place not in unnamed)
-    return replace(recording, defects=defects), found
+    @staticmethod
+    def of(mapping: FlightMapping, recording: Recording) -> Mapped:
+        """Pick the variables of the registry out of a recording; LogError when a column that the mapping names is not there."""
+        timed, notices = _with_clocks(mapping, recording)
+        aligned: list[Notice] = []
+        contradicted: list[Notice] = []
+        beyond: list[Notice] = []
+        if mapping.alignments:
+            timed, aligned = align(
+                mapping.place, mapping.alignments, timed, lambda log, n: _all(mapping, log, n)
+            )
+        channels: list[Channels] = []
+        places: dict[str, str] = {}
+        of_ready: dict[str, tuple[Source, str]] = {}
+        named: dict[str, set[str]] = {}  # columns, flags and stamps that the mapping names of each stream
+        for group in mapping.groups.values():
+            without = group.without | with_other_form({name for known in channels for name in known.values})
+            supplied: list[Channels] = []
+            suppliers: list[Source] = []
+            for source in group.sources:
+                places = {**dict.fromkeys(source.variables, source.place), **places}
+                columns = {name for weights in source.columns for name in weights}
+                for topic in [source.stream] if source.stream else timed.streams:
+                    named.setdefault(topic, set()).update(columns, source.valid, {source.stamp})
+                stated = timed.units.get(source.stream, {})
+                for unit, weights in zip(source.units, source.columns, strict=True):
+                    for column in weights if unit and stated else ():
+                        own, where = stated.get(column, ""), f"{source.stream}.{column}"
+                        there, said = UNITS.get(own), UNITS[unit]
+                        if there is not None and there.kind == said.kind and there.factor != said.factor:
+                            values = {"place": source.place, "unit": unit, "stated": own}
+                            contradicted.append(notice("unit-contradicted", where, **values))
+                first, *others = _instances(timed, source) or [""]
+                span = {"first": source.variables[0], "last": source.variables[-1]}
+                notices += [notice("instance-left-out", other, taken=first, **span) for other in others]
+                found = _supply(timed, source, first)
+                if found is not None and (rest := _without(found, without)).values:
+                    supplied.append(rest)
+                    suppliers.append(source)
+            best = _best(supplied, group.choose == "fastest", timed.format == "table")
+            if best is not None:
+                channels.append(best)
+                (source,) = (own for own, one in zip(suppliers, supplied, strict=True) if one is best)
+                places |= {name: source.place for name in best.values if not _of_ready(source)}
+                of_ready |= {name: (source, best.source) for name in best.values if _of_ready(source)}
+        channels = _join_lines(timed.format, channels)
+        if mapping.surfaces.mixes:
+            surfaces, beyond = mapping.surfaces.deflections(channels)
+            mixed = frozenset(mapping.surfaces.mixes)
+            channels = [*(less for known in channels if (less := _without(known, mixed)).values), *surfaces]
+        clocks = {clock.column for clock in (*mapping.clocks.values(), mapping.clock) if clock is not None}
+        left = dict(recording.unread)
+        for name, stream in recording.streams.items():
+            used = named.get(name, named.get(name.partition("/")[0], set())) | clocks
+            columns_left = tuple(c for c in stream.columns if c not in used and not c.startswith("timestamp"))
+            left |= {name: columns_left} if columns_left else {}
+        return Mapped(channels, [*notices, *aligned, *contradicted, *beyond], left, places, of_ready)
 
 
 def _with_files(recording: Recording, mapping: FlightMapping) -> Recording:
@@ -119,64 +178,8 @@ def _with_files(recording: Recording, mapping: FlightMapping) -> Recording:
     return replace(recording, streams=streams, units=units)
 
 
-def apply_mapping(mapping: FlightMapping, recording: Recording) -> Mapped:
-    """Pick the variables of the registry out of a recording; LogError when a column that the mapping names is not there."""
-    timed, notices = _with_clocks(mapping, recording)
-    aligned: list[Notice] = []
-    contradicted: list[Notice] = []
-    beyond: list[Notice] = []
-    if mapping.alignments:
-        timed, aligned = align(mapping.place, mapping.alignments, timed, lambda log, n: _all(mapping, log, n))
-    channels: list[Channels] = []
-    places: dict[str, str] = {}
-    of_ready: dict[str, tuple[Source, str]] = {}
-    named: dict[str, set[str]] = {}  # columns, flags and stamps that the mapping names of each stream
-    for group in mapping.groups.values():
-        without = group.without | with_other_form({name for known in channels for name in known.values})
-        supplied: list[Channels] = []
-        suppliers: list[Source] = []
-        for source in group.sources:
-            places = {**dict.fromkeys(source.variables, source.place), **places}
-            columns = {name for weights in source.columns for name in weights}
-            for topic in [source.stream] if source.stream else timed.streams:
-                named.setdefault(topic, set()).update(columns, source.valid, {source.stamp})
-            stated = timed.units.get(source.stream, {})
-            for unit, weights in zip(source.units, source.columns, strict=True):
-                for column in weights if unit and stated else ():
-                    own, where = stated.get(column, ""), f"{source.stream}.{column}"
-                    there, said = UNITS.get(own), UNITS[unit]
-                    if there is not None and there.kind == said.kind and there.factor != said.factor:
-                        values = {"place": source.place, "unit": unit, "stated": own}
-                        contradicted.append(notice("unit-contradicted", where, **values))
-            first, *others = _instances(timed, source) or [""]
-            span = {"first": source.variables[0], "last": source.variables[-1]}
-            notices += [notice("instance-left-out", other, taken=first, **span) for other in others]
-            found = _supply(timed, source, first)
-            if found is not None and (rest := _without(found, without)).values:
-                supplied.append(rest)
-                suppliers.append(source)
-        best = _best(supplied, group.choose == "fastest", timed.format == "table")
-        if best is not None:
-            channels.append(best)
-            (source,) = (own for own, one in zip(suppliers, supplied, strict=True) if one is best)
-            places |= {name: source.place for name in best.values if not _of_ready(source)}
-            of_ready |= {name: (source, best.source) for name in best.values if _of_ready(source)}
-    channels = _join_lines(timed.format, channels)
-    if mapping.surfaces.mixes:
-        surfaces, beyond = mapping.surfaces.deflections(channels)
-        mixed = frozenset(mapping.surfaces.mixes)
-        channels = [*(less for known in channels if (less := _without(known, mixed)).values), *surfaces]
-    clocks = {clock.column for clock in (*mapping.clocks.values(), mapping.clock) if clock is not None}
-    left = dict(recording.unread)
-    for name, stream in recording.streams.items():
-        used = named.get(name, named.get(name.partition("/")[0], set())) | clocks
-        columns_left = tuple(c for c in stream.columns if c not in used and not c.startswith("timestamp"))
-        left |= {name: columns_left} if columns_left else {}
-    return Mapped(channels, [*notices, *aligned, *contradicted, *beyond], left, places, of_ready)
-
-
 def _of_ready(source: Source) -> bool:
-    return source.place.partition(":")[0] in READY.values()
+    return source.place.partition(":")[0] in FlightMapping.READY.values()
 
 
 def _best(supplied: Sequence[Channels], fastest: bool, named: bool) -> Channels | None:

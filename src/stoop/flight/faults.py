@@ -6,8 +6,8 @@ Nothing is corrected; a fit takes what was clipped or stuck as not measured.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any, Final, Literal
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, Final, Literal
 
 import numpy as np
 
@@ -16,6 +16,9 @@ from stoop.base.notices import Notice, notice
 from stoop.base.units import STANDARD_GRAVITY
 from stoop.base.variables import EULER, QUATERNION, RATES, SPECIFIC_FORCE, VARIABLES, VELOCITY
 from stoop.flight.gridding import Channels, finite, stretches
+
+if TYPE_CHECKING:
+    from stoop.flight.flight import Flight
 
 #: channels that move whenever the vehicle does
 _AIR = ("V", "alpha", "beta", "airspeed_pitot", "airspeed_equivalent")
@@ -64,6 +67,21 @@ class Fault:
         """Return what a JSON document holds."""
         names = ("kind", "variable", "value", "start", "stop", "message")
         return {name: getattr(self, name) for name in names}
+
+    @staticmethod
+    def removed(time: FloatArray, x: FloatArray, faults: Sequence[Fault]) -> FloatArray:
+        """Return a gridded channel (n,) with NaN where its faults say stuck or clipped: a limit is no measurement.
+
+        Without faults it is the channel itself.
+        """
+        out = x.copy() if faults else x
+        for fault in faults:
+            if fault.kind == "stuck":
+                out[(time >= fault.start) & (time <= fault.stop)] = np.nan
+            elif fault.kind == "clipped" and np.isfinite(x).any():
+                edge, near = fault.value, Limits.near_limit * abs(fault.value)
+                out[x > edge - near if edge > np.nanmedian(x) else x < edge + near] = np.nan
+        return out
 
 
 def recorded_faults(channels: Sequence[Channels]) -> list[Fault]:
@@ -141,19 +159,19 @@ def _stuck(name: str, t: FloatArray, x: FloatArray) -> list[Fault]:
     return [Fault("stuck", name, value, start, stop, found)]
 
 
-def without_faulty(time: FloatArray, x: FloatArray, faults: Sequence[Fault]) -> FloatArray:
-    """Return a gridded channel (n,) with NaN where its faults say stuck or clipped: a limit is no measurement.
-
-    Without faults it is the channel itself.
-    """
-    out = x.copy() if faults else x
-    for fault in faults:
-        if fault.kind == "stuck":
-            out[(time >= fault.start) & (time <= fault.stop)] = np.nan
-        elif fault.kind == "clipped" and np.isfinite(x).any():
-            edge, near = fault.value, Limits.near_limit * abs(fault.value)
-            out[x > edge - near if edge > np.nanmedian(x) else x < edge + near] = np.nan
-    return out
+def without_faults(flight: Flight) -> Flight:
+    """Return the flight with the samples of clipped and stuck sensors taken as not measured."""
+    by_name: dict[str, list[Fault]] = {}
+    for fault in flight.faults:
+        if fault.kind in ("clipped", "stuck"):
+            by_name.setdefault(fault.variable, []).append(fault)
+    if not by_name:
+        return flight
+    pairs = [(name, flight.column(name), found) for name, found in by_name.items()]
+    columns = {name: Fault.removed(flight.time, x, found) for name, x, found in pairs}
+    data = flight.data.assign({name: ("time", x, flight.data[name].attrs) for name, x in columns.items()})
+    found = notice("samples-not-measured", variables=tuple(columns))
+    return replace(flight, data=data, notices=(*flight.notices, found))
 
 
 def contradiction(found: Notice, start: float, stop: float) -> Fault:

@@ -17,8 +17,20 @@ from stoop.base.rotations import continuous, euler_angles, normalized, quaternio
 from stoop.base.text import printable, unknown_name
 from stoop.base.variables import EULER, QUATERNION, VARIABLES, WRAPPED, variable
 from stoop.errors import FlightError
+from stoop.flight import airborne as airborne_rules
+from stoop.flight import faults as sensor_faults
+from stoop.flight import maneuvers as command_rules
 from stoop.flight.faults import Fault
-from stoop.flight.gridding import MAX_GAP, TIME_TOLERANCE, SourceRate, complete, drop_impossible, source_rate
+from stoop.flight.gridding import (
+    MAX_GAP,
+    TIME_TOLERANCE,
+    Grid,
+    SourceRate,
+    complete,
+    drop_impossible,
+    resample,
+    source_rate,
+)
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -180,6 +192,26 @@ class Flight:
         """Return which samples lie between two times [s], both included."""
         time = self.time
         return slice(int(np.searchsorted(time, start)), int(np.searchsorted(time, stop, "right")))
+
+    def resampled(self, time: FloatArray, values: FloatArray) -> FloatArray:
+        """Return a series (m,) of the same clock on the grid (n,) of the flight, smoothed as channels are."""
+        grid = Grid(0, self.time.size, self.rate, float(self.time[0]))
+        return resample(grid, time, values[:, None], smooth=True)[:, 0]
+
+    without_faults = sensor_faults.without_faults
+    flying = airborne_rules.flying
+    in_flight = airborne_rules.in_flight
+    airborne = airborne_rules.airborne
+    carried_by_rotors = airborne_rules.carried_by_rotors
+    lift_command = airborne_rules.lift_command
+    rotor_pulses = airborne_rules.rotor_pulses
+    require_motors_ran = airborne_rules.require_motors_ran
+    commands = command_rules.commands
+    output_families = command_rules.output_families
+    directions = command_rules.directions
+    band_pass = command_rules.band_pass
+    feedback = command_rules.feedback
+    find_maneuvers = command_rules.find_maneuvers
 
     def __repr__(self) -> str:
         """Return name, length and number of channels on one line."""

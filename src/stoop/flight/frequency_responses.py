@@ -28,7 +28,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import ClassVar, Final
 
 import numpy as np
 from scipy import sparse
@@ -37,15 +37,12 @@ from scipy.special import stdtrit
 from stoop.base.arrays import BoolArray, ComplexArray, FloatArray, IntArray, run_slices
 
 OVERLAP: Final = 0.5  #: of successive windows
-#: of a frequency that a window holds at least: half the width of the main lobe of Hann's window
-CYCLES: Final = 2.0
 MAX_LENGTH: Final = 20.0  #: s, of a window
 #: of windows, down to a quarter of the longest: what is shorter has more leakage than noise
 LENGTHS: Final = 5
 SPARE_WINDOWS: Final = 2  #: without overlap, of the longest length, beyond the number of inputs
 MIN_SAMPLES: Final = 16  #: of a window
 POINTS_PER_OCTAVE: Final = 12
-MAX_FREQUENCY: Final = 10.0  #: Hz, by default
 MAX_SHARE: Final = 0.4  #: of the sampling rate, that a frequency may be
 WEIGHT_POWER: Final = -4.0  #: of the random error of a length (Tischler and Remple, section 10.3)
 MAX_CONDITION: Final = 1e8  #: of the spectra of the inputs, beyond which they are one input
@@ -68,6 +65,10 @@ class FrequencyResponse:
     feedback; a coherence near one says that the input dominates.
     """
 
+    #: of a frequency that a window holds at least: half the width of the main lobe of Hann's window
+    CYCLES: ClassVar = 2.0
+    MAX_FREQUENCY: ClassVar = 10.0  #: Hz, by default
+
     input: str
     output: str
     frequency: FloatArray  #: (m,) rad/s, rising
@@ -77,20 +78,67 @@ class FrequencyResponse:
     bound: FloatArray  #: (m,), 95 % random error of the magnitude over the magnitude, and of the phase, rad
     window: FloatArray  #: (m,) s, mean length of the windows, by their weights
 
+    @staticmethod
+    def window_lengths(
+        durations: Sequence[float], inputs: int, longest: float = MAX_LENGTH
+    ) -> tuple[float, ...]:
+        """Return the lengths of windows, s, for stretches of these durations, s; none where these are too short.
 
-def window_lengths(durations: Sequence[float], inputs: int, longest: float = MAX_LENGTH) -> tuple[float, ...]:
-    """Return the lengths of windows, s, for stretches of these durations, s; none where these are too short.
+        Of the longest at least `SPARE_WINDOWS` more than there are inputs fit side by side.
+        """
+        wanted = inputs + SPARE_WINDOWS
+        # a length at which one more window fits into some stretch is a duration over a whole number
+        candidates = {d / k for d in durations for k in range(1, wanted + 1)}
+        fitting = [x for x in candidates if sum(int(d / x * (1.0 + 1e-9)) for d in durations) >= wanted]
+        if not fitting:
+            return ()
+        first = min(longest, max(fitting))
+        return tuple(np.geomspace(first, 0.25 * first, LENGTHS).tolist())
 
-    Of the longest at least `SPARE_WINDOWS` more than there are inputs fit side by side.
-    """
-    wanted = inputs + SPARE_WINDOWS
-    # a length at which one more window fits into some stretch is a duration over a whole number
-    candidates = {d / k for d in durations for k in range(1, wanted + 1)}
-    fitting = [x for x in candidates if sum(int(d / x * (1.0 + 1e-9)) for d in durations) >= wanted]
-    if not fitting:
-        return ()
-    first = min(longest, max(fitting))
-    return tuple(np.geomspace(first, 0.25 * first, LENGTHS).tolist())
+    @staticmethod
+    def estimate(
+        stretches: Sequence[Stretch],
+        inputs: Sequence[str],
+        outputs: Sequence[str],
+        band: tuple[float, float] | None = None,
+        lengths: Sequence[float] | None = None,
+    ) -> list[FrequencyResponse]:
+        """Return the response of every output to every input; none of an output whose stretches are too short.
+
+        Parameters
+        ----------
+        stretches : sequence of Stretch
+            Nothing is estimated across their ends or across a gap.
+        inputs, outputs : names of the p and q columns
+        band : (low, high), rad/s, optional
+            By default from `FrequencyResponse.CYCLES` per longest window to 10 Hz, or 0.4 times the slowest sampling rate.
+        lengths : sequence of float, s, optional
+            Of the windows; by default by :meth:`window_lengths`.
+        """
+        found: dict[int, list[FrequencyResponse]] = {}
+        for own in _recorded_together(stretches, len(outputs)):
+            pieces = []  # rate, and the inputs and these outputs (n, p + k) where there is no gap
+            for one in stretches:
+                values = np.column_stack([one.inputs, one.outputs[:, own]])
+                present: BoolArray = np.asarray(np.isfinite(values).all(axis=1))
+                pieces += [(one.rate, values[run]) for run in run_slices(present)]
+            durations = [len(v) / rate for rate, v in pieces]
+            chosen = lengths or FrequencyResponse.window_lengths(durations, len(inputs))
+            chosen = [x for x in chosen if all(x * rate >= MIN_SAMPLES for rate, _ in pieces)]
+            if not chosen or not pieces:
+                continue
+            lowest = FrequencyResponse.CYCLES / max(chosen)
+            ceiling = MAX_SHARE * min(rate for rate, _ in pieces)
+            most = FrequencyResponse.MAX_FREQUENCY
+            low, high = (lowest, most) if band is None else (b / (2.0 * np.pi) for b in band)
+            hertz = frequencies(max(low, lowest), min(high, ceiling))
+            if hertz.size:
+                windows = _windows(pieces, chosen, hertz)
+                p = len(inputs)
+                for k, column in enumerate(own, p):
+                    alone = replace(windows, transforms=windows.transforms[..., [*range(p), k]])
+                    found[column] = _responses(alone, hertz, inputs, outputs[column])
+        return [one for column in sorted(found) for one in found[column]]
 
 
 def frequencies(low: float, high: float) -> FloatArray:
@@ -105,49 +153,6 @@ def decibels(response: ComplexArray) -> FloatArray:
     """Return magnitudes in dB."""
     with np.errstate(divide="ignore"):
         return np.asarray(20.0 * np.log10(np.abs(response)))
-
-
-def estimate_responses(
-    stretches: Sequence[Stretch],
-    inputs: Sequence[str],
-    outputs: Sequence[str],
-    band: tuple[float, float] | None = None,
-    lengths: Sequence[float] | None = None,
-) -> list[FrequencyResponse]:
-    """Return the response of every output to every input; none of an output whose stretches are too short.
-
-    Parameters
-    ----------
-    stretches : sequence of Stretch
-        Nothing is estimated across their ends or across a gap.
-    inputs, outputs : names of the p and q columns
-    band : (low, high), rad/s, optional
-        By default from `CYCLES` per longest window to 10 Hz, or 0.4 times the slowest sampling rate.
-    lengths : sequence of float, s, optional
-        Of the windows; by default by :func:`window_lengths`.
-    """
-    found: dict[int, list[FrequencyResponse]] = {}
-    for own in _recorded_together(stretches, len(outputs)):
-        pieces = []  # rate, and the inputs and these outputs (n, p + k) where there is no gap
-        for one in stretches:
-            values = np.column_stack([one.inputs, one.outputs[:, own]])
-            present: BoolArray = np.asarray(np.isfinite(values).all(axis=1))
-            pieces += [(one.rate, values[run]) for run in run_slices(present)]
-        chosen = lengths or window_lengths([len(v) / rate for rate, v in pieces], len(inputs))
-        chosen = [x for x in chosen if all(x * rate >= MIN_SAMPLES for rate, _ in pieces)]
-        if not chosen or not pieces:
-            continue
-        lowest = CYCLES / max(chosen)
-        ceiling = MAX_SHARE * min(rate for rate, _ in pieces)
-        low, high = (lowest, MAX_FREQUENCY) if band is None else (b / (2.0 * np.pi) for b in band)
-        hertz = frequencies(max(low, lowest), min(high, ceiling))
-        if hertz.size:
-            windows = _windows(pieces, chosen, hertz)
-            p = len(inputs)
-            for k, column in enumerate(own, p):
-                alone = replace(windows, transforms=windows.transforms[..., [*range(p), k]])
-                found[column] = _responses(alone, hertz, inputs, outputs[column])
-    return [one for column in sorted(found) for one in found[column]]
 
 
 def _recorded_together(stretches: Sequence[Stretch], count: int) -> list[list[int]]:
@@ -304,7 +309,7 @@ def _weights(
     counts = [int(own.sum()) for own in members]
     errors = np.full((len(lengths), len(hertz)), np.inf)
     for error, length, own, count in zip(errors, lengths, members, counts, strict=True):
-        here = length * hertz >= CYCLES * (1.0 - 1e-9)
+        here = length * hertz >= FrequencyResponse.CYCLES * (1.0 - 1e-9)
         if count <= X.shape[2] + 1 or not here.any():
             continue
         inputs, outputs = X[np.ix_(here, own)], y[np.ix_(here, own)]

@@ -22,10 +22,9 @@ from stoop.base.variables import EULER, QUATERNION, RATES, VARIABLES
 from stoop.errors import FlightError, LogError
 from stoop.flight import gridding
 from stoop.flight.air_data import with_air
-from stoop.flight.airborne import carried_by_rotors, in_flight
 from stoop.flight.airspeed import EQUIVALENT, TRUE, with_true_airspeed
-from stoop.flight.apply_mapping import Mapped, read_mapped
-from stoop.flight.faults import Fault, contradiction, recorded_faults, rest_faults, without_faulty
+from stoop.flight.apply_mapping import Mapped
+from stoop.flight.faults import Fault, contradiction, recorded_faults, rest_faults
 from stoop.flight.flight import AirData, Flight, Gridded, flight_name, on_circle, with_attitude
 from stoop.flight.pose import pose_alone, with_motion, without_jumps
 from stoop.flight.repeated_readings import at_own_rates
@@ -63,13 +62,13 @@ def load_flight(path: str | Path, mapping: str | Path | None = None, rate: float
             f"the path of a log is expected, not a {type(path).__name__}; give a table straight to stoop.fit or stoop.look"
         )
     path = Path(path)
-    return of_recording(path, *read_mapped(path, Path(mapping) if mapping is not None else None), rate)
+    return of_recording(path, *Mapped.read(path, Path(mapping) if mapping is not None else None), rate)
 
 
 def of_recording(
     path: Path, recording: Recording, mapped: Mapped | None, rate: float | None = None
 ) -> Flight:
-    """Lay the mapped channels of a recording on one uniform grid; see `load` and `read_mapped`."""
+    """Lay the mapped channels of a recording on one uniform grid; see `load` and `Mapped.read`."""
     if mapped is None:
         return _restore(recording, flight_name(path))
     cleaned = [gridding.drop_outliers(group) for group in mapped.channels]
@@ -95,7 +94,7 @@ def of_recording(
         recorded = [replace(f, variable=TRUE) if f.variable == EQUIVALENT else f for f in recorded]
     # a mapping is judged in flight: on the ground estimators hold zeros, and sensors stand still
     gridded = Flight(flight_name(path), path, Gridded(grid.time, data), rate, sources)
-    up = attempt(failed, np.ones(grid.time.size, dtype=bool), in_flight, gridded)
+    up = attempt(failed, np.ones(grid.time.size, dtype=bool), Flight.in_flight, gridded)
     flown = [up[(grid.time >= fault.start) & (grid.time <= fault.stop)].any() for fault in recorded]
     pairs = [(fault, moving) for fault, moving in zip(recorded, flown, strict=True) if fault.variable in data]
     recorded = [fault for fault, moving in pairs if fault.kind != "stuck" or moving]
@@ -128,7 +127,7 @@ def of_recording(
         code = "slow-rates-suspect-clock" if lowest < SUSPECT_CLOCK else "slow-rates"
         limits.append(notice(code, variables=tuple(slow), rate=lowest))
     explained = flight.air is not None and bool(flight.air.notices)  # the reconstruction knows better why
-    if not {"V", "alpha", "beta"} & flight.names and not carried_by_rotors(flight) and not explained:
+    if not {"V", "alpha", "beta"} & flight.names and not flight.carried_by_rotors() and not explained:
         limits.append(notice("no-air-data"))
     return flight.with_notices((*limits, *failed))
 
@@ -169,26 +168,11 @@ def with_contradictions(flight: Flight) -> Flight:
     failed: list[Notice] = []
     columns = {name: flight.column(name) for name in flight.sources}
     channels = [gridding.Channels("the table", flight.time, columns)]
-    up = attempt(failed, np.ones(flight.time.size, dtype=bool), in_flight, flight)
+    up = attempt(failed, np.ones(flight.time.size, dtype=bool), Flight.in_flight, flight)
     recorded = attempt(failed, [], recorded_faults, channels)
     faults = _contradictions(flight, up, channels, recorded, failed)
     notices = (*flight.notices, *(fault.notice for fault in faults), *failed)
     return replace(flight, data=vars(flight)["data"], faults=faults, notices=notices)
-
-
-def without_faults(flight: Flight) -> Flight:
-    """Return the flight with the samples of clipped and stuck sensors taken as not measured."""
-    by_name: dict[str, list[Fault]] = {}
-    for fault in flight.faults:
-        if fault.kind in ("clipped", "stuck"):
-            by_name.setdefault(fault.variable, []).append(fault)
-    if not by_name:
-        return flight
-    pairs = [(name, flight.column(name), found) for name, found in by_name.items()]
-    columns = {name: without_faulty(flight.time, x, found) for name, x, found in pairs}
-    data = flight.data.assign({name: ("time", x, flight.data[name].attrs) for name, x in columns.items()})
-    found = notice("samples-not-measured", variables=tuple(columns))
-    return replace(flight, data=data, notices=(*flight.notices, found))
 
 
 def save_flight(flight: Flight, path: str | Path) -> None:

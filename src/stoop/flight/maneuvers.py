@@ -11,20 +11,21 @@ Axes: k = sample, m = output, a = axis.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import Final, Literal
+from typing import TYPE_CHECKING, ClassVar, Final, Literal
 
 import numpy as np
 
 from stoop.base.arrays import BoolArray, FloatArray, run_slices
 from stoop.base.notices import Notice, attempt, notice
-from stoop.base.robust import robust_std
 from stoop.base.variables import FAMILIES, RATES, VARIABLES
-from stoop.flight.airborne import carried_by_rotors, flying, motors_ran
-from stoop.flight.flight import Flight
+from stoop.flight.airborne import motors_ran
+
+if TYPE_CHECKING:
+    from stoop.flight.flight import Flight
 
 Axis = Literal["roll", "pitch", "yaw", "heave"]
 
@@ -41,11 +42,8 @@ FEEDBACK: Final = (*RATES, "phi", "theta", "vd", "altitude")  #: of which an aut
 AGAINST: Final = ("elevator", "rudder")  #: that turn the vehicle to the other side when they are positive
 #: what feedback about an axis opposes; a command with which they go is answered by the vehicle
 OPPOSED: Final[dict[Axis, tuple[str, ...]]] = {
-    "roll": ("p", "phi"),
-    "pitch": ("q", "theta"),
-    "yaw": ("r",),
-    "heave": (),
-}
+    "roll": ("p", "phi"), "pitch": ("q", "theta"), "yaw": ("r",), "heave": (),
+}  # fmt: skip
 MOTION: Final[dict[Axis, str]] = {"roll": "p", "pitch": "q", "yaw": "r", "heave": "az"}
 
 
@@ -70,9 +68,6 @@ class Limits:
     #: share of a command's power in a window that feedback leaves over, at least; a maneuver leaves 0.3 and more, an autopilot
     #: in gusts a tenth
     commanded: float = 0.1
-    #: share of a command's power that feedback leaves over, and of the acceleration that this explains, where a log is too
-    #: short to show what is usual; multisines and sweeps leave 0.4 and explain 0.3, gusts under an autopilot leave 0.13 at most
-    moved: float = 0.25
     edge: float = 0.5  #: of the threshold of a burst: activity that belongs to it, before and after
 
 
@@ -94,9 +89,10 @@ class Command:
 
 
 @dataclass(frozen=True)
-class Maneuver:
+class FlownManeuver:
     """A window worth fitting."""
 
+    LIMITS: ClassVar = LIMITS
     axis: Axis  #: about which the vehicle was excited
     variable: str  #: control channel that says so, or the outputs whose direction does
     start: float  #: s, on the log's own clock
@@ -138,9 +134,9 @@ class FlightSummary:
     notices: tuple[Notice, ...]  #: those of the flight, and what makes it useless whatever the vehicle
 
     @cached_property
-    def maneuvers(self) -> tuple[Maneuver, ...]:
+    def maneuvers(self) -> tuple[FlownManeuver, ...]:
         """Windows in which one control was commanded, of the flight as it was read."""
-        return tuple(find_maneuvers(self.flight))
+        return tuple(self.flight.find_maneuvers())
 
 
 def describe(flight: Flight) -> FlightSummary:
@@ -164,21 +160,13 @@ def describe(flight: Flight) -> FlightSummary:
 def commands(flight: Flight) -> list[Command]:
     """Return what was commanded: mixed commands or surfaces where there are any, else directions of the outputs."""
     known = [(axis, name) for name, axis in CONTROLS.items() if name in flight.names]
-    known = [(axis, name) for axis, name in known if axis != "heave" or carried_by_rotors(flight)]
+    known = [(axis, name) for axis, name in known if axis != "heave" or flight.carried_by_rotors()]
     columns = [(axis, name, flight.column(name)) for axis, name in known]
     direct = [Command(axis, name, u) for axis, name, u in columns if moves(u)]
     if any(command.axis != "heave" for command in direct):
         return direct
-    combined = (found for names in output_families(flight) if (found := directions(flight, names)))
+    combined = (found for names in flight.output_families() if (found := flight.directions(names)))
     return next(combined, direct)
-
-
-def by_axis(found: list[Command]) -> Mapping[Axis, Command]:
-    """Return one command per axis, the first of each."""
-    out: dict[Axis, Command] = {}
-    for command in found:
-        out.setdefault(command.axis, command)
-    return out
 
 
 def output_families(flight: Flight) -> list[list[str]]:
@@ -200,14 +188,14 @@ def directions(flight: Flight, names: list[str]) -> list[Command]:
         return []
 
     outputs = np.column_stack([flight.column(name) for name in names])
-    rates = band_pass(flight, np.column_stack([flight.column(name) for name in RATES]), 0.5)
-    x = band_pass(flight, outputs, 0.5)
+    rates = flight.band_pass(np.column_stack([flight.column(name) for name in RATES]), 0.5)
+    x = flight.band_pass(outputs, 0.5)
     accelerations: dict[Axis, FloatArray] = {}
     for axis, name in MOTION.items():
         if name in flight.names:
-            y = band_pass(flight, flight.column(name)[:, None], 0.5)[:, 0]
+            y = flight.band_pass(flight.column(name)[:, None], 0.5)[:, 0]
             accelerations[axis] = -y if axis == "heave" else np.asarray(np.gradient(y) * flight.rate)
-    good = flying(flight) & np.isfinite(x).all(axis=1) & np.isfinite(rates).all(axis=1)
+    good = flight.flying() & np.isfinite(x).all(axis=1) & np.isfinite(rates).all(axis=1)
     good &= np.isfinite(np.column_stack(list(accelerations.values()))).all(axis=1)
     if good.sum() < LIMITS.samples:
         return []
@@ -259,12 +247,6 @@ def _running_means(sums: tuple[FloatArray, FloatArray], width: int, least: float
     return out
 
 
-def usual_deviation(x: FloatArray, mask: BoolArray) -> float:
-    """Return the robust standard deviation of a series (n,) about its median where a mask holds; 0 without samples."""
-    known = x[mask & np.isfinite(x)]
-    return robust_std(known - np.median(known)) if known.size else 0.0
-
-
 def band_pass(flight: Flight, x: FloatArray, least: float = 0.3) -> FloatArray:
     """Return columns (n, m) smoothed, less their slow part; NaN where less than a share of that is there."""
     fast, slow = round(LIMITS.fast * flight.rate), round(LIMITS.slow * flight.rate)
@@ -281,15 +263,6 @@ class Feedback:
     names: tuple[str, ...]
     motion: FloatArray
     known: BoolArray  #: (n,) complete, airborne
-
-    @classmethod
-    def of(cls, flight: Flight, up: BoolArray) -> Feedback:
-        """Return that of a flight, airborne where `up` (n,) says."""
-        names = tuple(n for n in FEEDBACK if n in flight.names and np.isfinite(flight.column(n)).any())
-        if not names:
-            return cls((), np.empty((flight.time.size, 0)), np.zeros(flight.time.size, dtype=bool))
-        motion = band_pass(flight, np.column_stack([flight.column(name) for name in names]))
-        return cls(names, motion, up & np.isfinite(motion).all(axis=1))
 
     def taken_off(self, found: Sequence[Command], u: FloatArray) -> FloatArray:
         """Return what it does not explain of commands, of which :func:`band_pass` left (n, m).
@@ -312,16 +285,25 @@ class Feedback:
         return out
 
 
-def find_maneuvers(flight: Flight) -> list[Maneuver]:
+def feedback(flight: Flight, up: BoolArray) -> Feedback:
+    """Return the motion of which an autopilot makes its commands, airborne where `up` (n,) says."""
+    names = tuple(n for n in FEEDBACK if n in flight.names and np.isfinite(flight.column(n)).any())
+    if not names:
+        return Feedback((), np.empty((flight.time.size, 0)), np.zeros(flight.time.size, dtype=bool))
+    motion = flight.band_pass(np.column_stack([flight.column(name) for name in names]))
+    return Feedback(names, motion, up & np.isfinite(motion).all(axis=1))
+
+
+def find_maneuvers(flight: Flight) -> list[FlownManeuver]:
     """Look for maneuvers in the airborne part of a flight, in order of time; they share no samples.
 
     Where several controls were moved at a time (a mixed command, or crosstalk), the most unusual one names
     the axis.
     """
-    up = flying(flight)
-    feedback = Feedback.of(flight, up)
-    found = [m for command in commands(flight) for m in _bursts(flight, command, up, feedback)]
-    kept: list[Maneuver] = []
+    up = flight.flying()
+    motion = flight.feedback(up)
+    found = [m for command in flight.commands() for m in _bursts(flight, command, up, motion)]
+    kept: list[FlownManeuver] = []
     for one in sorted(found, key=lambda m: -m.strength):
         shared = [max(min(one.stop, m.stop) - max(one.start, m.start), 0.0) for m in kept]
         shortest = [min(one.stop - one.start, m.stop - m.start) for m in kept]
@@ -330,7 +312,7 @@ def find_maneuvers(flight: Flight) -> list[Maneuver]:
     return apart(sorted(kept, key=lambda m: m.start))
 
 
-def apart(found: Sequence[Maneuver]) -> list[Maneuver]:
+def apart(found: Sequence[FlownManeuver]) -> list[FlownManeuver]:
     """Return maneuvers in order of time that share no samples: the weaker of two is cut, but not into its input."""
     out = list(found)
     for i, (one, following) in enumerate(pairwise(found)):
@@ -342,7 +324,7 @@ def apart(found: Sequence[Maneuver]) -> list[Maneuver]:
     return out
 
 
-def _bursts(flight: Flight, command: Command, up: BoolArray, feedback: Feedback) -> Iterator[Maneuver]:
+def _bursts(flight: Flight, command: Command, up: BoolArray, feedback: Feedback) -> Iterator[FlownManeuver]:
     """Yield the bursts of one control that swing to both sides."""
     u, width = command.u, max(round(LIMITS.window * flight.rate), 1)
     # activity: the running standard deviation over the samples that are there
@@ -370,7 +352,7 @@ def _bursts(flight: Flight, command: Command, up: BoolArray, feedback: Feedback)
     if not bursts:
         return
     around = round(LIMITS.rest * flight.rate)
-    moved = band_pass(flight, u[:, None])
+    moved = flight.band_pass(u[:, None])
     own = feedback.taken_off([command], moved)
     first, last = float(flight.time[0]), float(flight.time[-1])
     for run in bursts:
@@ -388,4 +370,5 @@ def _bursts(flight: Flight, command: Command, up: BoolArray, feedback: Feedback)
         whole = float(np.mean(np.isfinite(u[flight.between(float(start), float(stop))])))
         strength = float(np.nanmax(activity[run])) / usual
         begin = float(max(start, first)) + 0.0  # no -0.0
-        yield Maneuver(command.axis, command.variable, begin, float(stop), amplitude, swings, strength, whole)
+        found = amplitude, swings, strength, whole
+        yield FlownManeuver(command.axis, command.variable, begin, float(stop), *found)

@@ -14,7 +14,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from importlib.resources import files
 from pathlib import Path
-from typing import Annotated, Any, Final, Literal, TypeAlias, TypeVar
+from typing import Annotated, Any, ClassVar, Final, Literal, TypeAlias, TypeVar
 
 from pydantic import Field, ValidationError, model_validator
 
@@ -38,10 +38,6 @@ from stoop.flight.conversion import (
 )
 from stoop.flight.flight import with_other_form
 
-READY: Final[dict[str, str]] = {
-    "ulog": "px4", "px4-csv": "px4", "dataflash": "ardupilot", "dataflash-text": "ardupilot", "crazyflie": "crazyflie",
-    "blackbox": "betaflight", "blackbox-csv": "betaflight",
-}  #: format of a recording -> the mapping that comes with the package  # fmt: skip
 MAX_EXPANSION: Final = 64  #: names that one pair of braces may stand for
 _BRACES: Final = re.compile(r"\{(\d{1,3})\.\.(\d{1,3})\}")
 _Item = TypeVar("_Item")
@@ -166,6 +162,11 @@ class Group:
 class FlightMapping:
     """A whole mapping, with what it extends."""
 
+    READY: ClassVar[dict[str, str]] = {
+        "ulog": "px4", "px4-csv": "px4", "dataflash": "ardupilot", "dataflash-text": "ardupilot",
+        "crazyflie": "crazyflie", "blackbox": "betaflight", "blackbox-csv": "betaflight",
+    }  #: format of a recording -> the mapping that comes with the package  # fmt: skip
+
     place: str  #: file, or name of the ready mapping, for messages
     #: name -> group, in order of precedence: a variable belongs to the first that supplies it
     groups: Mapping[str, Group]
@@ -189,77 +190,82 @@ class FlightMapping:
         named |= {name for stream, one in self.alignments.items() for name in (stream, one.reference)}
         return frozenset(name.partition("/")[0] for name in named)
 
+    @staticmethod
+    @functools.cache
+    def ready(name: str) -> FlightMapping:
+        """Return a mapping that comes with the package; LogError when there is none of that name."""
+        if name not in (known := sorted(set(FlightMapping.READY.values()))):
+            raise LogError(f"there is no ready mapping '{name}'; {nearest(name, known)}")
+        text = (files("stoop.data") / "mappings" / f"{name}.toml").read_text("utf-8")
+        return FlightMapping.parse(name, parse_source(text, f"{name}.toml", LogError))
 
-@functools.cache
-def ready(name: str) -> FlightMapping:
-    """Return a mapping that comes with the package; LogError when there is none of that name."""
-    if name not in READY.values():
-        raise LogError(f"there is no ready mapping '{name}'; {nearest(name, sorted(set(READY.values())))}")
-    text = (files("stoop.data") / "mappings" / f"{name}.toml").read_text("utf-8")
-    return flight_mapping(name, parse_source(text, f"{name}.toml", LogError))
+    @staticmethod
+    def read(path: Path) -> FlightMapping:
+        """Read a mapping file.
 
+        Raises
+        ------
+        LogError
+            When the file is missing, is no TOML, or says something unknown or impossible; names the key and the fix.
+        FlightError
+            When it names a variable that is not in the registry.
+        """
+        text = read_source(path, "mapping", LogError)
+        try:
+            content = parse_source(text, str(path), LogError)
+        except LogError as error:
+            if path.suffix == ".toml":
+                raise
+            raise LogError(f"{error}, or name a mapping, a TOML file as stoop map writes it") from None
+        return FlightMapping.parse(str(path), content)
 
-def read_flight_mapping(path: Path) -> FlightMapping:
-    """Read a mapping file.
-
-    Raises
-    ------
-    LogError
-        When the file is missing, is no TOML, or says something unknown or impossible; names the key and the fix.
-    FlightError
-        When it names a variable that is not in the registry.
-    """
-    text = read_source(path, "mapping", LogError)
-    try:
-        content = parse_source(text, str(path), LogError)
-    except LogError as error:
-        if path.suffix == ".toml":
-            raise
-        raise LogError(f"{error}, or name a mapping, a TOML file as stoop map writes it") from None
-    return flight_mapping(str(path), content)
-
-
-def flight_mapping(place: str, content: Mapping[str, Any]) -> FlightMapping:
-    """Return the mapping that a file of this content is; see `read_flight_mapping`."""
-    keys = MappingFile.model_fields.keys()
-    if content and not any(key in keys or nearest(key, keys).startswith("did you mean") for key in content):
-        raise LogError(
-            f"{place}: no mapping but a file of {listed(content, 6)}; a mapping has [variables], "
-            "draft one by stoop map LOG -o M.toml"
-        )
-    try:
-        file = MappingFile.model_validate(content)
-    except ValidationError as error:
-        raise LogError(f"{place}: {first_complaint(error, content, MappingFile)}") from None
-    own: dict[str, Group] = {}
-    for name, line in file.variables.items():
-        at = f"{place}: variables.{name}"
-        if name not in VARIABLES:
-            raise FlightError(f"{at} is no variable of stoop; {nearest(name, VARIABLES)}")
-        shared = line.model_dump(exclude={"column", "file", "stream"})
-        stream = line.stream if "stream" in line.model_fields_set else line.file
-        table = SourceTable(variables=[name], columns=[line.column], stream=stream, **shared)
-        own[name] = Group((replace(_source(at, table), required=not line.optional),))
-    for name, group in file.group.items():
-        own.update(_groups(place, name, group))
-    if not own and file.extends is None:
-        raise LogError(
-            f"{place}: it names no variable; add a table [variables], such as p = {{column = "
-            '"p", unit = "rad/s"}, or extends = "px4"'
-        )
-    groups = dict(own)
-    if file.extends is not None:  # no group of the same name, none of the variables named anew
-        taken = with_other_form({n for known in own.values() for s in known.sources for n in s.variables})
-        for name, known in ready(file.extends).groups.items():
-            if name not in own and name.partition(".")[0] not in own:
-                groups[name] = replace(known, without=known.without | taken)
-    surfaces = Surfaces.of(place, file.calibration, file.surface, file.mixer)
-    for stream, one in file.align.items():
-        if one.reference == stream:
+    @staticmethod
+    def parse(place: str, content: Mapping[str, Any]) -> FlightMapping:
+        """Return the mapping that a file of this content is; see :meth:`read`."""
+        keys = MappingFile.model_fields.keys()
+        if content and not any(
+            key in keys or nearest(key, keys).startswith("did you mean") for key in content
+        ):
             raise LogError(
-                f"{place}: align.{stream}: a stream cannot be aligned with itself; name another one in with"
+                f"{place}: no mapping but a file of {listed(content, 6)}; a mapping has [variables], "
+                "draft one by stoop map LOG -o M.toml"
             )
-    return FlightMapping(place, groups, file.time, file.clock, surfaces, file.align, file.files)
+        try:
+            file = MappingFile.model_validate(content)
+        except ValidationError as error:
+            raise LogError(f"{place}: {first_complaint(error, content, MappingFile)}") from None
+        own: dict[str, Group] = {}
+        for name, line in file.variables.items():
+            at = f"{place}: variables.{name}"
+            if name not in VARIABLES:
+                raise FlightError(f"{at} is no variable of stoop; {nearest(name, VARIABLES)}")
+            shared = line.model_dump(exclude={"column", "file", "stream"})
+            stream = line.stream if "stream" in line.model_fields_set else line.file
+            table = SourceTable(variables=[name], columns=[line.column], stream=stream, **shared)
+            own[name] = Group((replace(_source(at, table), required=not line.optional),))
+        for name, group in file.group.items():
+            own.update(_groups(place, name, group))
+        if not own and file.extends is None:
+            raise LogError(
+                f"{place}: it names no variable; add a table [variables], such as p = {{column = "
+                '"p", unit = "rad/s"}, or extends = "px4"'
+            )
+        groups = dict(own)
+        if file.extends is not None:  # no group of the same name, none of the variables named anew
+            taken = with_other_form({n for known in own.values() for s in known.sources for n in s.variables})
+            for name, known in FlightMapping.ready(file.extends).groups.items():
+                if name not in own and name.partition(".")[0] not in own:
+                    groups[name] = replace(known, without=known.without | taken)
+        surfaces = Surfaces.of(place, file.calibration, file.surface, file.mixer)
+        for stream, one in file.align.items():
+            if one.reference == stream:
+                raise LogError(
+                    f"{place}: align.{stream}: a stream cannot be aligned with itself; name another one in with"
+                )
+        return FlightMapping(place, groups, file.time, file.clock, surfaces, file.align, file.files)
+
+
+ready, read_flight_mapping = FlightMapping.ready, FlightMapping.read
 
 
 def _groups(place: str, name: str, table: GroupTable) -> dict[str, Group]:

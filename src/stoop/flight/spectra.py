@@ -19,8 +19,8 @@ import numpy as np
 
 from stoop.base.arrays import ComplexArray, FloatArray, run_slices
 from stoop.flight.flight import Flight
-from stoop.flight.frequency_responses import FrequencyResponse, Stretch, estimate_responses
-from stoop.flight.maneuvers import MOTION, commands
+from stoop.flight.frequency_responses import FrequencyResponse, Stretch
+from stoop.flight.maneuvers import MOTION
 
 POWER_WINDOW: Final = 10.0  #: s, of a power spectrum
 SPECTROGRAM_WINDOW: Final = 2.0  #: s
@@ -79,11 +79,11 @@ def spectrogram(flight: Flight, name: str) -> Spectrogram:
 def frequency_responses(flight: Flight) -> list[FrequencyResponse]:
     """Return the responses of roll, pitch and yaw rate to the command of their axis, where both were recorded."""
     found = []
-    for command in commands(flight):
+    for command in flight.commands():
         rate = MOTION[command.axis]
         if rate in flight.names:
             both = Stretch(flight.rate, command.u[:, None], flight.column(rate)[:, None])
-            found += estimate_responses([both], [command.variable], [rate])
+            found += FrequencyResponse.estimate([both], [command.variable], [rate])
     return found
 
 

@@ -8,7 +8,7 @@ from typing import Literal
 from stoop.base.notices import Notice, attempt
 from stoop.base.packages import hook
 from stoop.errors import StoopError
-from stoop.flight import Flight, FlightSummary, Maneuver, describe, without_faults
+from stoop.flight import Flight, FlightSummary, FlownManeuver, describe
 
 Use = Literal["fit", "validate"]
 
@@ -35,7 +35,7 @@ class Proposed:
     gain: float
     accept: bool
     use: Use
-    maneuver: Maneuver | None = None
+    maneuver: FlownManeuver | None = None
 
     @property
     def span(self) -> str:
@@ -49,28 +49,10 @@ class Proposed:
 
 
 @dataclass(frozen=True)
-class Expected:
-    """A free number and its standard error by a quick fit of the proposed windows together, SI.
-
-    The value is NaN and the error infinite for a number that the fit leaves at a bound.
-    """
-
-    name: str
-    value: float
-    std_error: float
-
-    @property
-    def relative(self) -> float:
-        """Standard error over the size of the value."""
-        return self.std_error / abs(self.value) if self.value else float("inf")
-
-
-@dataclass(frozen=True)
 class Found:
-    """Windows in order of flight and time, and the expected errors of the vehicle's free numbers (none without one)."""
+    """Windows in order of flight and time."""
 
     windows: tuple[Proposed, ...]
-    expected: tuple[Expected, ...] = ()
     notices: tuple[Notice, ...] = ()
 
     def texts(self, use: Use) -> list[str]:
@@ -92,7 +74,7 @@ def overview(flight: Flight) -> Overview:
     summary, failed = describe(flight), list[Notice]()
     try:
         find_windows = hook("find_windows", "the selection of windows", Found)
-        used = without_faults(summary.flight)
+        used = summary.flight.without_faults()
         found, why = attempt(failed, Found(()), find_windows, {used.name: used}), ""
     except StoopError as error:
         found, why = Found(()), str(error)

@@ -63,31 +63,6 @@ def innovations(
     return out, path
 
 
-def step(
-    kernel: Kernel,
-    parameters: FloatArray,
-    states: FloatArray,
-    inputs: FloatArray,
-    following: FloatArray,
-    dt: float,
-) -> tuple[FloatArray, FloatArray]:
-    """Return states (n_x, B) one sample later, and outputs (n_y, B) now.
-
-    Parameters, states and inputs are those of :meth:`Kernel.evaluate`; `following` (n_u, B) are inputs one sample, `dt`
-    in s, later.
-    """
-    nx, nu, np_, ny = kernel.sizes
-    count = parameters.shape[1]
-    fits("parameters", parameters, (np_, count))
-    fits("states", states, (nx, count))
-    fits("inputs", inputs, (nu, count))
-    fits("following", following, (nu, count))
-    out = np.empty((nx + ny, count))
-    arrays = [matrix(a) for a in (parameters, states, inputs, following)]
-    kernel.entry("step", count)(*arrays, float(dt), out, count)
-    return out[:nx], out[nx:]
-
-
 def move(kernel: Kernel, states: FloatArray, moves: FloatArray) -> FloatArray:
     """Return states (n_x, B) after small moves (n_e, B)."""
     fits("states", states, (kernel.sizes[0], states.shape[1]))

@@ -238,6 +238,30 @@ class Kernel:
         for other in others:
             other.result()
 
+    def step(
+        self,
+        parameters: FloatArray,
+        states: FloatArray,
+        inputs: FloatArray,
+        following: FloatArray,
+        dt: float,
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return states (n_x, B) one sample later, and outputs (n_y, B) now.
+
+        Parameters, states and inputs are those of :meth:`Kernel.evaluate`; `following` (n_u, B) are inputs one sample, `dt`
+        in s, later.
+        """
+        nx, nu, np_, ny = self.sizes
+        count = parameters.shape[1]
+        fits("parameters", parameters, (np_, count))
+        fits("states", states, (nx, count))
+        fits("inputs", inputs, (nu, count))
+        fits("following", following, (nu, count))
+        out = np.empty((nx + ny, count))
+        arrays = [matrix(a) for a in (parameters, states, inputs, following)]
+        self.entry("step", count)(*arrays, float(dt), out, count)
+        return out[:nx], out[nx:]
+
 
 @dataclass(frozen=True)
 class _Loaded:

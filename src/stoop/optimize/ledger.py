@@ -12,7 +12,7 @@ import numpy as np
 
 from stoop.base.arrays import FloatArray
 from stoop.optimize.normal_equations import Jacobian
-from stoop.optimize.problem import Problem, ScalarProblem
+from stoop.optimize.problem import Problem
 
 HUGE: Final = 1e100  #: a cost beyond this is infinite: its products would overflow
 
@@ -88,11 +88,6 @@ class Ledger:
         if self._improvements:
             history = np.concatenate([history, np.array(self._improvements)])
         return Evaluations(self.spent, self.best, self.cost, history)
-
-    @property
-    def has_residuals(self) -> bool:
-        """Whether the problem can be asked for residuals."""
-        return not isinstance(self.problem, ScalarProblem)
 
     def costs(self, X: FloatArray, rung: int) -> FloatArray:
         """Return and count costs; whatever is not finite becomes inf."""

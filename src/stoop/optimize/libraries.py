@@ -31,22 +31,21 @@ from __future__ import annotations
 import importlib
 import threading
 import warnings
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, redirect_stdout, suppress
+from collections.abc import Callable
+from contextlib import redirect_stdout, suppress
 from dataclasses import dataclass, replace
-from functools import cache
 from io import StringIO
 from types import ModuleType
 from typing import Any, Final
 
 import numpy as np
 from numpy.random import Generator
-from threadpoolctl import ThreadpoolController, threadpool_limits
+from threadpoolctl import threadpool_limits
 
 from stoop.base.arrays import FloatArray
 from stoop.base.extras import install
 from stoop.errors import IdentificationError
-from stoop.optimize.ledger import HUGE, Evaluations, Halt, Ledger
+from stoop.optimize.ledger import HUGE, Evaluations, Ledger
 from stoop.optimize.normal_equations import dense
 from stoop.optimize.population import MEMBERS, latin_hypercube
 from stoop.optimize.problem import Problem
@@ -56,23 +55,6 @@ LARGE: Final = 1e100  #: stands for an infinite cost, which other libraries cann
 #: of CMA-ES with a larger population, as BIPOP is usually run; those with a small one do not count
 RESTARTS: Final = 9
 PROCESS_LOCK: Final = threading.RLock()  #: for what the whole process shares, as the number of BLAS threads
-
-
-@contextmanager
-def one_blas_thread() -> Iterator[None]:
-    """Limit SciPy and NumPy to one thread: on tiny matrices more only wait, and round differently.
-
-    One caller at a time: two threads that each restore the limit they found could leave the other's.
-    """
-    with PROCESS_LOCK, _blas_threads().limit(limits=1, user_api="blas"):
-        yield
-
-
-@cache
-def _blas_threads() -> ThreadpoolController:
-    """Return the handle of the BLAS libraries; finding them takes a millisecond, and they must be loaded."""
-    importlib.import_module("scipy.optimize")
-    return ThreadpoolController()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -126,32 +108,6 @@ class Library:
             starts=state.starts[1:],
         )
         return after, Event("evolution", ledger.cost, ledger.full, f"run {after.generation}")
-
-
-class Escape:
-    """Carries an exception past a library that would swallow it.
-
-    A cost function that raises may leave foreign code in any state. So the exception is kept, the rest of the run
-    sees `LARGE`, and `check` raises what was kept once the library has returned.
-    """
-
-    def __init__(self, ledger: Ledger) -> None:
-        self.ledger = ledger
-        self.kept: BaseException | None = None
-
-    def costs(self, X: FloatArray) -> FloatArray:
-        """Return finite costs, (n,), of points, (n, D)."""
-        if self.kept is None:
-            try:
-                return finite_costs(self.ledger, X)
-            except (Halt, KeyboardInterrupt) as exception:
-                self.kept = exception
-        return np.full(len(X), LARGE)
-
-    def check(self) -> None:
-        """Raise what was kept."""
-        if self.kept is not None:
-            raise self.kept
 
 
 def finite_costs(ledger: Ledger, X: FloatArray) -> FloatArray:

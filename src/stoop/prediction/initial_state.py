@@ -34,7 +34,7 @@ from stoop.estimate.fitted_filter import FittedFilter
 from stoop.flight import Flight
 from stoop.problem import Layout, Misfit, Piece, Weights
 from stoop.problem.observation import guess_start, state_channels
-from stoop.problem.prepare import Prepared, nuisances, prepare
+from stoop.problem.prepare import Prepared
 from stoop.problem.windows import Window
 from stoop.results.result import Covariance, NoiseCovariance
 from stoop.vehicle import Parameter, Vehicle
@@ -160,7 +160,7 @@ def stretch_before(vehicle: Vehicle, flights: Mapping[str, Flight], window: Wind
     begin = max(float(piece.time[0]) - STRETCH, float(flights[window.flight].time[0]))
     if piece.time[0] - begin >= MIN_STRETCH:
         try:
-            longer = prepare(vehicle, flights, [replace(window, start=begin, stop=float(piece.time[-1]))])
+            longer = Prepared.of(vehicle, flights, [replace(window, start=begin, stop=float(piece.time[-1]))])
         except FlightError:
             longer = Prepared((), ())
         for one in longer.pieces:
@@ -188,7 +188,7 @@ def predict_stretch(
     piece = replace(stretch.piece, maneuver=0)
     window = Window("", float(piece.time[0]), float(piece.time[-1]))
     known, starts = biases or {}, []
-    for n in nuisances(model.vehicle, Prepared((window,), (piece,))):
+    for n in Prepared((window,), (piece,)).nuisances(model.vehicle):
         prior = known.get(n.name, BiasPrior(n.center))
         if not n.is_bias:
             starts.append(n)
@@ -221,7 +221,7 @@ def innovations(
         return ()
     pieces = tuple(replace(piece, maneuver=0) for piece in prepared.pieces)
     own = []
-    for n in nuisances(model.vehicle, replace(prepared, pieces=pieces)):
+    for n in replace(prepared, pieces=pieces).nuisances(model.vehicle):
         prior = biases.get(n.name) if n.is_bias else None
         own.append(n if prior is None else replace(n, center=prior.mean, scale=prior.deviation or n.scale))
     ladder = (tuple(len(piece.time) for piece in pieces),)

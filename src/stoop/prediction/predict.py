@@ -40,13 +40,12 @@ from stoop.prediction.initial_state import (
 )
 from stoop.problem import Layout, Misfit, Piece, on_circle
 from stoop.problem.observation import START_TIME
-from stoop.problem.prepare import Prepared, decoupled, prepare
+from stoop.problem.prepare import Prepared, decoupled
 from stoop.problem.windows import Window
 from stoop.results.result import Covariance, NoiseCovariance
-from stoop.simulation import START_NAMES, parameter_rows, trim
-from stoop.simulation.initial import check_states
+from stoop.simulation import START_NAMES, trim
 from stoop.vehicle import Vehicle
-from stoop.vehicle.vehicle import AIR_FRAME, GROUND_FRAME
+from stoop.vehicle.channels import AIR_FRAME, GROUND_FRAME, check_states
 
 #: Hz, of the specific force
 CUTOFF: Final = 5.0
@@ -159,7 +158,7 @@ def predict_from(
     for i, window in enumerate(windows):
         vehicle = _coupled(model, flights, window)
         biased = vehicle.with_numbers({name: {"value": value} for name, value in means.items()})
-        prepared = prepare(biased, flights, [window])
+        prepared = Prepared.of(biased, flights, [window])
         notices += prepared.notices
         for k, piece in enumerate(prepared.pieces):
             own = {**piece.start, **({} if k else start)}
@@ -191,7 +190,7 @@ def _of_window(
     model = replace(model, vehicle=_coupled(model, flights, window))
     biases = {name: prior.mean for name, prior in priors.items()}
     biased = model.vehicle.with_numbers({name: {"value": value} for name, value in biases.items()})
-    prepared, kind = prepare(biased, flights, [window]), _PREDICTIONS[biased.frame]
+    prepared, kind = Prepared.of(biased, flights, [window]), _PREDICTIONS[biased.frame]
     found, late = [], []
     notices = [n for n in prepared.notices if n.code != "start-defaulted"]
     notices += [notice(code, str(window), length=WINDOW_LENGTH, stretch=STRETCH) for code in kind.codes]
@@ -200,7 +199,7 @@ def _of_window(
         stretch, missing, code = _about_steady_flight(biased, stretch)
         stretch = replace(stretch, piece=replace(stretch.piece, changes={**piece.changes, **biases}))
         n, length = len(piece.time), kind.length
-        errors = growth(biased, piece, parameter_rows(biased, stretch.piece.changes))
+        errors = growth(biased, piece, biased.parameter_rows(stretch.piece.changes))
         if errors.excessive and (stable := max(errors.horizon, WINDOW_LENGTH)) < length:
             length = stable
             about = {"rate": errors.rate, "length": length, "stretch": STRETCH}
@@ -337,9 +336,9 @@ def force_curves(
     The vehicle has its estimates; `biases` are those of the sensors and the wind, SI.
     """
     parts = [(np.empty(0), np.empty((0, 7)))]
-    for piece in prepare(vehicle, flights, [window]).pieces:
+    for piece in Prepared.of(vehicle, flights, [window]).pieces:
         for stretch in stretches(vehicle, replace(piece, changes={**piece.changes, **biases})):
-            rows, own = parameter_rows(vehicle, stretch.piece.changes), stretch.samples
+            rows, own = vehicle.parameter_rows(stretch.piece.changes), stretch.samples
             spins = [lagged_command(vehicle, stretch.piece, name, rows)[own] for name in vehicle.rotors]
             forces = [stretch.measured[:, 3:], stretch.modeled(vehicle, rows)[:, 3:]]
             columns = np.column_stack([*forces, np.sum(np.square(spins), axis=0)])

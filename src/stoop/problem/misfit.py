@@ -20,8 +20,7 @@ from stoop.optimize.normal_equations import TallMatrix, project
 from stoop.problem.layout import Layout, Nuisance
 from stoop.problem.starts import Starts
 from stoop.problem.weights import Weights
-from stoop.simulation import delays
-from stoop.vehicle import Vehicle
+from stoop.vehicle import Vehicle, delays
 
 STEP = 1e-7  #: of a forward difference
 CACHED = 2**16  #: numbers that are whitened at a time
@@ -86,8 +85,8 @@ class Piece:
         )
 
     def received(self, vehicle: Vehicle, rows: FloatArray) -> FloatArray:
-        """Return :func:`~stoop.simulation.delays.late_inputs` of the piece for kernel parameters (n_p, B)."""
-        return delays.late_inputs(vehicle, self.inputs, rows, self.dt, self.before)
+        """Return :func:`~stoop.vehicle.delays.late_inputs` of the piece for kernel parameters (n_p, B)."""
+        return vehicle.late_inputs(self.inputs, rows, self.dt, self.before)
 
 
 @dataclass(frozen=True, eq=False)
@@ -382,7 +381,7 @@ class Misfit:
             out[lanes] = self.kernel.trajectories(rows[:, lanes], start[:, lanes], inputs, piece.dt, count)
         if not self._late_outputs:
             return out
-        return delays.late_outputs(self.layout.vehicle, out, rows, piece.dt, piece.moved)
+        return self.layout.vehicle.late_outputs(out, rows, piece.dt, piece.moved)
 
 
 def _chunks(count: int, size: int) -> Iterator[slice]:

@@ -18,12 +18,11 @@ from stoop.base.variables import EULER, RATES, SPECIFIC_FORCE, WRAPPED
 from stoop.errors import FlightError
 from stoop.flight.gridding import integrate_rates
 from stoop.simulation import START_NAMES
-from stoop.simulation.delays import delayed
-from stoop.simulation.initial import rigid_states
 from stoop.vehicle import Vehicle
-from stoop.vehicle import vehicle as vehicle_frames
+from stoop.vehicle import channels as vehicle_frames
+from stoop.vehicle.channels import motion_input, rigid_states
+from stoop.vehicle.delays import delayed
 from stoop.vehicle.schema import WIND
-from stoop.vehicle.vehicle import motion_input
 
 Number = TypeVar("Number", float, FloatArray)
 START_TIME: Final = 0.2  #: s of measurements that the first state is read from

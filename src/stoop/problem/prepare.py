@@ -22,8 +22,6 @@ from stoop.problem import Nuisance, Piece, observation
 from stoop.problem.misfit import HISTORY
 from stoop.problem.windows import Window
 from stoop.results.decisions import DecisionRecord, applied
-from stoop.simulation import parameter_rows
-from stoop.simulation.initial import commanded
 from stoop.vehicle import Vehicle
 
 SPIKE_SAMPLES: Final = 7  #: of a running median, which takes off up to three spikes
@@ -47,42 +45,100 @@ class Prepared:
         """Return the indices of a maneuver's pieces."""
         return [i for i, p in enumerate(self.pieces) if p.maneuver == maneuver]
 
+    @staticmethod
+    def of(vehicle: Vehicle, flights: Mapping[str, Flight], windows: Sequence[Window]) -> Prepared:
+        """Cut windows out of flights.
 
-def prepare(vehicle: Vehicle, flights: Mapping[str, Flight], windows: Sequence[Window]) -> Prepared:
-    """Cut windows out of flights.
-
-    Raises
-    ------
-    FlightError
-        A channel that the vehicle needs is not in the flight, or nothing observable is.
-    """
-    pieces: list[Piece] = []
-    notices: list[Notice] = []
-    needed = ("altitude", *(c for c in observation.state_channels(vehicle) if c not in vehicle.outputs))
-    for index, window in enumerate(windows):
-        flight = with_average_voltage(vehicle, flights[window.flight])
-        extras = tuple(name for name in needed if name in flight.names)
-        here = decoupled(vehicle, flights, [window]).measured
-        moving = [c for c in here if c in vehicle.measured]
-        driving = [*vehicle.recorded, *moving]
-        cut, found = segments(flight, window.start, window.stop, driving, vehicle.outputs, extras)
-        notices += found
-        if not any(np.isfinite(s.z).any() for s in cut):
-            raise FlightError(
-                f"{window}: none of {', '.join(vehicle.outputs)} was recorded there; choose another window"
-            )
-        changes, before = _loading(vehicle, window), len(pieces)
-        derived = [c for c, source in flight.sources.items() if source.derived]
-        for segment in cut:
-            piece, found = _piece(vehicle, window, segment, index, changes, moving, derived)
-            if piece is not None:
-                pieces.append(replace(piece, before=_commands_before(vehicle, flight, piece.time[0])))
+        Raises
+        ------
+        FlightError
+            A channel that the vehicle needs is not in the flight, or nothing observable is.
+        """
+        pieces: list[Piece] = []
+        notices: list[Notice] = []
+        needed = ("altitude", *(c for c in observation.state_channels(vehicle) if c not in vehicle.outputs))
+        for index, window in enumerate(windows):
+            flight = with_average_voltage(vehicle, flights[window.flight])
+            extras = tuple(name for name in needed if name in flight.names)
+            here = decoupled(vehicle, flights, [window]).measured
+            moving = [c for c in here if c in vehicle.measured]
+            driving = [*vehicle.recorded, *moving]
+            cut, found = segments(flight, window.start, window.stop, driving, vehicle.outputs, extras)
             notices += found
-        if len(pieces) == before:
-            raise FlightError(
-                f"{window}: nowhere {MIN_SEGMENT:g} s in which its whole state was measured; choose another window"
-            )
-    return Prepared(tuple(windows), tuple(pieces), tuple(notices))
+            if not any(np.isfinite(s.z).any() for s in cut):
+                raise FlightError(
+                    f"{window}: none of {', '.join(vehicle.outputs)} was recorded there; choose another window"
+                )
+            changes, before = _loading(vehicle, window), len(pieces)
+            derived = [c for c, source in flight.sources.items() if source.derived]
+            for segment in cut:
+                piece, found = _piece(vehicle, window, segment, index, changes, moving, derived)
+                if piece is not None:
+                    pieces.append(replace(piece, before=_commands_before(vehicle, flight, piece.time[0])))
+                notices += found
+            if len(pieces) == before:
+                raise FlightError(
+                    f"{window}: nowhere {MIN_SEGMENT:g} s in which its whole state was measured; choose another window"
+                )
+        return Prepared(tuple(windows), tuple(pieces), tuple(notices))
+
+    def without_stuck_channels(self, vehicle: Vehicle) -> Prepared:
+        """Take a channel that never changes, or is all spikes, for one that was not measured.
+
+        The estimated noise of the former would go to zero; the latter holds nothing else.
+        """
+        lost, found = np.zeros(len(vehicle.outputs), dtype=np.bool_), []
+        for i, channel in enumerate(vehicle.outputs):
+            columns = [p.measured[np.isfinite(p.measured[:, i]), i] for p in self.pieces]
+            columns = [np.unwrap(c) if channel in WRAPPED else c for c in columns if c.size]
+            if sum(c.size for c in columns) < 2:
+                continue
+            stuck = _constant(columns)
+            lost[i] = stuck or _all_spikes(columns, getattr(vehicle.file.sensors, channel).sigma)
+            if lost[i]:
+                found.append(notice("stuck-channel" if stuck else "outliers-left-out", channel))
+        if not found:
+            return self
+        pieces = tuple(replace(p, measured=np.where(lost, np.nan, p.measured)) for p in self.pieces)
+        taken = applied("stuck-channels", found, "treated as not measured")
+        notices, decisions = (*self.notices, *found), (*self.decisions, *taken)
+        return replace(self, pieces=pieces, notices=notices, decisions=decisions)
+
+    def nuisances(self, vehicle: Vehicle) -> tuple[Nuisance, ...]:
+        """Return the nuisances: initial states of every piece, free biases of every maneuver.
+
+        The prior of how far a lagged actuator is off its command at the start is a share of its largest command.
+
+        Raises
+        ------
+        VehicleError
+            A bias has bounds.
+        """
+        model, out = observation.observation_model(vehicle), []
+        free = {p.name: p for p in vehicle.parameters if p.free}
+        priors = {name: p.prior for name, p in free.items() if p.prior is not None}
+        for i, piece in enumerate(self.pieces):
+            for name in model.start_names(vehicle):
+                scale = model.start_scales.get(name, observation.OTHER_SCALE)
+                actuator = name.removesuffix(".lag")
+                if actuator != name and actuator in vehicle.rotors:
+                    rows = np.repeat(vehicle.parameter_rows(piece.changes), len(piece.inputs), axis=1)
+                    largest = float(np.max(vehicle.commanded(actuator, rows, piece.inputs.T)))
+                    scale *= largest or vehicle.value("rotors.gain")
+                scale = math.hypot(scale, *errors_of_start(priors, name, piece.start))
+                out.append(Nuisance(name, piece.maneuver, i, piece.start.get(name, 0.0), scale))
+        biases = {i: free[n] for i, c in enumerate(vehicle.outputs) if (n := f"sensors.{c}.bias") in free}
+        for i, bias in biases.items():
+            if getattr(vehicle.file.sensors, vehicle.outputs[i]).bias.bounds is not None:
+                raise VehicleError(
+                    f"{vehicle.where}: {bias.name}: a bias takes no bounds; write prior = SIGMA instead"
+                )
+        for maneuver in range(len(self.windows)):
+            own = [self.pieces[i].measured for i in self.of_maneuver(maneuver)]
+            for i, bias in biases.items():
+                if any(np.isfinite(measured[:, i]).any() for measured in own):
+                    out.append(Nuisance(bias.name, maneuver, None, bias.prior_mean, bias.prior or 1.0))
+        return tuple(out)
 
 
 def _commands_before(vehicle: Vehicle, flight: Flight, start: float) -> FloatArray:
@@ -192,29 +248,6 @@ def _loading(vehicle: Vehicle, window: Window) -> dict[str, float]:
     return changes
 
 
-def without_stuck_channels(vehicle: Vehicle, prepared: Prepared) -> Prepared:
-    """Take a channel that never changes, or is all spikes, for one that was not measured.
-
-    The estimated noise of the former would go to zero; the latter holds nothing else.
-    """
-    lost, found = np.zeros(len(vehicle.outputs), dtype=np.bool_), []
-    for i, channel in enumerate(vehicle.outputs):
-        columns = [p.measured[np.isfinite(p.measured[:, i]), i] for p in prepared.pieces]
-        columns = [np.unwrap(c) if channel in WRAPPED else c for c in columns if c.size]
-        if sum(c.size for c in columns) < 2:
-            continue
-        stuck = _constant(columns)
-        lost[i] = stuck or _all_spikes(columns, getattr(vehicle.file.sensors, channel).sigma)
-        if lost[i]:
-            found.append(notice("stuck-channel" if stuck else "outliers-left-out", channel))
-    if not found:
-        return prepared
-    pieces = tuple(replace(p, measured=np.where(lost, np.nan, p.measured)) for p in prepared.pieces)
-    taken = applied("stuck-channels", found, "treated as not measured")
-    notices, decisions = (*prepared.notices, *found), (*prepared.decisions, *taken)
-    return replace(prepared, pieces=pieces, notices=notices, decisions=decisions)
-
-
 def _constant(columns: Sequence[FloatArray]) -> bool:
     """Tell whether readings (n_i,) of all pieces are the same number."""
     low, high = min(c.min() for c in columns), max(c.max() for c in columns)
@@ -261,39 +294,3 @@ def errors_of_start(priors: Mapping[str, float], name: str, start: Mapping[str, 
     share = {"V": 1.0, "alpha": 1.0 / start["V"], "beta": 1.0 / start["V"]} if start.get("V") else {}
     for axis in "xyz" if name in share else "":
         yield priors.get(f"sensors.wind_error.{axis}", 0.0) * share[name]
-
-
-def nuisances(vehicle: Vehicle, prepared: Prepared) -> tuple[Nuisance, ...]:
-    """Return the nuisances: initial states of every piece, free biases of every maneuver.
-
-    The prior of how far a lagged actuator is off its command at the start is a share of its largest command.
-
-    Raises
-    ------
-    VehicleError
-        A bias has bounds.
-    """
-    model, out = observation.observation_model(vehicle), []
-    free = {p.name: p for p in vehicle.parameters if p.free}
-    priors = {name: p.prior for name, p in free.items() if p.prior is not None}
-    for i, piece in enumerate(prepared.pieces):
-        for name in model.start_names(vehicle):
-            scale, actuator = model.start_scales.get(name, observation.OTHER_SCALE), name.removesuffix(".lag")
-            if actuator != name and actuator in vehicle.rotors:
-                rows = np.repeat(parameter_rows(vehicle, piece.changes), len(piece.inputs), axis=1)
-                largest = float(np.max(commanded(vehicle, actuator, rows, piece.inputs.T)))
-                scale *= largest or vehicle.value("rotors.gain")
-            scale = math.hypot(scale, *errors_of_start(priors, name, piece.start))
-            out.append(Nuisance(name, piece.maneuver, i, piece.start.get(name, 0.0), scale))
-    biases = {i: free[n] for i, c in enumerate(vehicle.outputs) if (n := f"sensors.{c}.bias") in free}
-    for i, bias in biases.items():
-        if getattr(vehicle.file.sensors, vehicle.outputs[i]).bias.bounds is not None:
-            raise VehicleError(
-                f"{vehicle.where}: {bias.name}: a bias takes no bounds; write prior = SIGMA instead"
-            )
-    for maneuver in range(len(prepared.windows)):
-        own = [prepared.pieces[i].measured for i in prepared.of_maneuver(maneuver)]
-        for i, bias in biases.items():
-            if any(np.isfinite(measured[:, i]).any() for measured in own):
-                out.append(Nuisance(bias.name, maneuver, None, bias.prior_mean, bias.prior or 1.0))
-    return tuple(out)

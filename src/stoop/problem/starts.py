@@ -10,8 +10,7 @@ import numpy as np
 
 from stoop.base.arrays import FloatArray, IntArray
 from stoop.problem.layout import Layout, Nuisance
-from stoop.simulation import parameter_rows
-from stoop.simulation.initial import initial_states, rigid_states
+from stoop.vehicle.channels import rigid_states
 
 if TYPE_CHECKING:
     from stoop.problem.misfit import Piece
@@ -42,7 +41,7 @@ class Starts:
     ) -> Starts:
         """Return the starts of pieces, each with its nuisances and their places in the vector."""
         vehicle = layout.vehicle
-        rows = np.concatenate([parameter_rows(vehicle, piece.changes) for piece in pieces], axis=1)
+        rows = np.concatenate([vehicle.parameter_rows(piece.changes) for piece in pieces], axis=1)
         known = dict.fromkeys(name for piece in pieces for name in piece.start)
         states = {name: np.array([float(piece.start.get(name, 0.0)) for piece in pieces]) for name in known}
         is_bias = {n.name: n.is_bias for each in own for _, n in each}
@@ -83,4 +82,4 @@ class Starts:
                 rows[row] = own
         known = rows.reshape(len(rows), -1)
         inputs = np.repeat(self.inputs[:, pieces], count, axis=1)
-        return known, initial_states(layout.vehicle, start, known, inputs, rigid)
+        return known, layout.vehicle.initial_states(start, known, inputs, rigid)

@@ -27,15 +27,15 @@ from stoop.base.units import DEGREE
 from stoop.base.variables import EULER, POSITION, QUATERNION, VELOCITY, WRAPPED
 from stoop.errors import IdentificationError
 from stoop.estimate.noise import correlation_times
-from stoop.flight import VARIABLES, Flight, without_faults
+from stoop.flight import VARIABLES, Flight
 from stoop.flight.air_data import RECONSTRUCTED, flow, with_air
 from stoop.flight.flight import Gridded, on_circle, with_attitude
 from stoop.flight.instrument_errors import RATES_DELAY, instrument_errors
 from stoop.problem.evidence import PieceEvidence, Unknown
 from stoop.reconstruction.kinematics import INPUTS, OUTPUTS
 from stoop.reconstruction.problem import LATE, PIECES, Pieces, Problem, cut_pieces
-from stoop.simulation.delays import delayed
-from stoop.simulation.initial import rigid_states
+from stoop.vehicle.channels import rigid_states
+from stoop.vehicle.delays import delayed
 
 FORMAT: Final = "stoop-compatibility/1"
 MIN_SIGMAS: Final = 3.0  #: standard errors by which something is off
@@ -96,7 +96,7 @@ class Estimate:
 
 
 @dataclass(frozen=True)
-class Finding:
+class InstrumentError:
     """One instrument error."""
 
     estimate: float
@@ -142,7 +142,7 @@ class Compatibility(Summarized):
     """Result of a compatibility check."""
 
     flight: str
-    findings: Mapping[str, Finding]  #: by instrument error
+    findings: Mapping[str, InstrumentError]  #: by instrument error
     channels: Mapping[str, Consistency]
     traces: tuple[Trace, ...]
     #: warnings: what contradicts, the worst first, and faults of the flight; then all else
@@ -167,59 +167,62 @@ class Compatibility(Summarized):
         }
         return json.dumps(content, indent=1, allow_nan=False) + "\n"
 
+    @staticmethod
+    @on_one_blas_thread
+    def of(flight: Flight, windows: Sequence[tuple[float, float]] = ()) -> tuple[Compatibility, Estimate]:
+        """Estimate the instrument errors of a flight, and find channels that contradict each other.
 
-@on_one_blas_thread
-def check(flight: Flight, windows: Sequence[tuple[float, float]] = ()) -> tuple[Compatibility, Estimate]:
-    """Estimate the instrument errors of a flight, and find channels that contradict each other.
+        Parameters
+        ----------
+        flight : Flight
+        windows : sequence of (start, stop), s on the log's own clock; the airborne part without any
 
-    Parameters
-    ----------
-    flight : Flight
-    windows : sequence of (start, stop), s on the log's own clock; the airborne part without any
-
-    Raises
-    ------
-    FlightError
-        The flight holds nothing that could be compared.
-    IdentificationError
-        The kinematics cannot be integrated from the recorded inputs.
-    """
-    found = _estimate(cut_pieces(without_faults(flight), windows))
-    problem, values, errors = found.problem, found.values, found.errors
-    white = standard_errors(found.uncertainty.cramer_rao)[: problem.shared] * problem.scales
-    findings = {}
-    shifts = found.systematic.tolist()
-    for u, one, plain, shift in zip(problem.unknowns, found.identifiability, white, shifts, strict=True):
-        numbers = (values[u.name], errors[u.name], shift, float(plain), u.mean, u.std)
-        reason = "" if one.reason is None else str(one.reason)
-        findings[u.name] = Finding(*numbers, one.identifiable, reason, u.unit, u.meaning)
-    left, moved = np.concatenate(problem.errors(found.z)), []
-    for piece in problem.pieces:
-        known = np.isfinite(piece.measured)
-        mean = np.where(known, piece.measured, 0.0).sum(axis=0) / np.maximum(known.sum(axis=0), 1)
-        moved.append(piece.measured - mean)
-    movement = np.concatenate(moved)
-    pairs = {n: (left[:, i], movement[:, i]) for i, n in enumerate(OUTPUTS) if np.isfinite(left[:, i]).any()}
-    channels = {n: Consistency(_rms(x), _rms(whole), VARIABLES[n].unit) for n, (x, whole) in pairs.items()}
-    traces = []
-    for i, piece in enumerate(problem.pieces):
-        readings = (piece.measured, problem.outputs(found.z, i))
-        both = [{name: x[:, OUTPUTS.index(name)] for name in channels} for x in readings]
-        traces.append(Trace(piece.time[:: piece.every], *both))
-    air = () if flight.air is None else flight.air.notices
-    faults = [fault.notice for fault in flight.faults]
-    of_flight = [one for one in flight.notices if one not in faults and one not in air]
-    notices = distinct(
-        [
-            *_contradictions(channels),
-            *_errors_found(findings),
-            *([] if found.converged else [notice("channel-weights-not-converged")]),
-            *(replace(fault, severity="warning") for fault in faults),
-            *(replace(one, severity="info") for one in (*of_flight, *found.pieces.notices)),
-            *_wind_agreement(found),
-        ]
-    )
-    return Compatibility(flight.name, findings, channels, tuple(traces), notices), found
+        Raises
+        ------
+        FlightError
+            The flight holds nothing that could be compared.
+        IdentificationError
+            The kinematics cannot be integrated from the recorded inputs.
+        """
+        found = _estimate(cut_pieces(flight.without_faults(), windows))
+        problem, values, errors = found.problem, found.values, found.errors
+        white = standard_errors(found.uncertainty.cramer_rao)[: problem.shared] * problem.scales
+        findings = {}
+        shifts = found.systematic.tolist()
+        for u, one, plain, shift in zip(problem.unknowns, found.identifiability, white, shifts, strict=True):
+            numbers = (values[u.name], errors[u.name], shift, float(plain), u.mean, u.std)
+            reason = "" if one.reason is None else str(one.reason)
+            findings[u.name] = InstrumentError(*numbers, one.identifiable, reason, u.unit, u.meaning)
+        left, moved = np.concatenate(problem.errors(found.z)), []
+        for piece in problem.pieces:
+            known = np.isfinite(piece.measured)
+            mean = np.where(known, piece.measured, 0.0).sum(axis=0) / np.maximum(known.sum(axis=0), 1)
+            moved.append(piece.measured - mean)
+        movement = np.concatenate(moved)
+        seen = {n: i for i, n in enumerate(OUTPUTS) if np.isfinite(left[:, i]).any()}
+        pairs = {n: (left[:, i], movement[:, i]) for n, i in seen.items()}
+        channels = {
+            n: Consistency(_rms(x), _rms(whole), VARIABLES[n].unit) for n, (x, whole) in pairs.items()
+        }
+        traces = []
+        for i, piece in enumerate(problem.pieces):
+            readings = (piece.measured, problem.outputs(found.z, i))
+            both = [{name: x[:, OUTPUTS.index(name)] for name in channels} for x in readings]
+            traces.append(Trace(piece.time[:: piece.every], *both))
+        air = () if flight.air is None else flight.air.notices
+        faults = [fault.notice for fault in flight.faults]
+        of_flight = [one for one in flight.notices if one not in faults and one not in air]
+        notices = distinct(
+            [
+                *_contradictions(channels),
+                *_errors_found(findings),
+                *([] if found.converged else [notice("channel-weights-not-converged")]),
+                *(replace(fault, severity="warning") for fault in faults),
+                *(replace(one, severity="info") for one in (*of_flight, *found.pieces.notices)),
+                *_wind_agreement(found),
+            ]
+        )
+        return Compatibility(flight.name, findings, channels, tuple(traces), notices), found
 
 
 def _rms(values: FloatArray) -> float:
@@ -323,7 +326,7 @@ def _contradictions(channels: Mapping[str, Consistency]) -> list[Notice]:
     return [*found, notice("inconsistent-no-calibration")] if found else []
 
 
-def _errors_found(findings: Mapping[str, Finding]) -> list[Notice]:
+def _errors_found(findings: Mapping[str, InstrumentError]) -> list[Notice]:
     """Return the sensors that are evidently off."""
     out = []
     for name, one in findings.items():

@@ -22,14 +22,13 @@ from stoop.base.variables import EULER, POSITION, RATES, SPECIFIC_FORCE, VELOCIT
 from stoop.errors import FlightError
 from stoop.flight import Flight, segments
 from stoop.flight.air_data import RECONSTRUCTED
-from stoop.flight.airborne import flying
 from stoop.flight.instrument_errors import AIR, DELAYED, GROUND, RATES_DELAY, InstrumentError
 from stoop.optimize import forward_jacobian
 from stoop.optimize.normal_equations import TallMatrix
 from stoop.problem import on_circle
 from stoop.reconstruction.kinematics import INPUTS, OUTPUTS, PARAMETERS, SCALED, kernel
-from stoop.simulation.delays import delayed
-from stoop.simulation.initial import rigid_states
+from stoop.vehicle.channels import rigid_states
+from stoop.vehicle.delays import delayed
 
 
 @dataclass(frozen=True)
@@ -99,7 +98,7 @@ def cut_pieces(flight: Flight, windows: Sequence[tuple[float, float]] = ()) -> P
     logged = _comparable(flight)
     pieces: list[Piece] = []
     notices: list[Notice] = []
-    runs, least = run_slices(flying(flight)), PIECES.fewest(flight.rate)
+    runs, least = run_slices(flight.flying()), PIECES.fewest(flight.rate)
     ends = [flight.time[[run.start, run.stop - 1]] for run in runs if run.stop - run.start > least]
     spans = windows or [(float(a), float(b)) for a, b in ends]
     for start, stop in spans:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Final
+from typing import ClassVar, Final
 
 from stoop.base.notices import AS_PARAGRAPH, AS_SENTENCES, AS_TEXT, Notice, notice
 
@@ -66,6 +66,8 @@ class Interval:
 class MethodIntervals:
     """Intervals of the parameters by one method."""
 
+    #: of every parameter; above it a posterior says nothing yet (Vehtari et al. 2021)
+    MAX_RHAT: ClassVar = 1.01
     parameters: Mapping[str, Interval]
     #: statistics of the method itself: replicates, convergence
     figures: Mapping[str, float] = field(default_factory=dict)

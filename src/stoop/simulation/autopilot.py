@@ -2,7 +2,7 @@
 
 Small errors e are those of position, velocity over ground (both in the body axes of the desired attitude), attitude (a
 rotation vector in body axes), rates, and the lags of the rotors. Commands m are the accelerations of
-:data:`~stoop.simulation.rotors.AXES`; their slopes also act where rotors have inertia and no lag. Commands are linear
+:data:`~stoop.vehicle.rotor_channels.AXES`; their slopes also act where rotors have inertia and no lag. Commands are linear
 between samples, so over one sample
 
     e[k+1] = F e[k] + G0 r[k] + G1 r[k+1],    s[k] = e[k] - G1 r[k],    s[k+1] = F s[k] + (F G1 + G0) r[k]
@@ -28,12 +28,9 @@ from stoop.base.arrays import FloatArray, IntArray
 from stoop.base.rotations import matrices_of, matrices_of_angles, product, quaternions_about, quaternions_of
 from stoop.base.variables import EULER
 from stoop.errors import SimulationError
-from stoop.simulation.initial import initial_states, parameter_rows
-from stoop.simulation.rotors import allocation, channel_range, effects
-from stoop.simulation.trajectories import traveled
-from stoop.simulation.trim import Trim
+from stoop.simulation.trim import Trim, traveled
 from stoop.vehicle import Vehicle
-from stoop.vehicle.vehicle import slope_input
+from stoop.vehicle.channels import slope_input
 
 GRAVITY: Final = 9.80665
 #: of set-points: m/s2 north, east, down, rad/s of heading
@@ -59,7 +56,7 @@ def reference_motion(signals: Mapping[str, FloatArray], point: Trim, count: int,
     """Return the motion that set-points describe, relative to a trim.
 
     The attitude tilts the thrust of the trim into the wanted acceleration and turns about it into the heading.
-    `signals` are changes (n,) from the trim by name of :data:`~stoop.simulation.rotors.SETPOINTS`; `dt`, s.
+    `signals` are changes (n,) from the trim by name of :data:`~stoop.vehicle.rotor_channels.SETPOINTS`; `dt`, s.
     """
     zero = np.zeros(count)
     turned, turn_rate = _rate_limited(signals.get("heading", zero)[:, None], RATE_LIMITS[3:], dt)
@@ -111,9 +108,9 @@ class LinearErrors:
 
 def linear_errors(vehicle: Vehicle, point: Trim) -> LinearErrors:
     """Return the linear model about a trim on rotors, by central differences of the compiled equations."""
-    effect = effects(vehicle, point.start, point.inputs, point.changes)
-    mixing = allocation(vehicle, effect)
-    area = channel_range(vehicle)
+    effect = vehicle.rotor_effects(point.start, point.inputs, point.changes)
+    mixing = vehicle.rotor_allocation(effect)
+    area = vehicle.rotor_range
     count = 12 + len(rotor_lags(vehicle))
     step = 1e-5
     e = np.vstack([step * np.eye(count), -step * np.eye(count)])
@@ -147,8 +144,8 @@ def _error_rates(vehicle: Vehicle, point: Trim, e: FloatArray, inputs: FloatArra
     ground, air = reference.T @ point.velocity, reference.T @ point.wind
     q = product(quaternions_of(angles), quaternions_about(e[:, 6:9]))
     back = np.einsum("ij,bjk->bik", reference.T, matrices_of(q))  # body to the body of the reference
-    rows = parameter_rows(vehicle, point.changes, len(e))
-    states = np.repeat(initial_states(vehicle, s, rows[:, :1], point.inputs), len(e), axis=1)
+    rows = vehicle.parameter_rows(point.changes, len(e))
+    states = np.repeat(vehicle.initial_states(s, rows[:, :1], point.inputs), len(e), axis=1)
     u, p, e0 = (slice(i := vehicle.states.index(name), i + 3 + (name == "e0")) for name in ("u", "p", "e0"))
     states[u] = np.einsum("bij,bi->jb", back, ground - air + e[:, 3:6])
     states[p] += e[:, 9:12].T
@@ -189,7 +186,7 @@ def design(vehicle: Vehicle, point: Trim, model: LinearErrors, dt: float, delay:
         F, G0, G1 = first_order_hold(model.A, model.B, model.E, dt)
         drive = F @ G1 + G0
     # Weights of the LQR: how much of each acceleration the rotors' range allows, the others unchanged.
-    area = channel_range(vehicle)
+    area = vehicle.rotor_range
     now = point.inputs[area.columns]
     room = np.minimum(now - area.idle, np.where(np.isfinite(area.full), area.full - now, now - area.idle))
     room = np.maximum(room, 0.05 * (now - area.idle))  # a vehicle at a limit of its range still tries

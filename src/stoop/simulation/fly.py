@@ -15,17 +15,12 @@ from stoop.base.notices import notice
 from stoop.base.text import nearest
 from stoop.errors import ManeuverError, SimulationError
 from stoop.flight import VARIABLES, Flight, from_columns
-from stoop.simulation import trajectories
-from stoop.simulation.delays import late_outputs
-from stoop.simulation.initial import check_states, commanded, initial_states, parameter_rows, rigid_states
-from stoop.simulation.maneuver import Maneuver, check_maneuver, load_maneuver
+from stoop.simulation.maneuver import Maneuver, load_maneuver
 from stoop.simulation.on_rotors import Departure, fly_on_rotors
-from stoop.simulation.rotors import channel_range
 from stoop.simulation.steady_flight import trim
-from stoop.simulation.trajectories import Flown
-from stoop.simulation.trim import Trim, inputs_about
-from stoop.vehicle import Vehicle
-from stoop.vehicle.defaults import WIND_NUMBERS
+from stoop.simulation.trim import Flown, Trim, traveled
+from stoop.vehicle import Vehicle, trajectories
+from stoop.vehicle.channels import check_states, rigid_states
 from stoop.vehicle.schema import CHANNELS, WIND
 
 if TYPE_CHECKING:
@@ -41,7 +36,6 @@ def simulate(
     vehicle: Vehicle,
     inputs: Maneuver | str | Path | Mapping[str, Any] | xr.Dataset | Flight,
     time: FloatArray | None = None,
-    *,
     airspeed: float | None = None,
     altitude: float = 200.0,
     seed: int = 0,
@@ -62,7 +56,7 @@ def simulate(
     point = trim(vehicle, airspeed, altitude)
     check_states(vehicle, initial_state or {})
     moved = {c: columns[c] - point.deflections[c] for c in columns if c not in vehicle.recorded}
-    channels = inputs_about(vehicle, point, moved, len(time))
+    channels = point.inputs_about(vehicle, moved, len(time))
     for channel in (c for c in columns if c in vehicle.recorded):
         channels[:, vehicle.recorded.index(channel)] = columns[channel]
     gusts = np.random.default_rng([seed, GUSTS])
@@ -107,16 +101,6 @@ def simulate_flight(
     return recorded(vehicle, maneuver, flown, seed, noise, name)
 
 
-def simulate_together(
-    flights: Sequence[tuple[Vehicle, Maneuver]], seed: int = 0, noise: bool = True, name: str = "simulated"
-) -> list[Flight | SimulationError]:
-    """Return flights as of :func:`simulate_flight`, on rotors flown side by side; errors of those that fail are values."""
-    return [
-        one if isinstance(one, SimulationError) else recorded(*flight, one, seed, noise, name)
-        for flight, one in zip(flights, fly_together(flights, seed), strict=True)
-    ]
-
-
 def fly(vehicle: Vehicle, maneuver: Maneuver, seed: int = 0) -> Flown:
     """Fly a maneuver from trim, without sensor noise; `seed` is that of the gusts, where the vehicle has some.
 
@@ -149,15 +133,15 @@ def fly_together(
     hovering: dict[int, Departure] = {}
     seeds = np.broadcast_to(seed, len(flights)).tolist()
     for i, (vehicle, maneuver) in enumerate(flights):
-        check_maneuver(vehicle, maneuver)
+        maneuver.check(vehicle)
         try:
-            point = flown_trim(vehicle, maneuver)
+            point = maneuver.trim(vehicle)
         except SimulationError as error:
             found[i] = error
             continue
         rng = np.random.default_rng([seeds[i], GUSTS])
         if point.on_wings:
-            inputs = inputs_about(vehicle, point, maneuver.deflections(), len(maneuver.time))
+            inputs = point.inputs_about(vehicle, maneuver.deflections(), len(maneuver.time))
             windy = maneuver.wind is not None
             found[i] = _finite(vehicle, _open_loop(vehicle, maneuver.time, inputs, point, rng, windy), ADVICE)
         else:
@@ -166,18 +150,6 @@ def fly_together(
     for i, one in zip(hovering, fly_on_rotors([*hovering.values()]), strict=True):
         found[i] = one if isinstance(one, SimulationError) else _finite(flights[i][0], one, advice)
     return [found[i] for i in range(len(flights))]
-
-
-def flown_trim(vehicle: Vehicle, maneuver: Maneuver) -> Trim:
-    """Return the steady flight at the start of a maneuver."""
-    velocity, wind, heading = maneuver.velocity, maneuver.wind, maneuver.heading
-    return trim(vehicle, maneuver.airspeed, maneuver.altitude, velocity=velocity, wind=wind, heading=heading)
-
-
-def numbers_set(vehicle: Vehicle, point: Trim) -> dict[str, float]:
-    """Return the numbers that a trim set to a value other than the vehicle file's (by 0.1 %), less the wind."""
-    changed = [(n, x, vehicle.value(n)) for n, x in point.changes.items() if n not in WIND_NUMBERS]
-    return {name: value for name, value, own in changed if abs(value - own) > 1e-3 * abs(own)}
 
 
 def _columns(
@@ -228,13 +200,13 @@ def _open_loop(
     windy: bool,
 ) -> Flown:
     """Fly recorded channels (n, n_u) from a trim; with wind, or where it is observed, give the velocity over ground."""
-    dt, rows = float(time[1] - time[0]), parameter_rows(vehicle, point.changes)
-    start = initial_states(vehicle, {**point.start, **trajectories.gust_start(vehicle, rng)}, rows, inputs[0])
+    dt, rows = float(time[1] - time[0]), vehicle.parameter_rows(point.changes)
+    start = vehicle.initial_states({**point.start, **vehicle.gust_start(rng)}, rows, inputs[0])
     noise = trajectories.gust_noise(vehicle, len(time), dt, rng)
 
     def states() -> FloatArray:
         fine, steps = trajectories.arriving(vehicle, rows, inputs, dt, noise)
-        return trajectories.states_along(vehicle, rows, start, fine, dt / steps)[::steps]
+        return vehicle.states_along(rows, start, fine, dt / steps)[::steps]
 
     # height above the ground is an input that follows from the states
     if (effect := vehicle.file.ground_effect) is not None:
@@ -250,8 +222,8 @@ def _open_loop(
     readings = np.ascontiguousarray(vehicle.kernel().trajectories(rows, start, fine, dt / steps)[:, ::steps])
     velocity = None
     if windy or WIND[0] in vehicle.outputs:
-        velocity = trajectories.over_ground(vehicle, point, states())
-    return Flown(point, time, inputs, late_outputs(vehicle, readings, rows, dt)[0], velocity)
+        velocity = point.over_ground(vehicle, states())
+    return Flown(point, time, inputs, vehicle.late_outputs(readings, rows, dt)[0], velocity)
 
 
 def recorded(vehicle: Vehicle, maneuver: Maneuver, flown: Flown, seed: int, noise: bool, name: str) -> Flight:
@@ -282,9 +254,9 @@ def _record(
     readings = flown.outputs + sigma * np.random.default_rng(seed).standard_normal(flown.outputs.shape)
     columns = dict(zip(vehicle.outputs, readings.T, strict=True))
     columns |= {c: flown.inputs[:, i] for i, c in enumerate(vehicle.recorded)}
-    rows = np.repeat(parameter_rows(vehicle, flown.trim.changes), len(flown.inputs), axis=1)
+    rows = np.repeat(vehicle.parameter_rows(flown.trim.changes), len(flown.inputs), axis=1)
     for control in (c for c in vehicle.controls if c in VARIABLES and c not in vehicle.inputs):
-        columns[control] = np.array(commanded(vehicle, control, rows, flown.inputs.T))
+        columns[control] = np.array(vehicle.commanded(control, rows, flown.inputs.T))
     dt = float(flown.time[1] - flown.time[0])
     if flown.velocity is None:
         # The climb rate that the noise-free readings imply, integrated; gusts count as if the aircraft climbed.
@@ -296,7 +268,7 @@ def _record(
         steps = 0.5 * (climb[1:] + climb[:-1]) / (1.0 / dt)
         columns["altitude"] = altitude + np.concatenate([[0.0], np.cumsum(steps)])
     else:
-        position = trajectories.traveled(flown.velocity, dt)
+        position = traveled(flown.velocity, dt)
         columns = dict(zip(("pn", "pe", "pd"), position.T, strict=True)) | columns
         columns["altitude"] = altitude - position[:, 2]
         draw = np.random.default_rng([seed, _VELOCITY]).standard_normal(flown.velocity.shape)
@@ -306,12 +278,12 @@ def _record(
                 columns[channel] = flown.velocity[:, i] + noise * draw[:, i]
     # A fit with the file's own number would put the difference to the trim into the drag.
     notices = [notice("simulated", name)]
-    for number, value in numbers_set(vehicle, flown.trim).items():
+    for number, value in flown.trim.numbers_set(vehicle).items():
         unit = vehicle.parameters[vehicle.rows[number]].unit
         given, airspeed = vehicle.value(number), flown.trim.start["V"]
         notices.append(notice("set-by-trim", number, value=value, unit=unit, airspeed=airspeed, given=given))
     if flown.clipped is not None and flown.clipped.any():
-        shares = dict(zip(channel_range(vehicle).names, flown.clipped.mean(axis=0).tolist(), strict=True))
+        shares = dict(zip(vehicle.rotor_range.names, flown.clipped.mean(axis=0).tolist(), strict=True))
         saturated = tuple(channel for channel, share in shares.items() if share > 0.0)
         notices.append(notice("rotors-saturated", rotors=saturated, share=max(shares.values())))
     numbers = {p.name: flown.trim.changes.get(p.name, p.value) for p in vehicle.parameters if p.free}

@@ -8,13 +8,14 @@ unit sphere of quaternions. As objects of python-control and SciPy, its delays a
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import factorial
-from typing import Any, Final
+from typing import Any, ClassVar, Final
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from stoop.base.arrays import ComplexArray, FloatArray
+from stoop.base.arrays import BoolArray, ComplexArray, FloatArray
 from stoop.base.dual import Dual
 from stoop.base.extras import install
 from stoop.base.notices import Notice, notice
@@ -22,14 +23,12 @@ from stoop.base.numbers import without_rounding
 from stoop.base.text import Summarized
 from stoop.base.variables import EULER
 from stoop.errors import SimulationError, StoopError
-from stoop.simulation.delays import input_delays, output_delays
-from stoop.simulation.initial import initial_states, mixing_of, parameter_rows
 from stoop.simulation.trim import Trim, Trims
 from stoop.vehicle import Vehicle
-from stoop.vehicle.arrays import array_equations, euler_angles, flow_angles
+from stoop.vehicle.arrays import euler_angles, flow_angles
+from stoop.vehicle.delays import output_delays
 
 System = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
-INTEGRATORS: Final = ("psi", "h")  #: states that nothing depends on, or next to nothing
 REAL: Final = 1e-9  #: 1/s; a smaller imaginary part is rounding
 _MINIMAL = {
     "full": ("V", "alpha", "beta", "p", "q", "r", "phi", "theta", "psi", "h"),
@@ -49,9 +48,21 @@ class Mode:
     time_constant: float  #: minus one over the real part, s
 
 
+def left_out(vehicle: Vehicle) -> tuple[Notice, ...]:
+    """Return what of a vehicle x' = A x + B u, y = C x + D u cannot express, with the numbers."""
+    servos, delays = vehicle.held_numbers(("rate_limit", "dead_zone")), vehicle.held_numbers(("delay",))
+    found = [notice("linear-model-without-limits", numbers=servos)] if servos else []
+    found += [notice("linear-model-without-delays", numbers=delays)] if delays else []
+    found += [notice("linear-model-without-spin-up", channels=vehicle.sloped)] if vehicle.sloped else []
+    return tuple(found)
+
+
 @dataclass(frozen=True, repr=False)
 class LinearModel(Summarized):
     """x' = A x + B u, y = C x + D u about a steady flight, with delays in series; SI and rad."""
+
+    INTEGRATORS: ClassVar = ("psi", "h")  #: states that nothing depends on, or next to nothing
+    left_out = staticmethod(left_out)
 
     states: tuple[str, ...]
     inputs: tuple[str, ...]
@@ -64,17 +75,19 @@ class LinearModel(Summarized):
     input_delays: FloatArray  #: (n_u,), s, with which the inputs come before B and D
     output_delays: FloatArray  #: (n_y,), s, with which the readings are delivered
 
-    def with_inputs(self, names: Sequence[str], of: Sequence[str], mixing: FloatArray) -> LinearModel:
-        """Return the model with new inputs after its others: those in `of` (m) are `mixing` (m, k) times `names` (k).
-
-        The delay of the first of them is that of the new ones.
-        """
-        mixed = [self.inputs.index(name) for name in of]
-        kept = [i for i in range(len(self.inputs)) if i not in mixed]
-        B, D = (np.hstack([M[:, kept], M[:, mixed] @ mixing]) for M in (self.B, self.D))
-        delays = np.append(self.input_delays[kept], np.full(len(names), self.input_delays[mixed[0]]))
-        inputs = (*(self.inputs[i] for i in kept), *names)
-        return replace(self, inputs=inputs, B=B, D=D, input_delays=delays)
+    @classmethod
+    def of_lanes(cls, vehicle: Vehicle, points: Trims) -> list[LinearModel]:
+        """Return the linear model of each lane."""
+        inputs, shown = vehicle.model_inputs(), len(vehicle.outputs) - len(vehicle.positions)
+        names, *matrices = linear_models(vehicle, points)
+        out = []
+        for values, A, B, C, D in zip(points.rows.T, *matrices, strict=True):
+            late, arrival = _delays(vehicle, inputs, values)
+            modes = modes_of(A, names)
+            A, B, C, D = (without_rounding(M, abs(M).max(initial=0.0)) for M in (A, B, C, D))
+            read = vehicle.outputs[:shown], A, B, C[:shown], D[:shown]
+            out.append(cls(names, inputs, *read, modes, late, arrival[:shown]))
+        return out
 
     def to_control(self, pade: int | None = None) -> Any:
         """Return a ``control.StateSpace`` of python-control, with names; dots in them become underscores.
@@ -108,47 +121,12 @@ class LinearModel(Summarized):
 
 def linearize(vehicle: Vehicle, point: Trim) -> LinearModel:
     """Return A, B, C, D and the modes of a vehicle at a trim point: :func:`stoop.linearize`."""
-    return linearize_lanes(vehicle, point.lanes(vehicle))[0]
-
-
-def linearize_lanes(vehicle: Vehicle, points: Trims) -> list[LinearModel]:
-    """Return the linear model of each lane."""
-    inputs, shown = model_inputs(vehicle), len(vehicle.outputs) - len(vehicle.positions)
-    names, *matrices = linear_models(vehicle, points)
-    out = []
-    for values, A, B, C, D in zip(points.rows.T, *matrices, strict=True):
-        late, arrival = _delays(vehicle, inputs, values)
-        modes = modes_of(A, names)
-        A, B, C, D = (without_rounding(M, abs(M).max(initial=0.0)) for M in (A, B, C, D))
-        read = vehicle.outputs[:shown], A, B, C[:shown], D[:shown]
-        out.append(LinearModel(names, inputs, *read, modes, late, arrival[:shown]))
-    return out
-
-
-def left_out(vehicle: Vehicle) -> tuple[Notice, ...]:
-    """Return what of a vehicle x' = A x + B u, y = C x + D u cannot express, with the numbers."""
-    servos, delays = held_numbers(vehicle, ("rate_limit", "dead_zone")), held_numbers(vehicle, ("delay",))
-    found = [notice("linear-model-without-limits", numbers=servos)] if servos else []
-    found += [notice("linear-model-without-delays", numbers=delays)] if delays else []
-    found += [notice("linear-model-without-spin-up", channels=vehicle.sloped)] if vehicle.sloped else []
-    return tuple(found)
-
-
-def held_numbers(vehicle: Vehicle, kinds: Sequence[str]) -> tuple[str, ...]:
-    """Return name, value and unit of each number of these kinds of controls, rotors and observed instruments."""
-    owners = (
-        *(f"controls.{c}" for c in vehicle.controls),
-        "rotors",
-        *(f"sensors.{c}" for c in vehicle.outputs),
-    )
-    rows = [vehicle.rows.get(name) for name in (f"{owner}.{kind}" for owner in owners for kind in kinds)]
-    own = [vehicle.parameters[row] for row in dict.fromkeys(rows) if row is not None]
-    return tuple(f"{p.name} = {p.value:g} {p.unit}" for p in own if p.value)
+    return LinearModel.of_lanes(vehicle, point.lanes(vehicle))[0]
 
 
 def _delays(vehicle: Vehicle, inputs: tuple[str, ...], values: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the delays of the inputs of a linear model and of the readings, s, by the numbers (n_p,) of the vehicle."""
-    by_channel = {vehicle.inputs[column]: values[row] for column, row in input_delays(vehicle)}
+    by_channel = {vehicle.inputs[column]: values[row] for column, row in vehicle.input_delays()}
     channels = (vehicle.channels_of(n)[0] if n in vehicle.controls else n for n in inputs)
     late = [by_channel.get(channel, 0.0) for channel in channels]
     readings = np.zeros(len(vehicle.outputs))
@@ -159,7 +137,7 @@ def _delays(vehicle: Vehicle, inputs: tuple[str, ...], values: FloatArray) -> tu
 
 def modes_of(A: FloatArray, names: tuple[str, ...]) -> tuple[Mode, ...]:
     """Name the modes by the states that take part in them."""
-    keep = [i for i, n in enumerate(names) if n not in INTEGRATORS]
+    keep = [i for i, n in enumerate(names) if n not in LinearModel.INTEGRATORS]
     values, vectors = np.linalg.eig(A[np.ix_(keep, keep)])
     try:
         left = np.linalg.inv(vectors)
@@ -174,24 +152,38 @@ def modes_of(A: FloatArray, names: tuple[str, ...]) -> tuple[Mode, ...]:
         frequency = float(abs(s))
         damping = float(-s.real / frequency) if frequency else 1.0
         constant = float(-1.0 / s.real) if s.real else np.inf
-        found.append(Mode(_mode_name(weights, abs(s.imag) > REAL), complex(s), frequency, damping, constant))
+        found.append(Mode(_mode_name(weights, bool(oscillates(s))), complex(s), frequency, damping, constant))
     return tuple(sorted(found, key=lambda m: -m.frequency))
 
 
-def tracked_eigenvalues(A: FloatArray) -> ComplexArray:
-    """Return the eigenvalues (B, n) of matrices (B, n, n), each in the place of the nearest of the first.
+def oscillates(eigenvalue: ArrayLike) -> BoolArray:
+    """Return whether eigenvalues are of oscillations, beyond rounding."""
+    return np.asarray(np.abs(np.imag(eigenvalue)) > REAL)
 
-    Those of a matrix that is not finite are NaN; so are all where the first is not finite.
+
+def tracked_modes(A: FloatArray, names: tuple[str, ...]) -> list[tuple[Mode, ComplexArray]]:
+    """Return the modes of the first of matrices (B, n, n), lags left out, each with its eigenvalue or pair (B, 1 or 2) in all.
+
+    The eigenvalues of each matrix are assigned to the nearest of the first; those of one that is not finite are NaN. There are
+    no modes where the first is not finite.
     """
     from scipy.optimize import linear_sum_assignment
 
-    values = np.full(A.shape[:2], np.nan, dtype=complex)
-    finite = np.flatnonzero(np.isfinite(A).all(axis=(1, 2)))
-    if finite.size and finite[0] == 0:
-        values[finite] = np.linalg.eigvals(A[finite])
-        for i in finite:
-            values[i] = values[i][linear_sum_assignment(np.abs(values[0][:, None] - values[i]))[1]]
-    return values
+    keep = [i for i, n in enumerate(names) if n not in LinearModel.INTEGRATORS]
+    matrices = A[:, keep][:, :, keep]
+    values = np.full(matrices.shape[:2], np.nan, dtype=complex)
+    finite = np.flatnonzero(np.isfinite(matrices).all(axis=(1, 2)))
+    if not finite.size or finite[0] != 0:
+        return []
+    values[finite] = np.linalg.eigvals(matrices[finite])
+    for i in finite:
+        values[i] = values[i][linear_sum_assignment(np.abs(values[0][:, None] - values[i]))[1]]
+    out = []
+    for mode in (m for m in modes_of(A[0], names) if not m.name.endswith(".lag")):
+        s = mode.eigenvalue
+        ends = [s, s.conjugate()] if oscillates(s) else [s]
+        out.append((mode, values[:, [int(np.argmin(np.abs(values[0] - one))) for one in ends]]))
+    return out
 
 
 def _mode_name(weights: dict[str, float], oscillates: bool) -> str:
@@ -229,14 +221,14 @@ def linear_models(
 ) -> tuple[tuple[str, ...], FloatArray, FloatArray, FloatArray, FloatArray]:
     """Return the names of the states, and A, B, C, D about B steady flights: (B, n_x, n_x), (B, n_x, m) and so on.
 
-    Inputs are those of :func:`model_inputs`. Flow angles have no meaning in a hover.
+    Inputs are those of :meth:`Vehicle.model_inputs`. Flow angles have no meaning in a hover.
     """
     names = state_names(vehicle, points.start)
     inputs = points.inputs[: len(vehicle.inputs)]  # a lateral model lacks noise, zero, of its trim's gusts
-    values = [*initial_states(vehicle, points.start, points.rows, inputs), *inputs]
+    values = [*vehicle.initial_states(points.start, points.rows, inputs), *inputs]
     n, count = len(vehicle.states), len(values)
     variables = [Dual(x, e) for x, e in zip(values, np.eye(count)[:, :, None], strict=True)]
-    equations = array_equations(vehicle)
+    equations = vehicle.array_equations()
     found = equations.values(variables[:n], variables[n:], equations.constants(points.rows))
 
     def minimal(states: Sequence[Any]) -> list[Any]:
@@ -257,32 +249,10 @@ def linear_models(
     turned = (z.slope for z in minimal(moving))
     G, rates, outputs = (slopes(of) for of in (minimal(variables[:n]), turned, found[n:]))
     right = np.linalg.pinv(G[:, :, :n])
-    mixing = mixing_columns(vehicle, points.rows)
+    mixing = vehicle.model_mixing(points.rows)
     A, C = (J[:, :, :n] @ right for J in (rates, outputs))
     B, D = (J[:, :, n:] @ mixing for J in (rates, outputs))
     return names, A, B, C, D
-
-
-def input_mixing(vehicle: Vehicle) -> tuple[tuple[str, ...], FloatArray]:
-    """Return the names of the linear model's inputs, and the channels (n_u, m) for one unit of each."""
-    return model_inputs(vehicle), mixing_columns(vehicle, parameter_rows(vehicle))[0]
-
-
-def model_inputs(vehicle: Vehicle) -> tuple[str, ...]:
-    """Return the names of the linear model's inputs: controls, then channels of thrust and rotors."""
-    propulsion = vehicle.file.propulsion
-    channels = [rotor.channel for rotor in vehicle.file.rotor.values()]
-    if propulsion is not None and propulsion.kind != "constant":
-        channels.insert(0, propulsion.channel)
-    return tuple(dict.fromkeys((*vehicle.controls, *channels)))
-
-
-def mixing_columns(vehicle: Vehicle, rows: FloatArray) -> FloatArray:
-    """Return the channels (B, n_u, m) for one unit of each of the inputs of linear models, by kernel parameters (n_p, B)."""
-    direct = [vehicle.inputs.index(name) for name in model_inputs(vehicle)[len(vehicle.controls) :]]
-    single = np.eye(len(vehicle.inputs))[:, direct]
-    single = np.broadcast_to(single, (rows.shape[1], *single.shape))
-    return np.concatenate([mixing_of(vehicle, rows), single], axis=2)
 
 
 def pade(delay: float, order: int) -> System:

@@ -27,7 +27,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from pydantic import AfterValidator, Field, ValidationError, ValidationInfo, model_validator
@@ -37,20 +37,17 @@ from stoop.base.schema_errors import first_complaint
 from stoop.base.toml import parse_source, read_source
 from stoop.base.variables import EULER
 from stoop.errors import ManeuverError
-from stoop.simulation.rotors import EXCITATIONS, SETPOINTS
-from stoop.simulation.steady_flight import SteadyFlight, steady_flight
+from stoop.simulation.steady_flight import steady_flight, trim
+from stoop.simulation.trim import Trim
 from stoop.vehicle import Vehicle
+from stoop.vehicle.rotor_channels import EXCITATIONS, SETPOINTS
 from stoop.vehicle.schema import Number, Table
 
-MAX_SAMPLES, MAX_ROTOR_SAMPLES = 5_000_000, 500_000  #: on rotors an autopilot takes them one by one
+MAX_SAMPLES = 5_000_000
 MAX_HARMONICS = MAX_LEVELS = 2000
 MAX_WAVES = 200_000_000  #: samples of all inputs and their harmonics together; some seconds
 MAX_VALUE = 1e6  #: of any unit
 _EDGE = 1e-9  #: s, so that a step falls on the sample it names
-#: of the wind, m/s, that a maneuver under the law of an autopilot may hold
-WIND_CHANGES = ("wind_n", "wind_e", "wind_d")
-UNDER_LAW = (*EULER, *WIND_CHANGES)
-PATTERNS = {"3-2-1-1": (3, 2, 1, 1), "doublet": (1, 1), "1-1": (1, 1), "2-1-1": (2, 1, 1)}
 
 
 def unit_of(control: str) -> str:
@@ -121,6 +118,8 @@ class _LevelSignal(_Signal):
 class Steps(_LevelSignal):
     """Steps of alternating sign, each a whole number of ``step`` long."""
 
+    PATTERNS: ClassVar = {"3-2-1-1": (3, 2, 1, 1), "doublet": (1, 1), "1-1": (1, 1), "2-1-1": (2, 1, 1)}
+
     shape: Literal["3-2-1-1", "doublet", "1-1", "2-1-1"]
     step: Seconds
     amplitude: Deflection
@@ -132,7 +131,7 @@ class Steps(_LevelSignal):
 
     def signal(self, t: FloatArray) -> FloatArray:
         """Return the change from the trim (n,) at times (n,), s."""
-        pattern = PATTERNS[self.shape]
+        pattern = self.PATTERNS[self.shape]
         levels = [self.amplitude * (-1.0) ** i for i in range(len(pattern))]
         return self._levels(t, self.start + self.step * np.concatenate([[0], np.cumsum(pattern)]), levels)
 
@@ -302,6 +301,11 @@ class Battery(Table):
 class Maneuver(Table):
     """A maneuver flown from trim."""
 
+    MAX_ROTOR_SAMPLES: ClassVar = 500_000  #: an autopilot takes them one by one
+    #: of the attitude, rad, and of the wind, m/s, that a maneuver under the law of an autopilot may hold
+    UNDER_LAW: ClassVar = (*EULER, "wind_n", "wind_e", "wind_d")
+    unit_of = staticmethod(unit_of)
+
     format: Literal["stoop-maneuver/1"] = "stoop-maneuver/1"
     duration: Annotated[Number, Field(gt=0.0, le=36000.0)]
     rate: Annotated[Number, Field(gt=0.0, le=10000.0)] = 100.0
@@ -336,16 +340,6 @@ class Maneuver(Table):
         """Sample times, s."""
         return np.arange(round(self.duration * self.rate) + 1) / self.rate
 
-    def at_rate(self, rate: float) -> Maneuver:
-        """Return the maneuver at another rate, Hz; ManeuverError where it cannot be."""
-        raw = {**self.model_dump(), "rate": rate}
-        try:
-            return Maneuver.model_validate(raw)
-        except ValidationError as error:
-            raise ManeuverError(
-                f"at {rate:g} Hz, the rate of the loop: {first_complaint(error, raw, Maneuver)}"
-            ) from None
-
     def deflections(self) -> dict[str, FloatArray]:
         """Return the change of each control from trim over :attr:`time`, in :func:`unit_of` it."""
         out: dict[str, FloatArray] = {}
@@ -353,6 +347,62 @@ class Maneuver(Table):
             signal = spec.signal(self.time)
             out[spec.control] = out.get(spec.control, np.zeros_like(signal)) + signal
         return out
+
+    def check(self, vehicle: Vehicle) -> None:
+        """Check that a vehicle can fly a maneuver.
+
+        Raises
+        ------
+        ManeuverError
+            An input, wings, rotors or a battery that the vehicle does not have.
+        """
+        flight, rotors = steady_flight(vehicle, self.airspeed), vehicle.file.rotors
+        known, without_airspeed = (f.movable(vehicle) for f in (flight, steady_flight(vehicle, None)))
+        if vehicle.file.reference is None and self.airspeed is not None:
+            raise ManeuverError(
+                f"airspeed: {vehicle.where} has no wings to fly {self.airspeed:g} m/s on, so no trim there; leave it out, write "
+                f"velocity, and move {', '.join(without_airspeed)}"
+            )
+        for spec in self.input:
+            if spec.control not in known:
+                hint = ""
+                if spec.control in without_airspeed:
+                    hint = f", or leave the airspeed out: '{spec.control}' is moved where rotors carry the vehicle"
+                elif spec.control in self.UNDER_LAW:
+                    hint = ", or fly the attitude and the wind under the law of an autopilot (--autopilot)"
+                raise ManeuverError(
+                    f"{vehicle.where}: the maneuver moves '{spec.control}', but the controls are {', '.join(known) or 'none'}; "
+                    f"correct the maneuver file{hint}"
+                )
+        if flight.commands and len(self.time) > self.MAX_ROTOR_SAMPLES:
+            raise ManeuverError(
+                f"duration times rate: more than {self.MAX_ROTOR_SAMPLES} samples under the autopilot; lower one of them"
+            )
+        if self.heading and vehicle.reduce == "longitudinal":
+            raise ManeuverError(
+                "heading: a longitudinal model flies north; remove the heading, or fly the full model"
+            )
+        if self.velocity is not None and "velocity" in flight.refused:
+            raise ManeuverError(
+                f"velocity: {vehicle.where} has no rotors to hover on; write airspeed, and wind for the speed over ground"
+            )
+        if self.battery is None:
+            return
+        if rotors is None or rotors.nominal_voltage is None or not flight.commands:
+            raise ManeuverError(
+                f"battery: no rotor of {vehicle.where} depends on the voltage in this flight; write nominal_voltage into "
+                "[rotors] of the vehicle file, or remove it"
+            )
+        if self.battery.sag and rotors.voltage_average:
+            raise ManeuverError(
+                f"battery.sag: the rotors of {vehicle.where} take the voltage over {rotors.voltage_average:g} s "
+                "(voltage_average), so sag is part of their thrust; remove one of the two"
+            )
+
+    def trim(self, vehicle: Vehicle) -> Trim:
+        """Return the steady flight at the start of a maneuver."""
+        velocity, wind, heading = self.velocity, self.wind, self.heading
+        return trim(vehicle, self.airspeed, self.altitude, velocity=velocity, wind=wind, heading=heading)
 
 
 def load_maneuver(path: Path | str) -> Maneuver:
@@ -377,62 +427,3 @@ def parse_maneuver(text: str, where: str) -> Maneuver:
         return Maneuver.model_validate(raw)
     except ValidationError as error:
         raise ManeuverError(f"{where}: {first_complaint(error, raw, Maneuver)}") from None
-
-
-def check_maneuver(vehicle: Vehicle, maneuver: Maneuver) -> None:
-    """Check that a vehicle can fly a maneuver.
-
-    Raises
-    ------
-    ManeuverError
-        An input, wings, rotors or a battery that the vehicle does not have.
-    """
-    flight, rotors = steady_flight(vehicle, maneuver.airspeed), vehicle.file.rotors
-    known, without_airspeed = (movable(vehicle, f) for f in (flight, steady_flight(vehicle, None)))
-    if vehicle.file.reference is None and maneuver.airspeed is not None:
-        raise ManeuverError(
-            f"airspeed: {vehicle.where} has no wings to fly {maneuver.airspeed:g} m/s on, so no trim there; leave it out, write "
-            f"velocity, and move {', '.join(without_airspeed)}"
-        )
-    for spec in maneuver.input:
-        if spec.control not in known:
-            hint = ""
-            if spec.control in without_airspeed:
-                moved = f"'{spec.control}' is moved where rotors carry the vehicle"
-                hint = f", or leave the airspeed out: {moved}"
-            elif spec.control in UNDER_LAW:
-                hint = ", or fly the attitude and the wind under the law of an autopilot (--autopilot)"
-            raise ManeuverError(
-                f"{vehicle.where}: the maneuver moves '{spec.control}', but the controls are {', '.join(known) or 'none'}; "
-                f"correct the maneuver file{hint}"
-            )
-    if flight.commands and len(maneuver.time) > MAX_ROTOR_SAMPLES:
-        raise ManeuverError(
-            f"duration times rate: more than {MAX_ROTOR_SAMPLES} samples under the autopilot; lower one of them"
-        )
-    if maneuver.heading and vehicle.reduce == "longitudinal":
-        raise ManeuverError(
-            "heading: a longitudinal model flies north; remove the heading, or fly the full model"
-        )
-    if maneuver.velocity is not None and "velocity" in flight.refused:
-        raise ManeuverError(
-            f"velocity: {vehicle.where} has no rotors to hover on; write airspeed, and wind for the speed over ground"
-        )
-    if maneuver.battery is None:
-        return
-    if rotors is None or rotors.nominal_voltage is None or not flight.commands:
-        raise ManeuverError(
-            f"battery: no rotor of {vehicle.where} depends on the voltage in this flight; write nominal_voltage into [rotors] "
-            "of the vehicle file, or remove it"
-        )
-    if maneuver.battery.sag and rotors.voltage_average:
-        raise ManeuverError(
-            f"battery.sag: the rotors of {vehicle.where} take the voltage over {rotors.voltage_average:g} s (voltage_average), "
-            "so sag is part of their thrust; remove one of the two"
-        )
-
-
-def movable(vehicle: Vehicle, flight: type[SteadyFlight]) -> list[str]:
-    """Return what a maneuver may move: commands of the autopilot, controls, and recorded channels that are no weather."""
-    channels = sorted(set(vehicle.recorded) - {"voltage", "density"})
-    return list(dict.fromkeys((*flight.commands, *vehicle.controls, *channels)))

@@ -16,13 +16,12 @@ import numpy as np
 from stoop.base.arrays import BoolArray, FloatArray, IntArray
 from stoop.base.rotations import to_ground
 from stoop.errors import SimulationError
-from stoop.simulation import autopilot, delays, trajectories
-from stoop.simulation.initial import initial_states, parameter_rows
+from stoop.simulation import autopilot
 from stoop.simulation.maneuver import Battery, Maneuver
-from stoop.simulation.rotors import AXES, EXCITATIONS, SETPOINTS, channel_range
-from stoop.simulation.trajectories import FINER, Flown
-from stoop.simulation.trim import Trim, inputs_about
-from stoop.vehicle import Vehicle
+from stoop.simulation.trim import Flown, Trim
+from stoop.vehicle import Vehicle, delays, trajectories
+from stoop.vehicle.rotor_channels import AXES, EXCITATIONS, SETPOINTS
+from stoop.vehicle.trajectories import FINER
 
 DIVERGED: Final = 1e6  #: of any state; a flight ends there
 ERROR_LIMITS: Final = np.repeat([1.5, 2.0], 3)  #: of position, m, and velocity, m/s, in the autopilot
@@ -75,7 +74,7 @@ class _Start:
         """Design the autopilot and its reference motion; SimulationError where no autopilot holds the vehicle."""
         vehicle, maneuver, point = departure.vehicle, departure.maneuver, departure.point
         dt, signals = 1.0 / maneuver.rate, maneuver.deflections()
-        rows = parameter_rows(vehicle, point.changes)
+        rows = vehicle.parameter_rows(point.changes)
         delay, model = _Delay.of(vehicle, rows, dt), autopilot.linear_errors(vehicle, point)
         gains = autopilot.design(vehicle, point, model, dt, delay.ahead + delay.arrival)
         setpoints = {n: signals[n] for n in SETPOINTS if n in signals}
@@ -98,10 +97,10 @@ def _fly_together(starts: Sequence[_Start]) -> list[Flown]:
     commands, delay = _Commands(starts), _Delays(starts)
     for k in range(min(ahead, count)):
         commands.give(k, up[:, k, None] * np.array([0.0, 0.0, 0.0, 1.0]))
-    inputs, gusts = commands.inputs, [trajectories.gust_start(f.vehicle, f.rng) for f in flights]
+    inputs, gusts = commands.inputs, [f.vehicle.gust_start(f.rng) for f in flights]
     begun = [{**f.point.start, **g} for f, g in zip(flights, gusts, strict=True)]
     each = zip(flights, starts, begun, inputs, strict=True)
-    state = np.hstack([initial_states(f.vehicle, own, s.rows, u[0]) for f, s, own, u in each])
+    state = np.hstack([f.vehicle.initial_states(own, s.rows, u[0]) for f, s, own, u in each])
     noise = [trajectories.gust_noise(f.vehicle, count, dt, f.rng) for f in flights]
     loop = _Loop(starts, state)
     # Height above the ground, an input where the vehicle has a ground effect; the maneuver may move the ground.
@@ -110,10 +109,9 @@ def _fly_together(starts: Sequence[_Start]) -> list[Flown]:
     terrain = inputs[:, :, column or 0] - state[h][:, None]
 
     # Surfaces are moved by the maneuver alone, so what their servos make of it is known before the flight.
-    servos = [a.column for a in delays.input_actuators(vehicle) if a.dead_zones or a.rate_limits]
+    servos = [a.column for a in vehicle.actuators() if a.dead_zones or a.rate_limits]
     pairs = zip(flights, starts, inputs, strict=True)
-    moved = [delays.late_inputs(f.vehicle, u, s.rows, dt)[:, servos] for f, s, u in pairs]
-    surfaces = np.stack(moved, axis=-1)
+    surfaces = np.stack([f.vehicle.late_inputs(u, s.rows, dt)[:, servos] for f, s, u in pairs], axis=-1)
     states = np.full((len(starts), count, len(state)), np.nan)
     received = np.full((count, inputs.shape[2], len(starts)), np.nan)
     states[:, 0], received[0] = state.T, delay.received(inputs, 0)
@@ -129,7 +127,7 @@ def _fly_together(starts: Sequence[_Start]) -> list[Flown]:
         received[k + 1, servos] = surfaces[k + 1]
         delays.with_slopes(vehicle, received[k : k + 2], dt)
         driving = [one[FINER * k : FINER * (k + 1) + 1] for one in noise]
-        state = trajectories.next_states(vehicle, rows, state, received[k : k + 2], driving, dt)
+        state = vehicle.next_states(rows, state, received[k : k + 2], driving, dt)
         lost = ~(np.abs(state).max(axis=0) < DIVERGED)
         state[:, lost] = np.nan
         states[:, k + 1] = state.T
@@ -148,9 +146,9 @@ def _flown(
 ) -> Flown:
     """Return the flight of a lane."""
     vehicle, point = start.departure.vehicle, start.departure.point
-    readings = trajectories.readings_along(vehicle, start.rows, states, received)[None]
-    outputs = delays.late_outputs(vehicle, readings, start.rows, start.dt)[0]
-    ground = trajectories.over_ground(vehicle, point, states)
+    readings = vehicle.readings_along(start.rows, states, received)[None]
+    outputs = vehicle.late_outputs(readings, start.rows, start.dt)[0]
+    ground = point.over_ground(vehicle, states)
     return Flown(point, start.departure.maneuver.time, inputs, outputs, ground, clipped, states)
 
 
@@ -167,12 +165,12 @@ class _Delay:
     def of(cls, vehicle: Vehicle, rows: FloatArray, dt: float) -> _Delay:
         """Return the delays in kernel parameters (n_p, 1)."""
         samples = np.zeros(len(vehicle.inputs))
-        for column, row in delays.input_delays(vehicle):
+        for column, row in vehicle.input_delays():
             samples[column] = rows[row, 0] / dt
         whole = np.floor(samples)
         offsets = np.array(delays.OFFSETS)[:, None] - whole.astype(np.intp)
         weights = np.array([delays.lagrange(float(f)) for f in samples - whole]).T
-        rotors = channel_range(vehicle).columns
+        rotors = vehicle.rotor_range.columns
         needed = 1 - whole[rotors] + (samples[rotors] > whole[rotors])
         return cls(offsets, weights, max(1, int(needed.max())), max(0, round(float(samples[rotors].mean()))))
 
@@ -212,13 +210,13 @@ class _Commands:
 
     def __init__(self, starts: Sequence[_Start]) -> None:
         flights = [s.departure for s in starts]
-        vehicle, areas = flights[0].vehicle, [channel_range(f.vehicle) for f in flights]
+        vehicle, areas = flights[0].vehicle, [f.vehicle.rotor_range for f in flights]
         signals, count = [f.maneuver.deflections() for f in flights], len(flights[0].maneuver.time)
         names, self.columns, self.arrival = areas[0].names, areas[0].columns, starts[0].delay.arrival
         own, zero = {*EXCITATIONS, *SETPOINTS, *names}, np.zeros(count)
         others = [{name: x for name, x in one.items() if name not in own} for one in signals]
         channels = zip(flights, others, strict=True)
-        self.inputs = np.array([inputs_about(f.vehicle, f.point, one, count) for f, one in channels])
+        self.inputs = np.array([f.point.inputs_about(f.vehicle, one, count) for f, one in channels])
         self.idle, self.full = (np.array([getattr(a, end) for a in areas]) for end in ("idle", "full"))
         self.mixing = np.array([s.model.mixing for s in starts])
         self.effect = np.array([s.model.effect for s in starts])

@@ -4,25 +4,25 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import ClassVar, Final
+from typing import ClassVar, Final, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from stoop.base.arrays import FloatArray, IntArray
+from stoop.base.arrays import BoolArray, FloatArray, IntArray
 from stoop.base.atmosphere import standard_density
 from stoop.base.numbers import within_limits
 from stoop.base.rotations import matrices_of_angles
 from stoop.base.units import STANDARD_GRAVITY
 from stoop.errors import SimulationError
-from stoop.simulation.initial import initial_states, mixed_inputs, mixing_of, parameter_rows
-from stoop.simulation.rotors import EXCITATIONS, SETPOINTS, accelerations, allocation, channel_range, effects
-from stoop.simulation.trim import Trim, Trims, neutral_inputs
+from stoop.simulation.newton import solve
+from stoop.simulation.trim import Trim, Trims
 from stoop.vehicle import Vehicle
 from stoop.vehicle.defaults import WIND_NUMBERS
+from stoop.vehicle.rotor_channels import EXCITATIONS, SETPOINTS
 
 TOLERANCE: Final = 1e-7  #: of the accelerations that remain, m/s2 and rad/s2
 ROTOR_SCALES: Final = np.array([0.1, 0.1, 1.0, 1.0, 1.0, 1.0])  #: of phi, theta and the accelerations
@@ -69,6 +69,29 @@ class SteadyFlight(ABC):
     @abstractmethod
     def residuals(self, x: FloatArray, lanes: Lanes = ALL) -> FloatArray:
         """Return what is not in balance (r, B): accelerations, m/s2 and rad/s2, among others."""
+
+    @classmethod
+    @abstractmethod
+    def of(cls, at: Conditions, numbers: Mapping[str, float], rows: FloatArray) -> Self:
+        """Return the equations of a steady flight under some conditions."""
+
+    @classmethod
+    def still(cls, vehicle: Vehicle, rows: FloatArray, altitude: float, density: float) -> Self:
+        """Return the equations of level flight in still air; the speed is still to be given."""
+        calm, quiet = np.zeros(3), vehicle.neutral_inputs(density, altitude)
+        return cls.of(Conditions(vehicle, math.nan, altitude, 0.0, calm, calm, 0.0, quiet), {}, rows)
+
+    @classmethod
+    def movable(cls, vehicle: Vehicle) -> list[str]:
+        """Return what a maneuver may move: commands of the autopilot, controls, and recorded channels that are no weather."""
+        recorded = sorted(set(vehicle.recorded) - {"voltage", "density"})
+        return list(dict.fromkeys((*cls.commands, *vehicle.controls, *recorded)))
+
+    def solve(self, start: FloatArray, lanes: IntArray | None = None) -> tuple[FloatArray, BoolArray]:
+        """Return the solutions (m, B) of some lanes from scaled vectors, and which of them hold to `TOLERANCE`."""
+        every = np.arange(start.shape[1]) if lanes is None else lanes
+        x, error = solve(lambda y, some: self.residuals(y, every[some]), start, TOLERANCE)
+        return x, error < TOLERANCE
 
     def lane_rows(self, count: int, lanes: Lanes) -> FloatArray:
         """Return a copy of the kernel parameters (n_p, B) of some lanes."""
@@ -130,7 +153,7 @@ class OnWings(SteadyFlight):
                 "leave the climb angle out"
             )
         for angles in WING_ANGLES[vehicle.reduce]:
-            flight = cls(at, numbers, parameter_rows(vehicle, numbers), angles)
+            flight = replace(cls.of(at, numbers, vehicle.parameter_rows(numbers)), angles=angles)
             point = flight.solved([x.tolist() for x in flight.starts()], 500)
             if point.residual < TOLERANCE:
                 break
@@ -145,6 +168,15 @@ class OnWings(SteadyFlight):
                 "try another airspeed, check thrust, CL and Cm, or trim the longitudinal model"
             )
         return point
+
+    @classmethod
+    def of(cls, at: Conditions, numbers: Mapping[str, float], rows: FloatArray) -> OnWings:
+        """Return the equations of a steady flight under some conditions, free of sideslip."""
+        return cls(at, numbers, rows, WING_ANGLES[at.vehicle.reduce][0])
+
+    def sideslipping(self) -> OnWings:
+        """Return the equations with a sideslip that is free, where the vehicle's equations have one."""
+        return replace(self, angles=WING_ANGLES[self.at.vehicle.reduce][-1])
 
     @property
     def thrusts(self) -> bool:
@@ -178,8 +210,8 @@ class OnWings(SteadyFlight):
     def _mixing(self) -> tuple[FloatArray, FloatArray]:
         """Channels (n_u, 1) of neutral controls, and (n_u, c) for a radian of each; by the vehicle's own gains."""
         vehicle, quiet = self.at.vehicle, self.at.quiet
-        neutral = mixed_inputs(vehicle, dict.fromkeys(vehicle.controls, 0.0), quiet)
-        return neutral[:, None], mixing_of(vehicle, parameter_rows(vehicle))[0]
+        neutral = vehicle.mixed_inputs(dict.fromkeys(vehicle.controls, 0.0), quiet)
+        return neutral[:, None], vehicle.mixing(vehicle.parameter_rows())[0]
 
     def trims(self, x: FloatArray, lanes: Lanes = ALL) -> Trims:
         """Return the flights of scaled vectors (m, B) of some lanes, their residuals still open."""
@@ -210,7 +242,7 @@ class OnWings(SteadyFlight):
     def balance(self, found: Trims) -> tuple[FloatArray, FloatArray]:
         """Return accelerations (r, B), m/s2 and rad/s2, and the sine of the flight-path angle (B,)."""
         vehicle = self.at.vehicle
-        states = initial_states(vehicle, found.start, found.rows, found.inputs)
+        states = vehicle.initial_states(found.start, found.rows, found.inputs)
         rates, _ = vehicle.kernel().evaluate(found.rows, states, np.ascontiguousarray(found.inputs))
         balanced = [i for i, s in enumerate(vehicle.states) if s in ("u", "v", "w", "p", "q", "r")]
         return rates[balanced], rates[vehicle.states.index("h")] / found.start["V"]
@@ -228,12 +260,17 @@ class OnRotors(SteadyFlight):
     advice = "flies on its rotors here; write --velocity, e.g. --velocity 0 0 -2 to climb"
 
     @classmethod
+    def of(cls, at: Conditions, numbers: Mapping[str, float], rows: FloatArray) -> OnRotors:
+        """Return the equations of a steady flight under some conditions, allocated about a level hover."""
+        level = level_channels(at)
+        effects = at.vehicle.rotor_effects({"h": at.altitude}, level, numbers)
+        return cls(at, numbers, rows, level, at.vehicle.rotor_allocation(effects))
+
+    @classmethod
     def trim(cls, at: Conditions, numbers: Mapping[str, float]) -> Trim:
         """Solve from a level hover."""
-        vehicle, level = at.vehicle, level_channels(at)
-        mixing = allocation(vehicle, effects(vehicle, {"h": at.altitude}, level, numbers))
-        flight = cls(at, numbers, parameter_rows(vehicle, numbers), level, mixing)
-        area = channel_range(vehicle)
+        vehicle, area = at.vehicle, at.vehicle.rotor_range
+        flight = cls.of(at, numbers, vehicle.parameter_rows(numbers))
         point = flight.solved([[0.0] * 6], 300)
         if not point.residual < TOLERANCE:
             raise SimulationError(
@@ -254,7 +291,7 @@ class OnRotors(SteadyFlight):
 
     def trims(self, x: FloatArray, lanes: Lanes = ALL) -> Trims:
         """Return the flights of scaled vectors (m, B) of some lanes, their residuals still open."""
-        at, area, count = self.at, channel_range(self.at.vehicle), x.shape[1]
+        at, area, count = self.at, self.at.vehicle.rotor_range, x.shape[1]
         phi, theta, *wanted = x * ROTOR_SCALES[:, None]
         inputs = np.repeat(self.level[:, None], count, axis=1)
         inputs[area.columns] += self.mixing @ np.array(wanted)
@@ -269,14 +306,14 @@ class OnRotors(SteadyFlight):
     def residuals(self, x: FloatArray, lanes: Lanes = ALL) -> FloatArray:
         """Return accelerations (6, B), m/s2 and rad/s2."""
         found = self.trims(x, lanes)
-        return accelerations(self.at.vehicle, found.start, found.inputs, found.rows)
+        return self.at.vehicle.accelerations(found.start, found.inputs, found.rows)
 
 
 def level_channels(at: Conditions) -> FloatArray:
     """Return channels (n_u,) at which all rotors, with one common command, lift the weight in still air."""
     from scipy.optimize import brentq
 
-    vehicle, area = at.vehicle, channel_range(at.vehicle)
+    vehicle, area = at.vehicle, at.vehicle.rotor_range
 
     def channels(command: float) -> FloatArray:
         out = at.quiet.copy()
@@ -284,7 +321,7 @@ def level_channels(at: Conditions) -> FloatArray:
         return out
 
     def sink_rate(command: float) -> float:  # its derivative, m/s2
-        return float(accelerations(vehicle, {"h": at.altitude}, channels(command)[:, None])[2, 0])
+        return float(vehicle.accelerations({"h": at.altitude}, channels(command)[:, None])[2, 0])
 
     low, high = float(area.idle[0]), float(area.full.min())
     if not math.isfinite(high):  # bracket the command that lifts
@@ -352,7 +389,7 @@ def trim(
     given = () if wind is None else zip(WIND_NUMBERS, air.tolist(), strict=True)
     numbers = {name: value for name, value in given if name in vehicle.rows}
     air_density = float(standard_density(np.array(altitude))) if density is None else density
-    quiet = neutral_inputs(vehicle, air_density, altitude)
+    quiet = vehicle.neutral_inputs(air_density, altitude)
     speed = vehicle.value("reference.airspeed", math.nan) if airspeed is None else airspeed
     ground = np.array((0.0, 0.0, 0.0) if velocity is None else velocity, dtype=float)
     conditions = Conditions(vehicle, speed, altitude, climb_angle, ground, air, heading, quiet)
@@ -362,25 +399,3 @@ def trim(
 def steady_flight(vehicle: Vehicle, airspeed: float | None) -> type[OnWings] | type[OnRotors]:
     """Return the equations of steady flight: rotors carry a vehicle that has some where no airspeed is given."""
     return OnRotors if vehicle.rotors and airspeed is None else OnWings
-
-
-def neighbors(point: Trim) -> Callable[[Mapping[str, FloatArray]], Trims]:
-    """Return a function that gives the trims of the vehicle with some numbers slightly changed, (B,) each.
-
-    It takes one Newton step from the known trim (the implicit function theorem): its derivative by the numbers is
-    exact, its error of second order.
-    """
-    if point.solution is None:
-        raise ValueError("a state that was given is no trim")
-    known, x = point.solution
-    step = 1e-5 * np.eye(len(x))
-    ends = known.residuals(x[:, None] + np.hstack([step, -step]))
-    inverse = np.linalg.pinv((ends[:, : len(x)] - ends[:, len(x) :]) / 2e-5)
-
-    def near(numbers: Mapping[str, FloatArray]) -> Trims:
-        count = len(next(iter(numbers.values())))
-        rows = parameter_rows(known.at.vehicle, {**known.numbers, **numbers}, count)
-        changed, start = replace(known, rows=rows), np.repeat(x[:, None], count, axis=1)
-        return changed.trims(start - inverse @ (changed.residuals(start) - known.residuals(start[:, :1])))
-
-    return near

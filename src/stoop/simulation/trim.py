@@ -3,24 +3,22 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Final
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from stoop.base.arrays import FloatArray
-from stoop.base.atmosphere import SEA_LEVEL_DENSITY
+from stoop.base.arrays import BoolArray, FloatArray
+from stoop.base.atmosphere import standard_density
 from stoop.base.rotations import to_ground
-from stoop.simulation.initial import mixed_inputs, parameter_rows, rigid_states
-from stoop.simulation.rotors import accelerations, channel_range
 from stoop.vehicle import Vehicle
+from stoop.vehicle.channels import rigid_states
+from stoop.vehicle.defaults import WIND_NUMBERS
 
 if TYPE_CHECKING:
     from stoop.simulation.steady_flight import SteadyFlight
-
-OUT_OF_GROUND_EFFECT: Final = 1e4  #: m
 
 
 @dataclass(frozen=True)
@@ -57,8 +55,78 @@ class Trim:
         changes: dict[str, ArrayLike] = {**self.changes, **(numbers or {})}
         count = max((len(x) for x in (numbers or {}).values()), default=1)
         inputs = np.repeat(self.inputs[:, None], count, axis=1)
-        rows = parameter_rows(vehicle, changes, count)
+        rows = vehicle.parameter_rows(changes, count)
         return Trims(self.start, self.deflections, self.thrust, inputs, rows)
+
+    def inputs_about(self, vehicle: Vehicle, signals: Mapping[str, FloatArray], count: int) -> FloatArray:
+        """Return recorded channels (n, n_u) of a trim, plus changes of controls and of single channels.
+
+        `signals` are changes (n,) by control, rad, or by channel, its unit; mixing is affine, so one column per control is
+        enough.
+        """
+        out = np.repeat(self.inputs[None, :], count, axis=0)
+        for name, signal in signals.items():
+            if name in vehicle.controls:
+                deflections = {**self.deflections, name: self.deflections[name] + 1.0}
+                out += np.outer(signal, vehicle.mixed_inputs(deflections, self.inputs) - self.inputs)
+            else:
+                out[:, vehicle.inputs.index(name)] += signal
+        return out
+
+    def surface_moments(self, vehicle: Vehicle, control: str) -> FloatArray:
+        """Return p', q', r' (3,) per rad of a surface; zero about axes that reduced equations do not have."""
+        step = 1e-3
+        inputs = self.inputs_about(vehicle, {control: np.array([step, -step])}, 2)
+        rows = vehicle.parameter_rows(self.changes, 2)
+        kept = [axis for axis in "pqr" if axis in vehicle.states]
+        up, down = vehicle.accelerations(self.start, inputs.T, rows, kept).T
+        moments = dict(zip(kept, (up - down) / (2.0 * step), strict=True))
+        return np.array([moments.get(axis, 0.0) for axis in "pqr"])
+
+    def over_ground(self, vehicle: Vehicle, states: FloatArray) -> FloatArray:
+        """Return velocities (n, 3) over ground of states (n, n_x), which are relative to the steady wind."""
+        x = dict(zip(vehicle.states, states.T, strict=True))
+        zero = np.zeros(len(states))
+        body, q = ([x.get(name, zero) for name in names] for names in ("uvw", ("e0", "e1", "e2", "e3")))
+        return np.asarray(to_ground(np.column_stack(q), np.column_stack(body)) + np.asarray(self.wind))
+
+    def numbers_set(self, vehicle: Vehicle) -> dict[str, float]:
+        """Return the numbers that a trim set to a value other than the vehicle file's (by 0.1 %), less the wind."""
+        return {
+            name: value
+            for name, value in self.changes.items()
+            if name not in WIND_NUMBERS and abs(value - vehicle.value(name)) > 1e-3 * abs(vehicle.value(name))
+        }
+
+    def neighbors(self) -> Callable[[Mapping[str, FloatArray]], Trims]:
+        """Return a function that gives the trims of the vehicle with some numbers slightly changed, (B,) each.
+
+        It takes one Newton step from the known trim (the implicit function theorem): its derivative by the numbers is
+        exact, its error of second order.
+        """
+        if self.solution is None:
+            raise ValueError("a state that was given is no trim")
+        known, x = self.solution
+        step = 1e-5 * np.eye(len(x))
+        ends = known.residuals(x[:, None] + np.hstack([step, -step]))
+        inverse = np.linalg.pinv((ends[:, : len(x)] - ends[:, len(x) :]) / 2e-5)
+
+        def near(numbers: Mapping[str, FloatArray]) -> Trims:
+            count = len(next(iter(numbers.values())))
+            rows = known.at.vehicle.parameter_rows({**known.numbers, **numbers}, count)
+            changed, start = replace(known, rows=rows), np.repeat(x[:, None], count, axis=1)
+            return changed.trims(start - inverse @ (changed.residuals(start) - known.residuals(start[:, :1])))
+
+        return near
+
+    def density(self, vehicle: Vehicle) -> float:
+        """Return the density of a steady flight, kg/m3: that of its channel, of the standard atmosphere, or the vehicle's."""
+        choice = vehicle.file.environment.density
+        if choice == "log":
+            return float(self.inputs[vehicle.inputs.index("density")])
+        if choice == "standard":
+            return float(standard_density(np.array(self.start.get("h", 0.0))))
+        return vehicle.value("environment.density")
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,48 +149,21 @@ class Trims:
     rows: FloatArray
 
 
-def neutral_inputs(
-    vehicle: Vehicle, density: float = SEA_LEVEL_DENSITY, height: float = OUT_OF_GROUND_EFFECT
-) -> FloatArray:
-    """Return channels (n_u,) at their centers, rotors and propellers at idle, the battery at its nominal voltage.
+@dataclass(frozen=True)
+class Flown:
+    """A simulated flight without sensor noise."""
 
-    The density, kg/m3, and the height above the ground, m, are those of the channels that have them.
-    """
-    file, area = vehicle.file, channel_range(vehicle)
-    at = [(c, f"controls.{name}.center.{c}") for name in vehicle.controls for c in vehicle.channels_of(name)]
-    at.append(("voltage", "rotors.nominal_voltage"))
-    if file.propulsion is not None and file.propulsion.kind == "propeller":
-        at.append((file.propulsion.channel, "propulsion.idle"))
-    values = {channel: vehicle.value(number) for channel, number in at if number in vehicle.rows}
-    values |= dict(zip(area.names, area.idle.tolist(), strict=True))
-    values["density"] = density
-    if file.ground_effect is not None:
-        values[file.ground_effect.channel] = height
-    return np.array([values.get(channel, 0.0) for channel in vehicle.inputs])
+    trim: Trim
+    time: FloatArray  #: (n,), s
+    inputs: FloatArray  #: (n, n_u), recorded channels
+    outputs: FloatArray  #: (n, n_y), noise-free readings in the order of ``vehicle.outputs``
+    #: (n, 3), over ground, m/s; of aircraft only in the wind of a maneuver
+    velocity: FloatArray | None = None
+    clipped: BoolArray | None = None  #: (n, m), on rotors: where a channel reached an end of its range
+    states: FloatArray | None = None  #: (n, n_x), on rotors
 
 
-def surface_moments(vehicle: Vehicle, point: Trim, control: str) -> FloatArray:
-    """Return p', q', r' (3,) per rad of a surface about a steady flight; zero about axes that reduced equations do not have."""
-    step = 1e-3
-    inputs = inputs_about(vehicle, point, {control: np.array([step, -step])}, 2)
-    rows = parameter_rows(vehicle, point.changes, 2)
-    kept = [axis for axis in "pqr" if axis in vehicle.states]
-    up, down = accelerations(vehicle, point.start, inputs.T, rows, kept).T
-    moments = dict(zip(kept, (up - down) / (2.0 * step), strict=True))
-    return np.array([moments.get(axis, 0.0) for axis in "pqr"])
-
-
-def inputs_about(vehicle: Vehicle, point: Trim, signals: Mapping[str, FloatArray], count: int) -> FloatArray:
-    """Return recorded channels (n, n_u) of a trim, plus changes of controls and of single channels.
-
-    `signals` are changes (n,) by control, rad, or by channel, its unit; mixing is affine, so one column per control is
-    enough.
-    """
-    out = np.repeat(point.inputs[None, :], count, axis=0)
-    for name, signal in signals.items():
-        if name in vehicle.controls:
-            deflections = {**point.deflections, name: point.deflections[name] + 1.0}
-            out += np.outer(signal, mixed_inputs(vehicle, deflections, point.inputs) - point.inputs)
-        else:
-            out[:, vehicle.inputs.index(name)] += signal
-    return out
+def traveled(velocity: FloatArray, dt: float) -> FloatArray:
+    """Return positions (n, 3), m, from velocities (n, 3) by the trapezoidal rule, starting at zero."""
+    steps = 0.5 * dt * (velocity[1:] + velocity[:-1])
+    return np.vstack([np.zeros((1, velocity.shape[1])), np.cumsum(steps, axis=0)])

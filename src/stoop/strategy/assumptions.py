@@ -14,13 +14,12 @@ from typing import Any, Final
 from stoop.base.notices import Notice, notice, paragraph
 from stoop.estimate import methods
 from stoop.estimate.regression.command_delay import scan_delays
-from stoop.problem.prepare import decoupled, prepare
-from stoop.simulation.delays import input_delays
+from stoop.problem.prepare import Prepared, decoupled
 from stoop.strategy.decision import Change, Decision, Setup
 from stoop.vehicle import Vehicle
-from stoop.vehicle.assumptions import USUAL, with_assumptions
+from stoop.vehicle.assumptions import with_assumptions
 from stoop.vehicle.document import with_entries
-from stoop.vehicle.vehicle import leaves
+from stoop.vehicle.usual import USUAL
 
 WIDTH: Final = 3.0  #: standard deviations of a prior, within which a search finds a delay by itself
 
@@ -54,7 +53,7 @@ class Delay:
 def with_found_delays(setup: Setup, vehicle: Vehicle) -> tuple[Vehicle, tuple[Notice, ...]]:
     """Return a vehicle with the delays of commands that exceed what is usual where the record shows them, and what was found."""
     here = decoupled(vehicle, setup.flights, setup.fitted)
-    pieces, found = prepare(here, setup.flights, setup.fitted).pieces, list[Notice]()
+    pieces, found = Prepared.of(here, setup.flights, setup.fitted).pieces, list[Notice]()
     for delay in _delays(here):
         scan = scan_delays(here, pieces, delay.columns)
         late = scan.beyond(delay.reach) if scan else None
@@ -73,8 +72,8 @@ def with_found_delays(setup: Setup, vehicle: Vehicle) -> tuple[Vehicle, tuple[No
 
 def _delays(vehicle: Vehicle) -> Iterator[Delay]:
     """Yield the delays of commands that the file neither fixes nor bounds; one for all where it has none."""
-    numbers, columns = dict(leaves(vehicle.file)), dict[int, list[int]]()
-    for column, row in input_delays(vehicle):
+    numbers, columns = vehicle.quantities, dict[int, list[int]]()
+    for column, row in vehicle.input_delays():
         columns.setdefault(row, []).append(column)
     for row, own in columns.items():
         parameter = vehicle.parameters[row]

@@ -13,7 +13,6 @@ from stoop.strategy.decision import Decision, Fitted, Fitter, Setup
 from stoop.strategy.likelihood import log_likelihood_rise
 from stoop.vehicle import Vehicle
 from stoop.vehicle.defaults import wider_bounds
-from stoop.vehicle.vehicle import leaves
 
 NAME: Final = "bounds"
 MAX_WIDENINGS: Final = 3  #: each doubles a box
@@ -23,7 +22,7 @@ DOING: Final = "default bounds that an estimate reached were widened"
 def widen(setup: Setup, fit: Fitter) -> Fitted:
     """Return the fit with wider bounds where its estimates, or those of an earlier fit, reach default ones."""
     began, vehicle, known = time.perf_counter(), setup.vehicle, setup.options.start
-    unbounded = {name for name, q in leaves(vehicle.file) if q.bounds is None}
+    unbounded = {name for name, q in vehicle.quantities.items() if q.bounds is None}
     beyond = {
         p.name: min(max(known[p.name], p.lower), p.upper)
         for p in vehicle.parameters

@@ -15,7 +15,7 @@ from typing import Any, Final, TypeAlias
 import numpy as np
 
 from stoop.assessment.components import held_mass_properties
-from stoop.assessment.error_bars import ErrorBars, error_bars
+from stoop.assessment.error_bars import ErrorBars
 from stoop.assessment.extensions import scored, tests_of
 from stoop.assessment.model_error import model_error
 from stoop.base.interrupts import deferred_interrupt
@@ -173,7 +173,7 @@ def test(found: Estimate, left_out: Collection[str]) -> tuple[Tested, bool]:
     The covariance does not hold the components that are `left_out`.
     """
     with deferred_interrupt() as ctrl_c:
-        notices, bars = list[Notice](), error_bars(found).without(left_out)
+        notices, bars = list[Notice](), ErrorBars.of(found).without(left_out)
         tests, known = ExtensionTests(), attempt(notices, None, scored, found, bars)
         if known is not None:
             nothing = np.zeros((len(bars.free),) * 2)

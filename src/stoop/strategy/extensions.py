@@ -22,7 +22,7 @@ from typing import Final
 
 import numpy as np
 
-from stoop.assessment.error_bars import ErrorBars, error_bars
+from stoop.assessment.error_bars import ErrorBars
 from stoop.assessment.extensions import extension_tests
 from stoop.base.arrays import FloatArray
 from stoop.base.notices import Notice, notice
@@ -167,7 +167,7 @@ def _candidate(found: Fitted, vehicle: Vehicle) -> Candidate:
     setup, fit = found.setup, found.estimate
     if fit.outcome.status == "interrupted":
         raise KeyboardInterrupt  # half a search is no trial
-    bars = error_bars(fit)
+    bars = ErrorBars.of(fit)
     if not setup.held_back:
         return Candidate(vehicle, fit, bars, np.empty(0))
     own_biases = [expected_biases(fit, window.flight) for window in setup.held_back]

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from stoop.flight import without_faults
 from stoop.strategy.decision import Change, Decision, Setup
 
 
 def drop_faults(setup: Setup) -> Change | None:
     """Return the fit without faulty samples."""
-    flights = {name: without_faults(flight) for name, flight in setup.flights.items()}
+    flights = {name: flight.without_faults() for name, flight in setup.flights.items()}
     lost = [name for name, flight in flights.items() if flight is not setup.flights[name]]
     if not lost:
         return None

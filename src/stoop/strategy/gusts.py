@@ -16,7 +16,7 @@ from stoop.estimate.gusts import doubt, exceed_sensors, gust_bias, gust_levels, 
 from stoop.results.decisions import DecisionRecord
 from stoop.strategy.decision import Change, Decision, Fitted, Fitter, Setup
 from stoop.strategy.instability import late_sensors
-from stoop.vehicle.vehicle import AIR_FRAME
+from stoop.vehicle.channels import AIR_FRAME
 
 NAME: Final = "gusts"
 IN_GUSTS: Final = "filter-error"

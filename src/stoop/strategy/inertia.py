@@ -30,7 +30,6 @@ from stoop.strategy.decision import Fitted, Fitter, Setup
 from stoop.strategy.likelihood import log_likelihood_rise
 from stoop.vehicle import Vehicle
 from stoop.vehicle.checks import is_body
-from stoop.vehicle.vehicle import leaves
 
 NAME: Final = "held-numbers"
 PLACE: Final = "mass.inertia."
@@ -79,7 +78,7 @@ def _farthest(fit: Estimate, file: Vehicle) -> str:
     """
     vehicle = fit.problem.layout.vehicle
     free = {n: x for n, x in fit.estimates.items() if n.startswith(PLACE)}
-    unbounded = {name for name, q in leaves(file.file) if q.bounds is None}
+    unbounded = {name for name, q in file.quantities.items() if q.bounds is None}
 
     def distance(name: str) -> float:
         a, b = (vehicle.value(f"{PLACE}{2 * axis}") for axis in name.removeprefix(PLACE))

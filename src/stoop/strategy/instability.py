@@ -7,7 +7,7 @@ from typing import Final
 from stoop.base.notices import notice
 from stoop.estimate import methods
 from stoop.strategy.decision import Change, Decision, Setup
-from stoop.vehicle.vehicle import AIR_FRAME
+from stoop.vehicle.channels import AIR_FRAME
 
 UNSTABLE: Final = "stabilized-output-error"
 UNSTABLE_LATE: Final = "multiple-shooting"  #: where the delay of a sensor is free: a filter must know it
@@ -15,7 +15,7 @@ UNSTABLE_LATE: Final = "multiple-shooting"  #: where the delay of a sensor is fr
 
 def late_sensors(setup: Setup) -> bool:
     """Whether the delay of a sensor is free."""
-    from stoop.simulation.delays import output_delays
+    from stoop.vehicle.delays import output_delays
 
     return any(setup.vehicle.parameters[row].free for _, row in output_delays(setup.vehicle))
 

@@ -16,7 +16,7 @@ from stoop.estimate.filter_likelihood import SCORING
 from stoop.estimate.instability import largest_growth
 from stoop.estimate.noise import channel_residuals, common_time
 from stoop.problem import Layout, Weights
-from stoop.problem.prepare import Prepared, nuisances
+from stoop.problem.prepare import Prepared
 from stoop.vehicle import Vehicle
 
 #: of a fall of the log-likelihood by chance
@@ -65,7 +65,7 @@ def penalized_rise(before: Estimate, after: Estimate) -> float:
 
 def simulated_residuals(fit: Estimate, vehicle: Vehicle, prepared: Prepared) -> list[FloatArray]:
     """Return the residuals (n, n_y) of each piece by a vehicle simulated open loop, its nuisances estimated anew."""
-    layout = Layout(vehicle, (), nuisances(vehicle, prepared))
+    layout = Layout(vehicle, (), prepared.nuisances(vehicle))
     whole = tuple(len(piece.time) for piece in prepared.pieces)
     weights = Weights(fit.problem.weights.covariance, fit.problem.weights.root)
     problem = replace(fit.problem, layout=layout, pieces=prepared.pieces, weights=weights, ladder=(whole,))

@@ -9,8 +9,8 @@ from stoop.base.variables import EULER, RATES, SPECIFIC_FORCE, VARIABLES
 from stoop.estimate import methods
 from stoop.flight.gridding import GIVEN, GRID_RATES, SAME_RATE
 from stoop.strategy.decision import Change, Decision, Setup
+from stoop.vehicle.channels import AIR_FRAME, GROUND_FRAME
 from stoop.vehicle.schema import WIND
-from stoop.vehicle.vehicle import AIR_FRAME, GROUND_FRAME
 
 #: by kind of vehicle: open loop one on rotors falls before a record ends
 USUAL: Final = {AIR_FRAME: methods.DEFAULT, GROUND_FRAME: "multiple-shooting"}

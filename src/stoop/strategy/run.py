@@ -11,24 +11,19 @@ from stoop.errors import IdentificationError
 from stoop.estimate.fit import Options
 from stoop.estimate.methods import DEFAULT as OUTPUT_ERROR
 from stoop.flight import Flight
-from stoop.problem.prepare import decoupled, prepare
+from stoop.problem.prepare import Prepared, decoupled
 from stoop.problem.windows import Window
 from stoop.results.decisions import DecisionRecord
-from stoop.strategy.assumptions import ASSUMPTIONS
 from stoop.strategy.decision import Change, Fitted, Fitter, Setup, estimate, test
-from stoop.strategy.faults import FAULTS
 from stoop.strategy.gusts import GUSTS
 from stoop.strategy.instability import INSTABILITY
 from stoop.strategy.likelihood import against_start
 from stoop.strategy.method import METHOD
-from stoop.strategy.sensor_delays import SENSOR_DELAYS
 from stoop.strategy.strategy import DECISIONS, Strategy
 from stoop.vehicle import Vehicle
 
 DEFAULTS = Options()
 CHOICE = Strategy.textbook().only(METHOD.name, INSTABILITY.name, GUSTS.name)
-#: of a vehicle that is complete, and data that are clean
-FIT_ALONE = Strategy.default().without(FAULTS.name, ASSUMPTIONS.name, SENSOR_DELAYS.name)
 
 
 def setup_of(
@@ -98,7 +93,7 @@ def fit(
     # so that the errors of windows come before the search
     coupled = strategy.treatment.recorded_motion
     here = decoupled(vehicle, setup.flights, held_back) if coupled else vehicle
-    prepare(here, setup.flights, held_back)
+    Prepared.of(here, setup.flights, held_back)
     setup = replace(setup, callback=callback, state=state, watch=watch)
     for decision in strategy.decisions:
         if decision.problem is not None:
@@ -110,7 +105,7 @@ def fit(
     found = fitter(setup)
     found = replace(found.noting(*found.setup.notices), decisions=_records(strategy, found))
     model = found.estimate.problem.layout.vehicle
-    ahead = prepare(model, found.setup.flights, held_back) if held_back and not model.measured else None
+    ahead = Prepared.of(model, found.setup.flights, held_back) if held_back and not model.measured else None
     return replace(found, estimate=against_start(found.estimate, ahead))
 
 

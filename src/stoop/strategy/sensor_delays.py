@@ -26,9 +26,9 @@ from stoop.strategy.decision import Change, Decision, Fitted, Fitter, Setup, Tes
 from stoop.strategy.gusts import IN_GUSTS
 from stoop.strategy.likelihood import log_likelihood_rise, penalized_rise
 from stoop.vehicle import Vehicle
-from stoop.vehicle.assumptions import USUAL
 from stoop.vehicle.document import with_entries
 from stoop.vehicle.extensions import Extension, catalogue
+from stoop.vehicle.usual import USUAL
 
 NAME: Final = "sensor-delays"
 DOING: Final = "delays of sensors were looked for"

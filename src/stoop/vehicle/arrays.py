@@ -12,7 +12,6 @@ from numpy.lib.mixins import NDArrayOperatorsMixin
 
 from stoop.base.arrays import FloatArray
 from stoop.kernels.kernel import array_functions
-from stoop.vehicle.vehicle import Vehicle, equations_version
 
 Rows = Any  #: (n_p,) or (n_p, n), or a sequence of numbers and (n,)
 
@@ -46,17 +45,6 @@ class Equations:
         return values[: len(states)], values[len(states) :]
 
 
-def array_equations(vehicle: Vehicle) -> Equations:
-    """Return the equations of a vehicle; SymPy is imported only where they are not in the cache."""
-
-    def build() -> Any:
-        from stoop.vehicle.symbolic import build_model
-
-        return build_model(vehicle)
-
-    return Equations(array_functions(vehicle.structure, build))
-
-
 def flow_angles(velocity: Sequence[Any]) -> Sequence[Any]:
     """Return airspeed, angle of attack and sideslip of the velocity along the body axes."""
     return _kinematics("flow_angles", velocity)
@@ -68,6 +56,8 @@ def euler_angles(quaternion: Sequence[Any]) -> Sequence[Any]:
 
 
 def _kinematics(name: str, states: Sequence[Any]) -> Sequence[Any]:
+    from stoop.vehicle.vehicle import equations_version
+
     def build() -> Any:
         from stoop.vehicle import symbolic
 

@@ -8,7 +8,6 @@ and motors; a file that gives a lag (0 for none) or a delay decides for itself.
 from __future__ import annotations
 
 from collections.abc import Mapping, Set
-from dataclasses import dataclass
 from typing import Any, Final
 
 import tomlkit
@@ -16,36 +15,9 @@ import tomlkit
 from stoop.base.notices import Notice, notice
 from stoop.vehicle.defaults import SHORTEST_LAG, full_command
 from stoop.vehicle.document import with_entries
-from stoop.vehicle.vehicle import Vehicle, leaves
+from stoop.vehicle.usual import USUAL
+from stoop.vehicle.vehicle import Vehicle
 
-
-@dataclass(frozen=True)
-class Usual:
-    """Usual values of what files leave out, with standard deviations."""
-
-    #: s, of servos and of motors with propellers: hobby servos follow small commands with a bandwidth of 2 to 8 Hz, that is 20 to
-    #: 80 ms of first order; propellers of small vehicles take 30 to 100 ms
-    lag: float = 0.05
-    lag_std: float = 0.03
-    #: s, from a command's time stamp to the motion's: pulses of 50 Hz, filters of sensors, logging; negative where
-    #: measurements are stamped late
-    delay: float = 0.02
-    delay_std: float = 0.02
-    #: s, from a reading to its time stamp: filters, buses, logging; receivers of GNSS take 0.1 to 0.3 s
-    sensor_delay_std: float = 0.15
-    sensor_delay_bounds: tuple[float, float] = (-0.1, 0.5)
-    #: s, of a delay of commands that was found in the record: what lag and delay share
-    found_delay_std: float = 0.05
-    #: standard deviation of coefficients of thrust, in parts of them: propeller data against flight
-    thrust: float = 0.2
-    #: kg/m3, moment of inertia of a propeller over the fifth power of its diameter: of 23 propellers of JSBSim, 0.24 m to
-    #: 4.4 m, the quartiles are 0.041 and 0.098, the median is 0.064
-    propeller_inertia: float = 0.065
-    #: shortest lag that is integrated, in samples: a step of Runge-Kutta is stable to 1 / 0.36
-    lag_samples: float = 0.4
-
-
-USUAL: Final = Usual()
 _THRUST: Final = tuple(f"propulsion.{name}" for name in ("thrust", "scale", "CT0", "CT1", "CT2"))
 
 
@@ -77,7 +49,7 @@ def with_assumptions(vehicle: Vehicle, dt: float) -> tuple[Vehicle, tuple[Notice
             names = tuple(".".join(keys) for keys in places)
             values = {"value": entry["value"], "std": entry["prior"]}
             found.append(notice(f"{kind}-assumed", ".".join(first), places=names, **values))
-    numbers, loadings = dict(leaves(vehicle.file)), vehicle.file.loadings.values()
+    numbers, loadings = vehicle.quantities, vehicle.file.loadings.values()
     thrust = {
         name: {"prior": USUAL.thrust * abs(q.value)}
         for name in _THRUST

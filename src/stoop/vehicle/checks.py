@@ -10,7 +10,7 @@ from stoop.base.arrays import FloatArray
 from stoop.errors import VehicleError
 from stoop.vehicle.defaults import POSITIVE, full_command, share_of_weight, thrust_at
 from stoop.vehicle.schema import WIND
-from stoop.vehicle.vehicle import Vehicle, leaves
+from stoop.vehicle.vehicle import Vehicle
 
 #: of the sum of the smaller principal moments, by which the largest may exceed it: published values are rounded and come from
 #: swing tests of 1 to 3 %; :func:`stoop.checks.vehicle.inertia_notices` tells of it
@@ -45,7 +45,7 @@ def check(vehicle: Vehicle) -> None:
                 f"{vehicle.where}: {delay}: channel {channel} also moves {other}, whose delay "
                 f'is another; tie them, e.g. delay = "={other_delay}"'
             )
-    known = {name for name, _ in leaves(vehicle.file)}
+    known = set(vehicle.quantities)
     for loading, numbers in vehicle.file.loadings.items():
         for name in numbers:
             if name not in known:
@@ -190,7 +190,7 @@ def _check_thrust(vehicle: Vehicle, axes: FloatArray, where: str) -> None:
                 f"{vehicle.where}: rotors.idle: {vehicle.value('rotors.idle'):g} is not below full command of {channel} "
                 f"({command:g}); write the value at which the motor stands still"
             )
-    numbers, top = dict(leaves(vehicle.file)), max(full)
+    numbers, top = vehicle.quantities, max(full)
     half, most = thrust_at(numbers, 0.5 * top), thrust_at(numbers, top)
     if not most > max(half, thrust_at(numbers, 0.0)):
         raise VehicleError(

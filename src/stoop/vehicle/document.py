@@ -9,9 +9,8 @@ from typing import Any
 import tomlkit
 from tomlkit.items import InlineTable, Table
 
-from stoop.vehicle.defaults import COEFFICIENTS
 from stoop.vehicle.load import parse_vehicle
-from stoop.vehicle.vehicle import Vehicle, leaves
+from stoop.vehicle.vehicle import Vehicle
 
 
 def write_entry(document: Any, keys: Sequence[str], value: Any) -> None:
@@ -48,12 +47,6 @@ def write_fields(document: Any, keys: Sequence[str], fields: Mapping[str, Any]) 
         table[last][name] = field
 
 
-def keys_of(vehicle: Vehicle, name: str) -> tuple[str, ...]:
-    """Return where in a file a number of the vehicle stands."""
-    owner = next((c for c in COEFFICIENTS if name in getattr(vehicle.file.aerodynamics, c)), None)
-    return tuple(name.split(".")) if owner is None else ("aerodynamics", owner, name)
-
-
 def inline(fields: Mapping[str, Any]) -> InlineTable:
     """Return fields as a table in one line."""
     table = tomlkit.inline_table()
@@ -85,10 +78,10 @@ def with_entries(vehicle: Vehicle, entries: Mapping[tuple[str, ...], Any]) -> Ve
     extended = extended.coupled_to(vehicle.measured)
     written = {".".join(keys) for keys in entries} | {keys[-1] for keys in entries}
     tables_written = tuple(f"{'.'.join(keys)}." for keys in entries)
-    known = dict(leaves(extended.file))
+    known = extended.quantities
     kept = {
         name: {"value": q.value, "bounds": q.bounds, "free": q.free, "prior": q.prior, "mean": q.mean}
-        for name, q in leaves(vehicle.file)
+        for name, q in vehicle.quantities.items()
         if q.tie is None
         and name in known
         and known[name].tie is None

@@ -14,11 +14,11 @@ import tomlkit
 
 from stoop.base.variables import EULER, VARIABLES
 from stoop.vehicle import terms
-from stoop.vehicle.assumptions import USUAL
 from stoop.vehicle.defaults import EQUATION_1, rotor_size, unit
-from stoop.vehicle.document import inline, keys_of, with_entries
+from stoop.vehicle.document import inline, with_entries
 from stoop.vehicle.schema import WIND, Propeller, Quantity, Term
-from stoop.vehicle.vehicle import Vehicle, leaves
+from stoop.vehicle.usual import USUAL
+from stoop.vehicle.vehicle import Vehicle
 
 Entries = Mapping[tuple[str, ...], Any]  #: keys of the file -> what stands there
 UNTESTED: Final = ("reference.", "environment.", "turbulence.", "ground_effect.", "mass.center_of_gravity.")
@@ -146,7 +146,7 @@ def catalogue(vehicle: Vehicle) -> tuple[Extension, ...]:
 def extended(vehicle: Vehicle) -> tuple[Vehicle, tuple[Extension, ...]]:
     """Return a vehicle with every extension at its null value, and the extensions."""
     extensions = catalogue(vehicle)
-    known, entries = {name for name, _ in leaves(vehicle.file)}, dict[tuple[str, ...], Any]()
+    known, entries = set(vehicle.quantities), dict[tuple[str, ...], Any]()
     for one in extensions:
         if not known.issuperset(one.numbers):
             entries |= one.entries(one.null)
@@ -183,7 +183,7 @@ def _points(
 
 def _controls(vehicle: Vehicle) -> Iterator[Extension]:
     """Yield gain, rate limit and dead zone of each control; lag and delay of each, and of all alike."""
-    present = {name for name, _ in leaves(vehicle.file)}
+    present = set(vehicle.quantities)
     for control in vehicle.controls:
         if vehicle.file.controls[control].mix is None:
             name = f"controls.{control}.mix.{control}"
@@ -267,7 +267,7 @@ def _terms(vehicle: Vehicle) -> Iterator[Extension]:
     """Yield the terms of a standard list, and those of every control, that a coefficient lacks."""
     if vehicle.file.reference is None:
         return
-    controls, taken = vehicle.controls, {name for name, _ in leaves(vehicle.file)}
+    controls, taken = vehicle.controls, set(vehicle.quantities)
     for coefficient, own in vehicle.terms.items():
         longitudinal = coefficient in ("CL", "CD", "Cm")
         present = {terms.written(text) for text in own.values()}
@@ -296,7 +296,7 @@ def _rotors(vehicle: Vehicle) -> Iterator[Extension]:
     for kind in ("lag", "delay"):
         if getattr(rotors, kind) is None:
             yield Extension(f"rotors.{kind}", kind, "s", 0.0, DELAY, _plain("rotors", kind), inputs=channels)
-    numbers, absent = dict(leaves(vehicle.file)), [kind for kind in LOADS if getattr(rotors, kind) is None]
+    numbers, absent = vehicle.quantities, [kind for kind in LOADS if getattr(rotors, kind) is None]
     absent += [] if any(getattr(rotors, kind) is not None for kind in TORQUES) else [TORQUES[0]]
     for kind in absent:
         name, probe = f"rotors.{kind}", SHARE.times(rotor_size(kind, numbers))
@@ -328,10 +328,10 @@ def _single_rotors(vehicle: Vehicle) -> Iterator[Extension]:
 
 def _fixed(vehicle: Vehicle) -> Iterator[Extension]:
     """Yield the numbers of the file that are not estimated."""
-    numbers = dict(leaves(vehicle.file))
+    numbers = vehicle.quantities
     for p in vehicle.parameters:
         skipped = p.free or p.name.startswith(UNTESTED) or p.name.endswith(".bias")
         if not skipped and (p.value != 0.0 or isinstance(numbers[p.name], Term)):
-            probe, entries = SHARE.times(abs(p.value) or 1.0), _plain(*keys_of(vehicle, p.name))
+            probe, entries = SHARE.times(abs(p.value) or 1.0), _plain(*vehicle.keys_of(p.name))
             known = KNOWN * (p.prior or 0.0)
             yield Extension(p.name, "number", p.unit, p.value, probe, entries, (p.name,), known=known)

@@ -33,9 +33,38 @@ ROTORS_ONLY: Final = {
     "yy": Gyration(0.07, 0.4, 0.18, 0.3),
     "zz": Gyration(0.1, 0.55, 0.25, 0.42),
 }
-ASPECT_RATIOS: Final = (5.0, 14.0)  #: of small airplanes
-#: kg over the square of the span: 0.1 kg of 0.43 m to 13.5 kg of 2.9 m, within a factor of two
-MASS_BY_SPAN: Final = (0.4, 2.5)
+
+
+@dataclass(frozen=True)
+class Usual:
+    """Usual values of what files leave out, with standard deviations, and usual sizes."""
+
+    #: s, of servos and of motors with propellers: hobby servos follow small commands with a bandwidth of 2 to 8 Hz, that is 20 to
+    #: 80 ms of first order; propellers of small vehicles take 30 to 100 ms
+    lag: float = 0.05
+    lag_std: float = 0.03
+    #: s, from a command's time stamp to the motion's: pulses of 50 Hz, filters of sensors, logging; negative where
+    #: measurements are stamped late
+    delay: float = 0.02
+    delay_std: float = 0.02
+    #: s, from a reading to its time stamp: filters, buses, logging; receivers of GNSS take 0.1 to 0.3 s
+    sensor_delay_std: float = 0.15
+    sensor_delay_bounds: tuple[float, float] = (-0.1, 0.5)
+    #: s, of a delay of commands that was found in the record: what lag and delay share
+    found_delay_std: float = 0.05
+    #: standard deviation of coefficients of thrust, in parts of them: propeller data against flight
+    thrust: float = 0.2
+    #: kg/m3, moment of inertia of a propeller over the fifth power of its diameter: of 23 propellers of JSBSim, 0.24 m to
+    #: 4.4 m, the quartiles are 0.041 and 0.098, the median is 0.064
+    propeller_inertia: float = 0.065
+    #: shortest lag that is integrated, in samples: a step of Runge-Kutta is stable to 1 / 0.36
+    lag_samples: float = 0.4
+    aspect_ratios: tuple[float, float] = (5.0, 14.0)  #: of small airplanes
+    #: kg over the square of the span: 0.1 kg of 0.43 m to 13.5 kg of 2.9 m, within a factor of two
+    mass_by_span: tuple[float, float] = (0.4, 2.5)
+
+
+USUAL: Final = Usual()
 LIFT: Final = (0.3, 0.9)  #: CL of cruise
 
 
@@ -57,10 +86,10 @@ def usual_size(key: str, raw: Mapping[str, Any]) -> str:
         sizes = _range(mass * (low * span) ** 2, mass * (high * span) ** 2)
         return f"usual: {formula} = {sizes} kg m2 for this mass and span"
     usual = {
-        "mass.mass": (MASS_BY_SPAN, span**2, "kg for this span"),
-        "reference.span": (_roots(MASS_BY_SPAN), math.sqrt(mass), "m for this mass"),
-        "reference.chord": (_inverse(ASPECT_RATIOS), span, "m for this span"),
-        "reference.area": (_inverse(ASPECT_RATIOS), span**2, "m2 for this span"),
+        "mass.mass": (USUAL.mass_by_span, span**2, "kg for this span"),
+        "reference.span": (_roots(USUAL.mass_by_span), math.sqrt(mass), "m for this mass"),
+        "reference.chord": (_inverse(USUAL.aspect_ratios), span, "m for this span"),
+        "reference.area": (_inverse(USUAL.aspect_ratios), span**2, "m2 for this span"),
         "reference.airspeed": (
             _roots(LIFT),
             math.sqrt(16.0 * mass / area) if area else 0.0,

@@ -20,15 +20,14 @@ from stoop.base.numbers import count, number
 from stoop.base.text import nearest, printable, unknown_name
 from stoop.base.variables import POSITION
 from stoop.errors import VehicleError
-from stoop.kernels import Kernel, load_kernel
-from stoop.vehicle import terms
+from stoop.kernels import Kernel, SymbolicModel, load_kernel
+from stoop.kernels.kernel import array_functions
+from stoop.vehicle import channels, delays, rotor_channels, terms, trajectories
+from stoop.vehicle.arrays import Equations
 from stoop.vehicle.defaults import COEFFICIENTS, POSITIVE, bounds, free_by_default, unit
 from stoop.vehicle.schema import CHANNELS, WIND, Quantity, Term, VehicleFile
 
 _BIASES = frozenset(f"sensors.{channel}.bias" for channel in (*WIND, *CHANNELS, *POSITION))
-RIGID_STATES = ("u", "v", "w", "p", "q", "r", "e0", "e1", "e2", "e3", "h")
-#: of the Dryden filters, m/s
-GUST_STATES = {"u": ("gust.u",), **{axis: (f"gust.{axis}.fast", f"gust.{axis}.slow") for axis in "vw"}}
 #: absent from the structure where the file lacks them, as in kernels made before they were keys
 _LATER = (
     "turbulence", "vn", "ve", "vd", "airspeed", "rotors", "rotor", "body_drag", "ground_effect", "rate_limit", "dead_zone",
@@ -37,27 +36,9 @@ _LATER = (
 _NO_ROWS = ("name", "notes", "loadings", "sigma", "estimate_biases", "voltage_average")  #: of the kernel
 #: beside all of symbolic/
 _EQUATION_SOURCES = (
-    "vehicle.py", "terms.py", "atmosphere.py", "schema.py", "defaults.py", "notation.py",
+    "vehicle.py", "channels.py", "terms.py", "atmosphere.py", "schema.py", "defaults.py", "notation.py",
     "../base/atmosphere.py", "../base/numbers.py", "../base/units.py", "../base/variables.py",
 )  # fmt: skip
-
-
-@dataclass(frozen=True)
-class Frame:
-    """Frame in which the velocity of a kind of vehicle is observed: of the air, or of the ground.
-
-    Every package attaches to it what differs by the kind: equations, checks, the usual method, how windows begin.
-    """
-
-    outputs: tuple[str, ...]
-    start: tuple[str, ...]  #: names of an initial state: m/s and rad, rad/s, rad, m
-    reductions: tuple[str, ...]  #: sets of equations that it can be reduced to
-
-
-#: of an aircraft: airspeed and flow angles
-AIR_FRAME = Frame(CHANNELS, (*CHANNELS[:9], "h"), ("full", "longitudinal", "lateral"))
-#: of a vehicle with rotors
-GROUND_FRAME = Frame((*WIND, *CHANNELS[3:]), ("u", "v", "w", *CHANNELS[3:9], "h"), ("full",))
 
 
 @dataclass(frozen=True)
@@ -78,7 +59,8 @@ class _Reduction:
 _LONGITUDINAL = ("CL", "CD", "Cm")
 _REDUCTIONS = {
     "full": _Reduction(
-        RIGID_STATES, None, COEFFICIENTS, COEFFICIENTS, ("u", "v", "w"), RIGID_STATES[:6], ("phi", "theta", "psi"), {},
+        channels.RIGID_STATES, None, COEFFICIENTS, COEFFICIENTS, ("u", "v", "w"), channels.RIGID_STATES[:6],
+        ("phi", "theta", "psi"), {},
     ),
     "longitudinal": _Reduction(
         ("u", "w", "q", "e0", "e2", "h"), ("V", "alpha", "q", "theta", "ax", "az"), _LONGITUDINAL, _LONGITUDINAL,
@@ -86,7 +68,7 @@ _REDUCTIONS = {
         {"beta": ("v",), "p": ("p",), "r": ("r",), "phi": ("sin_phi", "cos_phi")},
     ),
     "lateral": _Reduction(
-        RIGID_STATES, ("beta", "p", "r", "phi", "psi", "ay"), ("CQ", "Cl", "Cn"), COEFFICIENTS,
+        channels.RIGID_STATES, ("beta", "p", "r", "phi", "psi", "ay"), ("CQ", "Cl", "Cn"), COEFFICIENTS,
         ("v",), ("v", "p", "r"), ("phi", "psi"),
         {"V": ("u",), "alpha": ("w",), "q": ("q",), "theta": ("sin_theta", "cos_theta")},
     ),
@@ -146,21 +128,6 @@ class Parameters(tuple[Parameter, ...]):
     def __repr__(self) -> str:
         """Return how many there are, and how many are free, on one line."""
         return f"<Parameters: {len(self)}, {sum(p.free for p in self)} of them free>"
-
-
-def noise_input(axis: str) -> str:
-    """Return the name of the white noise (unit intensity) that drives the gust along an axis."""
-    return f"gust.{axis}.noise"
-
-
-def motion_input(state: str) -> str:
-    """Return the name of the input that stands for a state which a reduced model takes from the record."""
-    return f"motion.{state}"
-
-
-def slope_input(channel: str) -> str:
-    """Return the name of the slope of a recorded channel, per s."""
-    return f"{channel}.slope"
 
 
 def leaves(node: Any, path: str = "") -> Iterator[tuple[str, Quantity]]:
@@ -260,16 +227,29 @@ class Vehicle:
         return tuple(p for p in self.parameters if p.free and p.name not in _BIASES)
 
     @functools.cached_property
+    def quantities(self) -> dict[str, Quantity]:
+        """Every number of the file by name, those that are tied to another among them."""
+        return dict(leaves(self.file))
+
+    def keys_of(self, name: str) -> tuple[str, ...]:
+        """Return where in a file a number of the vehicle stands."""
+        owner = next((c for c in COEFFICIENTS if name in getattr(self.file.aerodynamics, c)), None)
+        return tuple(name.split(".")) if owner is None else ("aerodynamics", owner, name)
+
+    @functools.cached_property
     def parameters(self) -> Parameters:
         """Every number of the file that is not tied to another, in the order of the kernel's rows.
 
         A reduced model estimates its own coefficients; numbers that its equations do not contain are never free.
         """
-        file, numbers = self.file, dict(leaves(self.file))
+        file, numbers = self.file, self.quantities
         estimated = {n for c in _REDUCTIONS[self.reduce].identified for n in getattr(file.aerodynamics, c)}
         absent = {n for c in COEFFICIENTS for n in getattr(file.aerodynamics, c) if c not in self.terms}
         # Numbers of gusts that the kept equations lack, unless a number of another gust is tied to them.
-        gusts = {a: dict(leaves(getattr(file.turbulence, a, None), f"turbulence.{a}")) for a in GUST_STATES}
+        gusts = {
+            a: dict(leaves(getattr(file.turbulence, a, None), f"turbulence.{a}"))
+            for a in channels.GUST_STATES
+        }
         used = {q.tie or name for a in self.gusts for name, q in gusts[a].items()}
         absent |= {name for found in gusts.values() for name in found} - used
         out = []
@@ -285,7 +265,7 @@ class Vehicle:
     def rows(self) -> dict[str, int]:
         """Row of each number in the kernel's parameter array; a tied number shares its target's row."""
         own = {p.name: i for i, p in enumerate(self.parameters)}
-        ties = {name: q.tie for name, q in leaves(self.file) if q.tie is not None}
+        ties = {name: q.tie for name, q in self.quantities.items() if q.tie is not None}
         for name, target in ties.items():
             if target not in own:
                 fault = "itself tied" if target in ties else "not a number of this file"
@@ -321,9 +301,9 @@ class Vehicle:
         return "" if self.file.rotors is None else self.file.rotors.drive
 
     @property
-    def frame(self) -> Frame:
+    def frame(self) -> channels.Frame:
         """Frame of its observations: with rotors that of the ground."""
-        return GROUND_FRAME if self.file.rotor else AIR_FRAME
+        return channels.GROUND_FRAME if self.file.rotor else channels.AIR_FRAME
 
     @property
     def positions(self) -> tuple[str, ...]:
@@ -373,7 +353,7 @@ class Vehicle:
         Noise that drives gusts is zero except in simulated turbulence. Without any recorded channel ``none``
         stands for them. Slopes are those of :attr:`sloped`; each is constant from a sample to the next.
         """
-        noise, slopes = map(noise_input, self.gusts), map(slope_input, self.sloped)
+        noise, slopes = map(channels.noise_input, self.gusts), map(channels.slope_input, self.sloped)
         return (*(self.recorded or ("none",)), *noise, *slopes, *self.motion)
 
     @property
@@ -390,7 +370,7 @@ class Vehicle:
     def motion(self) -> tuple[str, ...]:
         """Inputs that stand for held states: velocities, m/s, rates, rad/s, sine and cosine of an angle."""
         held = _REDUCTIONS[self.reduce].held
-        return tuple(motion_input(s) for c in self.measured for s in held[c])
+        return tuple(channels.motion_input(s) for c in self.measured for s in held[c])
 
     @functools.cached_property
     def sloped(self) -> tuple[str, ...]:
@@ -427,10 +407,10 @@ class Vehicle:
         if self.file.rotors is not None and self.file.rotors.lag is not None:
             lags += [f"{r}.lag" for r in self.rotors]
         return (
-            *(s for s in _REDUCTIONS[self.reduce].states if motion_input(s) not in self.motion),
+            *(s for s in _REDUCTIONS[self.reduce].states if channels.motion_input(s) not in self.motion),
             *self.positions,
             *lags,
-            *(s for axis in self.gusts for s in GUST_STATES[axis]),
+            *(s for axis in self.gusts for s in channels.GUST_STATES[axis]),
         )
 
     @functools.cached_property
@@ -438,7 +418,7 @@ class Vehicle:
         """Components of the error state of a filter: states, body-axes rotations, lags and gusts."""
         kept = _REDUCTIONS[self.reduce]
         rotations = (f"turn {angle}" for angle in kept.rotated)
-        return (*kept.added, *rotations, *(s for s in self.states if s not in RIGID_STATES))
+        return (*kept.added, *rotations, *(s for s in self.states if s not in channels.RIGID_STATES))
 
     @property
     def outputs(self) -> tuple[str, ...]:
@@ -453,17 +433,21 @@ class Vehicle:
 
     def kernel(self) -> Kernel:
         """Return the compiled equations (SymPy is imported only when they are not in the cache)."""
+        return load_kernel(self.structure, self.symbolic_model)
 
-        def build() -> Any:
-            from stoop.vehicle.symbolic import build_model
+    def symbolic_model(self) -> SymbolicModel:
+        """Return the equations in SymPy."""
+        from stoop.vehicle.symbolic import build_model
 
-            return build_model(self)
+        return build_model(self)
 
-        return load_kernel(self.structure, build)
+    def array_equations(self) -> Equations:
+        """Return the equations as functions of arrays, which are not compiled."""
+        return Equations(array_functions(self.structure, self.symbolic_model))
 
     def with_numbers(self, changes: Mapping[str, Mapping[str, Any]]) -> Vehicle:
         """Return the vehicle with fields of some numbers, none of them tied, replaced: ``{"CLalpha": {"value": 5.0}}``."""
-        known = dict(leaves(self.file))
+        known = self.quantities
         for name in changes:
             if name not in known:
                 raise VehicleError(f"{self.where}: no number is called '{name}'; {nearest(name, known)}")
@@ -486,3 +470,27 @@ class Vehicle:
     def coupled_to(self, measured: Collection[str]) -> Vehicle:
         """Return the vehicle with held states taken from channels of a record, among :attr:`held_channels`; none: constant."""
         return replace(self, measured=tuple(c for c in self.held_channels if c in measured))
+
+    parameter_rows = channels.parameter_rows
+    initial_states = channels.initial_states
+    commanded = channels.commanded
+    mixed_inputs = channels.mixed_inputs
+    mixing = channels.mixing
+    channel_gains = channels.channel_gains
+    neutral_inputs = channels.neutral_inputs
+    model_inputs = channels.model_inputs
+    model_mixing = channels.model_mixing
+    inertia_tensor = channels.inertia_tensor
+    rotor_range = functools.cached_property(rotor_channels.rotor_range)
+    accelerations = rotor_channels.accelerations
+    rotor_effects = rotor_channels.rotor_effects
+    rotor_allocation = rotor_channels.rotor_allocation
+    input_delays = delays.input_delays
+    actuators = delays.actuators
+    held_numbers = delays.held_numbers
+    late_inputs = delays.late_inputs
+    late_outputs = delays.late_outputs
+    gust_start = trajectories.gust_start
+    states_along = trajectories.states_along
+    readings_along = trajectories.readings_along
+    next_states = trajectories.next_states

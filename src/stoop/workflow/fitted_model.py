@@ -27,7 +27,7 @@ from stoop.flight import Flight
 from stoop.prediction.initial_state import BiasPrior, bias_priors
 from stoop.prediction.predict import ForceFigures, force_figures
 from stoop.problem import Piece
-from stoop.problem.prepare import decoupled, prepare
+from stoop.problem.prepare import Prepared, decoupled
 from stoop.problem.windows import Window
 from stoop.results.decisions import switched_off
 from stoop.results.result import AirDataTrace, ManeuverTrace, ParameterEstimate, Quantity, Result, Role
@@ -39,6 +39,7 @@ from stoop.workflow.archive import packed, unpacked
 from stoop.workflow.curves import channel_units
 from stoop.workflow.model_methods import ModelMethods, add_methods
 from stoop.workflow.outputs import ESTIMATE, RESULT, check_folder, place_outputs
+from stoop.workflow.summary import refusal
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -189,6 +190,11 @@ class FittedModel(ModelMethods):
         return f"the fit of {self.vehicle.name}" if self.folder is None else str(self.folder)
 
     @property
+    def refusal(self) -> list[Notice]:
+        """The warning that its verdict refuses it, if it does."""
+        return refusal(self.result, self.source)
+
+    @property
     def plot(self) -> Plots:
         """Plots, such as ``model.plot.maneuvers()``."""
         from stoop.report.identification import Plots
@@ -262,7 +268,7 @@ class FittedModel(ModelMethods):
 
     def pieces(self) -> list[list[Piece]]:
         """Return the pieces of each fitted maneuver; raises `StoopError` if the flights are missing."""
-        prepared = prepare(self.coupled, self.by_name, self.windows())
+        prepared = Prepared.of(self.coupled, self.by_name, self.windows())
         return [[prepared.pieces[i] for i in prepared.of_maneuver(m)] for m in range(len(prepared.windows))]
 
     def biases(self, flight: str | None) -> dict[str, BiasPrior]:

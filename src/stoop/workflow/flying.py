@@ -125,17 +125,7 @@ def simulate(
             raise ManeuverError(
                 "autopilot: a maneuver has its own time and steady flight; remove time, airspeed and initial_state"
             )
-        simulate_under_law = hook("simulate_under_law", "the law of an autopilot", Flight)
-        flight: Flight = simulate_under_law(vehicle, maneuver, autopilot, seed, noise, name)
+        under_law = hook("simulate_under_law", "the law of an autopilot", Flight)
+        flight: Flight = under_law(vehicle, maneuver, autopilot, seed, noise, name)
         return flight
-    return simulated(
-        vehicle,
-        inputs,
-        time,
-        airspeed=airspeed,
-        altitude=altitude,
-        seed=seed,
-        noise=noise,
-        name=name,
-        initial_state=initial_state,
-    )
+    return simulated(vehicle, inputs, time, airspeed, altitude, seed, noise, name, initial_state)

@@ -17,7 +17,7 @@ from stoop.errors import FlightError
 from stoop.estimate import methods
 from stoop.estimate.fit import Options
 from stoop.flight import without
-from stoop.problem.windows import Windows, as_windows
+from stoop.problem.windows import Window, Windows
 from stoop.strategy import Strategy, run
 from stoop.strategy.decision import Fitted, Provenance
 from stoop.vehicle import Vehicle
@@ -120,7 +120,7 @@ def search(
     if len(rates) > 1:
         text = " and ".join(rates)
         raise FlightError(f"identify: the flights are sampled at {text} Hz; bring them to one rate first")
-    fitted, predicted = as_windows(maneuvers, known), as_windows(validate, known)
+    fitted, predicted = Window.several(maneuvers, known), Window.several(validate, known)
     if not fitted:
         raise FlightError(
             "fit: no maneuver is given; name at least one window START:STOP, see stoop.look or stoop info"

@@ -19,8 +19,7 @@ from stoop.flight import Flight, flight_bytes
 from stoop.logs.csv_tables import mapping_beside
 from stoop.results.result import to_json
 from stoop.vehicle import Vehicle, parse_vehicle
-from stoop.vehicle.document import keys_of, write_entry, write_fields
-from stoop.vehicle.vehicle import leaves
+from stoop.vehicle.document import write_entry, write_fields
 from stoop.workflow.archive import Curves, packed_curves
 
 if TYPE_CHECKING:
@@ -115,12 +114,12 @@ def with_values(vehicle: Vehicle, values: dict[str, float]) -> str:
     set, freed or fixed since the file was read is written.
     """
     document, original = tomlkit.parse(vehicle.text), parse_vehicle(vehicle.text, vehicle.where)
-    written = dict(leaves(original.file))
-    for name, q in leaves(vehicle.file):
+    written = original.quantities
+    for name, q in vehicle.quantities.items():
         before = written.get(name)
         if q.tie is not None or before is None or before.tie is not None:
             continue
-        value, keys = values.get(name, q.value), keys_of(vehicle, name)
+        value, keys = values.get(name, q.value), vehicle.keys_of(name)
         fields: dict[str, Any] = {} if q.free in (None, before.free) else {"free": q.free}
         if q.prior is not None and (name in values or q.prior != before.prior):
             fields |= {"prior": q.prior, "mean": q.prior_mean}

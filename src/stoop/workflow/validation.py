@@ -22,13 +22,12 @@ from stoop.base.variables import RATES, SPECIFIC_FORCE
 from stoop.checks.vehicle import require_channels
 from stoop.errors import FlightError, StoopError
 from stoop.estimate.fitted_filter import FittedFilter
-from stoop.flight import Flight, without, without_faults
+from stoop.flight import Flight, without
 from stoop.flight.flight import flight_name
-from stoop.flight.maneuvers import find_maneuvers
 from stoop.prediction.initial_state import Predictor
 from stoop.prediction.predict import predict, predict_from
-from stoop.problem.prepare import decoupled, prepare
-from stoop.problem.windows import Window, Windows, as_windows
+from stoop.problem.prepare import Prepared, decoupled
+from stoop.problem.windows import Window, Windows
 from stoop.results.decisions import switched_off
 from stoop.results.result import ManeuverResult, ManeuverTrace, Result, plain, to_json
 from stoop.workflow import outputs
@@ -148,7 +147,7 @@ def validate(
         flown, fitted = [], []
         of_data.append(notice("no-lag-baseline", reason=str(error)))
 
-    chosen, skipped = _windows(model, known, fitted_as, as_windows(windows, known))
+    chosen, skipped = _windows(model, known, fitted_as, Window.several(windows, known))
     of_data += skipped
     results: list[ManeuverResult] = []
     traces: list[ManeuverTrace] = []
@@ -160,7 +159,7 @@ def validate(
             continue
         flight = without(flight, [(w.start, w.stop) for w in own])
         if not switched_off(of.decisions, "faults"):
-            flight = without_faults(flight)
+            flight = flight.without_faults()
         biases = model.biases(fitted_as[name])
         if initial_state is None:
             ahead = predict(predictor, {name: flight}, own, [biases] * len(own))
@@ -267,7 +266,7 @@ def _windows(
         if overlapping(window) is not None:
             return "the model was fitted there"
         try:
-            prepare(decoupled(model.vehicle, known, [window]), known, [window])
+            Prepared.of(decoupled(model.vehicle, known, [window]), known, [window])
         except FlightError as error:
             return str(error).removeprefix(f"{window}: ")
         return ""
@@ -282,7 +281,7 @@ def _windows(
             )
     skipped: list[Notice] = []
     if not windows:
-        maneuvers_of = ((name, m) for name, flight in known.items() for m in find_maneuvers(flight))
+        maneuvers_of = ((name, m) for name, flight in known.items() for m in flight.find_maneuvers())
         candidates = [Window(name, m.start, m.stop) for name, m in maneuvers_of]
         reasons = {window: obstacle(window) for window in candidates}
         skipped = [notice("window-skipped", str(w), reason=reason) for w, reason in reasons.items() if reason]

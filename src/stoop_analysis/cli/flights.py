@@ -59,7 +59,7 @@ def polar(arguments: argparse.Namespace) -> int:
 def rotors(arguments: argparse.Namespace) -> int:
     """Compare flights near hover with healthy ones, and say which rotor gives less than its command says."""
     from stoop import load_flight, load_vehicle
-    from stoop.extend.flights import whole
+    from stoop.extend.flights import Window
     from stoop.extend.vehicles import foreign_motors
     from stoop_analysis.performance import effectiveness
 
@@ -82,7 +82,7 @@ def rotors(arguments: argparse.Namespace) -> int:
             flight = load_flight(path, arguments.mapping)
             out.append(effectiveness.hover(flight, balance))
             flights[flight.name] = flight
-            for found in foreign_motors(balance.vehicle, flight, whole({flight.name: flight})):
+            for found in foreign_motors(balance.vehicle, flight, Window.whole({flight.name: flight})):
                 watch.warn(str(found))
         return tuple(out)
 

@@ -37,7 +37,6 @@ from stoop import Flight
 from stoop.extend.arrays import FloatArray, robust_std, run_slices
 from stoop.extend.errors import FlightError
 from stoop.extend.fits import NORMAL_95, PieceEvidence, estimate_uncertainty
-from stoop.extend.flights import airborne
 from stoop.extend.units import STANDARD_GRAVITY, standard_density
 
 HUBER: Final = 1.345  #: standard deviations; 95 % efficient on Gaussian noise
@@ -103,7 +102,7 @@ def blocks(
             f"{flight.name}: nothing shows the power: neither voltage and current of the battery, nor a throttle that "
             "shows where the motor is off; log one of them"
         )
-    good = airborne(flight) & np.isfinite(np.column_stack([power, *column.values()])).all(axis=1)
+    good = flight.airborne() & np.isfinite(np.column_stack([power, *column.values()])).all(axis=1)
     if windows:
         good &= np.logical_or.reduce([(flight.time >= a) & (flight.time <= b) for a, b in windows])
     size = max(1, round(length * flight.rate))

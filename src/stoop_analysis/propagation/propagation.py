@@ -11,7 +11,6 @@ import numpy as np
 
 from stoop import Notice, Vehicle
 from stoop.extend.arrays import FloatArray
-from stoop.extend.motion import parameter_rows
 from stoop.extend.notices import notice
 from stoop.extend.text import number, printable, table
 from stoop_analysis.draws import Draws
@@ -184,7 +183,7 @@ def _quantities(
 ) -> tuple[Found, list[Grouped]]:
     """Return what a vehicle says at its estimates and with the values (D, k) of the parameters named, expressions included."""
     changes = dict(zip(names, values.T, strict=True))
-    rows = np.hstack([parameter_rows(vehicle), parameter_rows(vehicle, changes, len(values))])
+    rows = np.hstack([vehicle.parameter_rows(), vehicle.parameter_rows(changes, len(values))])
     found = (rotor_figures if vehicle.rotors else wing_figures)(vehicle, rows, domain)
     return found, [*found.figures, *((EXPRESSIONS, one.samples(rows)) for one in parsed.values())]
 

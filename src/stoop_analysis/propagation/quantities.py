@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 
 from stoop.extend.arrays import BoolArray, ComplexArray, FloatArray
-from stoop.extend.motion import INTEGRATORS, REAL, modes_of, tracked_eigenvalues
+from stoop.extend.motion import oscillates, tracked_modes
 
 PERCENTILES: Final = (2.5, 25.0, 50.0, 75.0, 97.5)
 MIN_SHARE: Final = 0.1  #: of the variance; what a parameter adds less is not named
@@ -153,35 +153,21 @@ def mode_samples(A: FloatArray, names: tuple[str, ...]) -> tuple[list[Samples], 
     `A` (1 + D, n, n) are those of the estimate and of the draws. A draw whose pair has become two real modes has the frequency
     and damping of their product; one whose real mode has joined another is counted.
     """
-    keep = [i for i, n in enumerate(names) if n not in INTEGRATORS]
-    values, out, other = tracked_eigenvalues(A[:, keep][:, :, keep]), list[Samples](), dict[str, float]()
-    kept = np.asarray(np.isfinite(values).all(axis=1))
-    if not kept[0]:
-        return [], {}
-    for mode in modes_of(A[0], names):
-        if mode.name.endswith(".lag"):
-            continue
-        s = mode.eigenvalue
-        oscillates = abs(s.imag) > REAL
-        ends = [s, s.conjugate()] if oscillates else [s]
-        drawn = values[:, [int(np.argmin(np.abs(values[0] - one))) for one in ends]]
-        changed = oscillation(drawn) != oscillates
-        share = float(np.mean(changed[kept]))
+    out, other = list[Samples](), dict[str, float]()
+    for mode, drawn in tracked_modes(A, names):
+        pair = drawn.shape[1] == 2
+        changed = oscillates(drawn[:, 0]) != pair
+        share = float(np.mean(changed[np.isfinite(drawn).all(axis=1)]))
         if share > 0.0:
             other[mode.name] = share
-        out += _samples(mode.name, drawn, oscillates)
+        out += _samples(mode.name, drawn, pair)
     return out, other
 
 
-def oscillation(drawn: ComplexArray) -> BoolArray:
-    """Tell of which lanes (B, 1 or 2) the eigenvalue is not real."""
-    return np.asarray(np.abs(drawn[:, 0].imag) > REAL)
-
-
-def _samples(name: str, drawn: ComplexArray, oscillates: bool) -> list[Samples]:
+def _samples(name: str, drawn: ComplexArray, pair: bool) -> list[Samples]:
     middle = drawn.mean(axis=1).real
     with np.errstate(divide="ignore", invalid="ignore"):
-        if oscillates:
+        if pair:
             frequency = np.sqrt(np.maximum(np.prod(drawn, axis=1).real, 0.0))
             damping = -middle / frequency
             found = {f"{name}, frequency": (frequency, "rad/s"), f"{name}, damping": (damping, "1")}

@@ -49,12 +49,9 @@ class _Study:
 
     def __init__(self, vehicle: Vehicle, rows: FloatArray, domain: Domain) -> None:
         self.vehicle, self.rows, self.domain = vehicle, rows, domain
-        self.count, self.area, self.notices = rows.shape[1], motion.channel_range(vehicle), list[Notice]()
-        quiet, still = motion.neutral_inputs(vehicle, domain.density, domain.altitude), np.zeros(3)
-        at = motion.Conditions(vehicle, float("nan"), domain.altitude, 0.0, still, still, 0.0, quiet)
-        level = motion.level_channels(at)
-        self.effect = motion.effects(vehicle, {"h": domain.altitude}, level, {})
-        self.flying = motion.OnRotors(at, {}, rows, level, motion.allocation(vehicle, self.effect))
+        self.count, self.area, self.notices = rows.shape[1], vehicle.rotor_range, list[Notice]()
+        self.flying = motion.OnRotors.still(vehicle, rows, domain.altitude, domain.density)
+        self.effect = vehicle.rotor_effects({"h": domain.altitude}, self.flying.level, {})
         self.hover, self.commands, self.hovers = self.flight(0.0, np.zeros((6, self.count)))
         if not self.hovers[0]:
             raise SimulationError(
@@ -65,10 +62,10 @@ class _Study:
         """Return scaled unknowns (6, 1 + D), rotor channels (m, 1 + D), NaN where there is none, and which lanes fly."""
         at = replace(self.flying.at, velocity=np.array([speed, 0.0, 0.0]))
         flying = replace(self.flying, at=at)
-        x, error = motion.solve(flying.residuals, guess, motion.TOLERANCE)
+        x, solved = flying.solve(guess)
         commands = flying.trims(x).inputs[self.area.columns]
         inside = ((commands <= self.area.full[:, None]) & (commands >= self.area.idle[:, None])).all(axis=0)
-        flies = (error < motion.TOLERANCE) & inside
+        flies = solved & inside
         return x, np.where(flies, commands, np.nan), np.asarray(flies)
 
     @cached_property
@@ -79,7 +76,7 @@ class _Study:
         """Return the accelerations (6, 1 + D) of rotor channels (m, 1 + D) in the attitude of the hover."""
         inputs = self._still.inputs.copy()
         inputs[self.area.columns] = commands
-        return motion.accelerations(self.vehicle, self._still.start, inputs, self.rows)
+        return self.vehicle.accelerations(self._still.start, inputs, self.rows)
 
     def found(self) -> Found:
         """Return all numbers and curves."""
@@ -131,7 +128,7 @@ class _Study:
         guess, theta, throttle, lost = self.hover, [], [], []
         for speed in speeds:
             guess, commands, flies = self.flight(float(speed), guess)
-            theta.append(np.where(flies, guess[1] * motion.ROTOR_SCALES[1], np.nan))
+            theta.append(np.where(flies, self.flying.trims(guess).start["theta"], np.nan))
             throttle.append(commands.mean(axis=0))
             lost.append(1.0 - float(np.mean(flies[1:])))
         self.notices += over_speeds("propagate-no-trim", speeds, np.array(lost))

@@ -11,7 +11,7 @@ import numpy as np
 from stoop import Notice, Vehicle
 from stoop.extend.arrays import BoolArray, FloatArray, run_slices
 from stoop.extend.errors import SimulationError
-from stoop.extend.motion import THRUST, WING_ANGLES, OnWings
+from stoop.extend.motion import OnWings
 from stoop.extend.notices import notice
 from stoop.extend.units import STANDARD_GRAVITY
 from stoop.extend.vehicles import full_command
@@ -80,7 +80,7 @@ class _Study:
         speed = {"V": np.array([domain.reference])}
         at = steady_flights(first, speed)
         if not at.flies[0]:  # some vehicles have no control that holds the sideslip at zero
-            first = replace(first, angles=WING_ANGLES[first.at.vehicle.reduce][-1])
+            first = first.sideslipping()
             at = steady_flights(first, speed)
         if not at.flies[0]:
             raise SimulationError(
@@ -325,4 +325,4 @@ def peak_of(x: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray, 
 
 def _thrust(name: str) -> tuple[str, str]:
     """Return name and unit of what holds the speed."""
-    return ("thrust", "N") if name in (THRUST, "thrust") else (name, "1")
+    return ("thrust", "N") if name in ("propulsion.thrust", "thrust") else (name, "1")

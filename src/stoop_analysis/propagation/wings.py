@@ -125,9 +125,7 @@ class Steady:
 def level_flight(vehicle: Vehicle, rows: FloatArray, altitude: float, density: float) -> motion.OnWings:
     """Return the equations of level flight in still air, free of sideslip, for kernel parameters (n_p, B)."""
     vehicle = vehicle.reduced("full") if vehicle.reduce == "lateral" else vehicle.coupled_to(())
-    quiet, still = motion.neutral_inputs(vehicle, density, altitude), np.zeros(3)
-    at = motion.Conditions(vehicle, math.nan, altitude, 0.0, still, still, 0.0, quiet)
-    return motion.OnWings(at, {}, rows, motion.WING_ANGLES[vehicle.reduce][0])
+    return motion.OnWings.still(vehicle, rows, altitude, density)
 
 
 def steady_flights(
@@ -137,20 +135,19 @@ def steady_flights(
     flight = replace(flight, given=given)
     vehicle, count = flight.at.vehicle, flight.rows.shape[1]
     starts = [np.repeat(x[:, None], count, axis=1) for x in flight.starts()] if guess is None else [guess]
-    x, error = motion.solve(flight.residuals, starts[0], motion.TOLERANCE)
+    x, solved = flight.solve(starts[0])
     for other in starts[1:]:
-        failed = np.flatnonzero(error >= motion.TOLERANCE)
+        failed = np.flatnonzero(~solved)
         if failed.size:
-            again = lambda y, lanes, failed=failed: flight.residuals(y, failed[lanes])  # noqa: E731
-            x[:, failed], error[failed] = motion.solve(again, other[:, failed], motion.TOLERANCE)
+            x[:, failed], solved[failed] = flight.solve(other[:, failed], failed)
     found = flight.trims(x)
     start = {n: np.broadcast_to(np.asarray(v), count) for n, v in found.start.items()}
-    deflections = {c: motion.commanded(vehicle, c, found.rows, found.inputs) for c in vehicle.controls}
+    deflections = {c: vehicle.commanded(c, found.rows, found.inputs) for c in vehicle.controls}
     thrust = {n: np.asarray(v) for n, v in found.thrust.items()}
     with np.errstate(all="ignore"):
         largest = np.max(np.abs([*(start[a] for a in flight.angles), *deflections.values()]), axis=0)
         climb = np.arcsin(np.clip(flight.balance(found)[1], -1.0, 1.0))
-        flies = (error < motion.TOLERANCE) & (largest < math.pi / 2.0) & (start["V"] > 0.0)
+        flies = solved & (largest < math.pi / 2.0) & (start["V"] > 0.0)
     lost = np.where(flies, 0.0, np.nan)
     start, deflections, thrust = (
         {n: v + lost for n, v in some.items()} for some in (start, deflections, thrust)

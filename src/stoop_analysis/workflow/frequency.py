@@ -14,24 +14,15 @@ from stoop.extend import motion
 from stoop.extend.arrays import BoolArray, FloatArray, run_slices
 from stoop.extend.errors import FlightError, SimulationError, StoopError
 from stoop.extend.files import by_name
-from stoop.extend.fits import NORMAL_95, Result, model_or_vehicle, refusal, takes_model_or_vehicle
+from stoop.extend.fits import NORMAL_95, Result, model_or_vehicle, takes_model_or_vehicle
 from stoop.extend.flights import (
-    CONTROLS,
-    CYCLES,
-    MOTION,
     Flights,
     FrequencyResponse,
     Stretch,
     Window,
     Windows,
     as_flights,
-    as_windows,
-    commands,
-    estimate_responses,
-    flying,
     moves,
-    window_lengths,
-    within,
 )
 from stoop.extend.notices import notice
 from stoop.extend.text import nearest, within_limits
@@ -48,6 +39,10 @@ from stoop_analysis.frequency import (
 )
 from stoop_analysis.handling import FORMS, Known, bandwidth, equivalent_system, flight_draws
 
+DRIVERS: Final = {
+    "roll": ("aileron", "control_roll"), "pitch": ("elevator", "control_pitch"), "yaw": ("rudder", "control_yaw"),
+    "heave": ("control_throttle",),
+}  #: axis -> controls  # fmt: skip
 OUTPUTS: Final = ("p", "q", "r", "ax", "ay", "az")
 ATTITUDES: Final = {"q": "theta", "p": "phi"}  #: attitude of which a rate is nearly the derivative
 MIN_MOVEMENT: Final = 0.02  #: standard deviation of an input, of that of the largest
@@ -76,8 +71,8 @@ def axis_commands(
     SimulationError
         They do not command all four, each apart from the others.
     """
-    effect = motion.effects(vehicle, start, inputs, {})
-    return AxisCommands(motion.channel_range(vehicle).names, effect, motion.allocation(vehicle, effect))
+    effect = vehicle.rotor_effects(start, inputs, {})
+    return AxisCommands(vehicle.rotor_range.names, effect, vehicle.rotor_allocation(effect))
 
 
 @takes_model_or_vehicle
@@ -140,8 +135,8 @@ def frequency_responses(
     vehicle = fitted.vehicle if fitted else found_model if isinstance(found_model, Vehicle) else None
     result = fitted.result if fitted else None
     own = [w for w in fitted.windows() if w.flight in named] if fitted else []
-    windows = as_windows(maneuvers, named) or tuple(own)
-    masks = {f.name: within(f, [w for w in windows if w.flight == f.name]) & True for f in flights}
+    windows = Window.several(maneuvers, named) or tuple(own)
+    masks = {f.name: Window.within(f, [w for w in windows if w.flight == f.name]) & True for f in flights}
     for window in windows:
         time = named[window.flight].time
         if window.start > time[-1] or window.stop < time[0]:
@@ -149,7 +144,7 @@ def frequency_responses(
                 f"{window} lies outside the record, {time[0]:.1f} to {time[-1]:.1f} s; choose a window within it"
             )
     if not windows:
-        masks = {f.name: flying(f) for f in flights}
+        masks = {f.name: f.flying() for f in flights}
         windows = tuple(
             Window(f.name, float(f.time[r.start]), float(f.time[r.stop - 1]))
             for f in flights
@@ -169,14 +164,14 @@ def frequency_responses(
         for w in windows
         if w.flight == f.name
     ]
-    responses = estimate_responses(stretches, names, wanted, band)
+    responses = FrequencyResponse.estimate(stretches, names, wanted, band)
     if not responses:
         raise FlightError(_too_short(stretches, names, wanted, band))
     missing = [o for o in wanted if o not in {r.output for r in responses}]
     notices += [notice("frequency-output-missing", outputs=tuple(missing))] if missing else []
     notices += _unknown_axes(responses)
     modeled, found = ({}, []) if steady is None else _modeled(steady, result, names, wanted)
-    notices += [*found, *(refusal(fitted.result, fitted.source) if fitted else [])]
+    notices += [*found, *(fitted.refusal if fitted else [])]
     condition = {} if steady is None else steady.condition
     figures = _figures(responses, modeled)
     return FrequencyAnalysis(
@@ -194,7 +189,7 @@ def _columns(
     """
     columns = {str(c): flight.column(str(c)) for c in flight.channels if c in inputs}
     if vehicle is None:
-        return {**columns, **({} if inputs else {one.variable: one.u for one in commands(flight)})}
+        return {**columns, **({} if inputs else {one.variable: one.u for one in flight.commands()})}
     recorded = {name: flight.column(name) for name in vehicle.inputs if name in flight.names}
     if not recorded:
         if not columns:
@@ -203,7 +198,7 @@ def _columns(
                 f"{flight.name}: holds no input of {vehicle.where} ({lost}); map one, or give no model"
             )
         return columns
-    axes = None if steady is None or set(inputs) & set(motion.channel_range(vehicle).names) else steady.axes
+    axes = None if steady is None or set(inputs) & set(vehicle.rotor_range.names) else steady.axes
     return columns | control_inputs(vehicle, recorded, axes)
 
 
@@ -214,13 +209,13 @@ def control_inputs(
 
     Without axes the channels of rotors stand for themselves.
     """
-    rows, count = motion.parameter_rows(vehicle), len(next(iter(recorded.values())))
+    rows, count = vehicle.parameter_rows(), len(next(iter(recorded.values())))
     values = np.array([recorded.get(name, np.full(count, np.nan)) for name in vehicle.inputs])
     columns = {
-        control: np.broadcast_to(motion.commanded(vehicle, control, rows, values), (count,)).copy()
+        control: np.broadcast_to(vehicle.commanded(control, rows, values), (count,)).copy()
         for control in vehicle.controls
     }
-    by_channel = {name: values[vehicle.inputs.index(name)] for name in motion.channel_range(vehicle).names}
+    by_channel = {name: values[vehicle.inputs.index(name)] for name in vehicle.rotor_range.names}
     if axes is None:
         return columns | by_channel
     demanded = axes.effect @ np.array([by_channel[name] for name in axes.channels])
@@ -288,11 +283,11 @@ def _too_short(
 ) -> str:
     """Return why nothing could be estimated, with what would mend it."""
     durations = [len(s.inputs) / s.rate for s in stretches]
-    lengths = window_lengths(durations, len(inputs)) if durations else ()
-    if lengths and band is not None and band[1] <= 2.0 * np.pi * CYCLES / lengths[0]:
+    lengths = FrequencyResponse.window_lengths(durations, len(inputs)) if durations else ()
+    if lengths and band is not None and band[1] <= 2.0 * np.pi * FrequencyResponse.CYCLES / lengths[0]:
         return (
             f"--band {band[0]:g}:{band[1]:g}: windows of {lengths[0]:.1f} s resolve nothing below "
-            f"{2.0 * np.pi * CYCLES / lengths[0]:.2g} rad/s; give a higher band or longer windows"
+            f"{2.0 * np.pi * FrequencyResponse.CYCLES / lengths[0]:.2g} rad/s; give a higher band or longer windows"
         )
     total = sum(durations)
     return (
@@ -397,8 +392,8 @@ def _part(model: ModelResponse, chosen: BoolArray) -> Known:
 
 def _drives(name: str, output: str) -> bool:
     """Tell whether an input may be that of the axis of a rate: not one known to be of another axis."""
-    axis = CONTROLS.get(name, name)
-    return axis not in MOTION or MOTION[axis] == output
+    axis = next((a for a, names in DRIVERS.items() if name in names), name)
+    return output == {"roll": "p", "pitch": "q", "yaw": "r", "heave": "az"}.get(axis, output)
 
 
 def _figures_of(source: str, input_name: str, output: str, whole: Known, part: Known) -> Figures:

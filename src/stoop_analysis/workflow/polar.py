@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -11,7 +12,7 @@ import numpy as np
 from stoop import Flight, Notice
 from stoop.extend.errors import FlightError
 from stoop.extend.files import file_hashes, to_json, versions, write_files
-from stoop.extend.fits import NORMAL_95, data_notices
+from stoop.extend.fits import NORMAL_95
 from stoop.extend.flights import RECONSTRUCTED
 from stoop.extend.notices import notice
 from stoop_analysis.performance.polar import DISC, DISC_SPREAD, Polar, Propulsion, blocks, fit_polar
@@ -79,7 +80,7 @@ def drag_polar(
     drag, std = polar.drag(np.linspace(low, high, 5))
     if np.all(drag < NORMAL_95 * std):
         found.append(notice("drag-not-identifiable"))
-    return polar, (*found, *data_notices(flight.notices))
+    return polar, (*found, *(replace(one, severity="info") for one in dict.fromkeys(flight.notices)))
 
 
 def write_polar(

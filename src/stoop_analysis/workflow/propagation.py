@@ -10,7 +10,7 @@ import numpy as np
 from stoop import FittedModel
 from stoop.extend.arrays import FloatArray
 from stoop.extend.errors import StoopError
-from stoop.extend.fits import at_center_of_gravity, refusal, takes_model, true_values
+from stoop.extend.fits import at_center_of_gravity, takes_model, true_values
 from stoop.extend.reports import sheet
 from stoop.extend.text import within_limits
 from stoop.extend.units import standard_density
@@ -78,7 +78,7 @@ def propagate(
     posterior = model.attachments.get(POSTERIOR_FILE)
     drawn = draws_of(model.result, posterior, draws, seed, source, model.source)
     made = propagate_draws(model.vehicle, drawn, domain, expressions, model.source, seed)
-    notices = (*refusal(model.result, model.source), *made.notices)
+    notices = (*model.refusal, *made.notices)
     return Propagated(**{**vars(made), "notices": notices})
 
 

@@ -29,7 +29,7 @@ from scipy.stats import f as fisher
 from stoop import Flight, Vehicle
 from stoop.extend.errors import FlightError
 from stoop.extend.fits import ManeuverResult, ManeuverTrace, ResponseMisfit
-from stoop.extend.flights import CYCLES, FrequencyResponse, Stretch, Window, estimate_responses, within
+from stoop.extend.flights import FrequencyResponse, Stretch, Window
 from stoop.extend.variables import FAMILIES
 from stoop_analysis.frequency import known
 from stoop_analysis.workflow.frequency import control_inputs, moving_inputs, steady_model
@@ -51,7 +51,7 @@ def model_misfits(
     if vehicle.rotors:
         windows = [Window(m.flight, m.start, m.stop) for m in maneuvers]
         masks = {
-            name: within(flight, [w for w in windows if w.flight == name]) & True
+            name: Window.within(flight, [w for w in windows if w.flight == name]) & True
             for name, flight in flights.items()
         }
         axes = steady_model(tuple(flights.values()), masks, vehicle).axes
@@ -84,7 +84,7 @@ def response_misfits(
     inputs, outputs : names of the p inputs and q outputs
     """
     residuals = [f"residual {name}" for name in outputs]
-    estimated = estimate_responses(stretches, inputs, [*outputs, *residuals])
+    estimated = FrequencyResponse.estimate(stretches, inputs, [*outputs, *residuals])
     by_pair = {(one.input, one.output): one for one in estimated}
     found = (
         _misfit(by_pair[i, o], by_pair[i, left])
@@ -101,7 +101,8 @@ def _misfit(flown: FrequencyResponse, left: FrequencyResponse) -> ResponseMisfit
     frequency = flown.frequency[at]
     if not frequency.size:
         return None
-    resolved = float(frequency[-1] - frequency[0]) / (2.0 * np.pi) * float(np.mean(flown.window[at])) / CYCLES
+    cycles = float(frequency[-1] - frequency[0]) / (2.0 * np.pi) * float(np.mean(flown.window[at]))
+    resolved = cycles / FrequencyResponse.CYCLES
     if resolved < 2.0:
         return None
     size, power = np.abs(flown.response[at]) ** 2, np.abs(left.response[at]) ** 2

@@ -13,10 +13,10 @@ import tomlkit
 from stoop import Flight, Vehicle
 from stoop.extend.errors import IdentificationError
 from stoop.extend.files import csv_text, write_files
-from stoop.extend.fits import AircraftEquations, Domain, Layout, estimate, kind_of
-from stoop.extend.flights import parse_window
-from stoop.extend.vehicles import EQUATION_1, parameter_name, parse_vehicle
-from stoop_analysis.structure import Choose, Structure, determine, same_term
+from stoop.extend.fits import AircraftEquations, Layout
+from stoop.extend.flights import Window
+from stoop.extend.vehicles import EQUATION_1, parse_vehicle, terms
+from stoop_analysis.structure import Choose, Domain, Structure, determine, same_term
 
 FILES: Final = ("vehicle.toml", "structure.csv", "structure.html")
 HEAD: Final = ("coefficient", "step", "action", "term", "F", "threshold", "terms", "R2", "PRESS", "PSE")
@@ -49,25 +49,23 @@ def structure(
     StoopError
         One line that says what is wrong and what to do.
     """
-    if not kind_of(vehicle).linear:
+    if vehicle.rotors:
         raise IdentificationError(
             f"{vehicle.where}: it has rotors, and terms are chosen of aerodynamic coefficients only; use stoop identify, "
             "and --fix what it finds at a bound or not identifiable"
         )
-    windows = [parse_window(text, flights) for text in maneuvers]
+    windows = [Window.parse(text, flights) for text in maneuvers]
     found = determine(vehicle, flights, windows, candidates, choose, domain, keep)
     names: dict[str, dict[str, str]] = {}
     taken = {p.name for p in vehicle.parameters}
-    for (
-        coefficient,
-        chosen,
-    ) in found.chosen.items():  # a parameter for each term: the file's own where it has one
+    # a parameter for each term: the file's own where it has one
+    for coefficient, chosen in found.chosen.items():
         own = {n: t.term for n, t in getattr(vehicle.file.aerodynamics, coefficient).items()}
         known = own | {n: t for n, (t, _, _) in EQUATION_1[coefficient].items()}
         group = names[coefficient] = {}
         for term in chosen.terms:
             written = next((n for n, t in known.items() if same_term(t, term)), None)
-            group[term] = written or parameter_name(coefficient, term, {*taken, *group.values()})
+            group[term] = written or terms.parameter_name(coefficient, term, {*taken, *group.values()})
     shaped = parse_vehicle(_text(vehicle, names, {}), vehicle.where)
     shaped = shaped if shaped.reduce == vehicle.reduce else shaped.reduced(vehicle.reduce)
     # Nothing is free but the chosen terms and the constants beside them.
@@ -75,7 +73,7 @@ def structure(
     wanted |= {n for c in names for n, t in shaped.terms[c].items() if t.strip() == "1"}
     freed = shaped.with_numbers({p.name: {"free": p.name in wanted} for p in shaped.parameters})
     equations = AircraftEquations(Layout.of(freed, ()), found.histories)
-    fitted = estimate(equations, domain)
+    fitted = equations.estimate(domain)
     estimates: dict[str, tuple[float, float]] = {}
     if fitted is not None:
         std = np.sqrt(np.maximum(np.diag(fitted.covariance), 0.0))

@@ -25,6 +25,7 @@ from stoop_draft.checks.lines import EAST, Assignment, Signal, corrected, mappin
 from stoop_draft.checks.units import LARGEST, Sizes, full_turn, without_jumps
 
 #: statistic -> code of the notice
+SUSPECT_CLOCK: Final = 5.0  #: Hz; body rates are hardly ever logged more slowly
 _CODES: Final = {
     "size": "angle-size", "median": "unit-size", "weight": "force-size", "z-axis": "force-axis-unit",
     "noise": "force-axis-unit", "growth": "angle-rate-factor", "up": "force-points-up",
@@ -215,12 +216,12 @@ def judge_mapping(
     judged: dict[str, FloatArray] = {}
     # slower body rates are those of a wrong clock
     if not any(
-        0.0 < flight.sources[name].rate < flights.SUSPECT_CLOCK
+        0.0 < flight.sources[name].rate < SUSPECT_CLOCK
         for name in FAMILIES["rates"]
         if name in flight.sources
     ):
         judged = {
-            name: flights.without_faulty(time, x, [fault for fault in faults if fault.variable == name])
+            name: flights.Fault.removed(time, x, [fault for fault in faults if fault.variable == name])
             for name, x in in_air.items()
         }
     found = attempt(failed, Judgment((), (), {}), check_mapping, signals, judged, rate, lines)
@@ -231,7 +232,7 @@ def judge_mapping(
     if found.refused:
         said, every = str(found.refused[0]).removesuffix("."), (*found.refused, *found.notices, *of_rates)
         raise ContradictedError(f"{flight.path or flight.name}: {said}", every)
-    if any(one.code.startswith(flights.INCONSISTENT) for one in (*found.notices, *of_rates)):
+    if any(one.code.startswith(("mapping-", "rate-", "attitude-")) for one in (*found.notices, *of_rates)):
         # a late attitude explains one unlike its rates
         of_rates = attempt(failed, [], flights.attitude_delay, channels) or of_rates
     return [*found.notices, *of_rates]

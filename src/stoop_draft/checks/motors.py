@@ -19,11 +19,10 @@ import numpy as np
 
 from stoop import Flight, Notice, Vehicle
 from stoop.extend.arrays import BoolArray, FloatArray, run_slices
-from stoop.extend.flights import Window, flying, within
-from stoop.extend.motion import Range, channel_range, delayed, effects, first_order_lag
+from stoop.extend.flights import Window
+from stoop.extend.motion import delayed, first_order_lag
 from stoop.extend.notices import notice
 from stoop.extend.text import enumerated
-from stoop.extend.vehicles import GROUND_FRAME
 from stoop_draft.checks.engine import Edit, Evidence, Key, Residual, Residuals, search
 from stoop_draft.checks.lines import RATES
 
@@ -123,24 +122,24 @@ def check_motors(vehicle: Vehicle, flight: Flight, windows: Sequence[Window]) ->
     windows : sequence of Window
         Of this flight; only where it flies.
     """
-    if vehicle.frame != GROUND_FRAME:
+    if not vehicle.rotors:
         return []
-    area = channel_range(vehicle)
-    motions = _motions(vehicle, flight, windows, area)
+    channels = vehicle.rotor_range.names
+    motions = _motions(vehicle, flight, windows, channels)
     if motions is None:
         return []
-    up, level = flying(flight), np.zeros(len(vehicle.inputs))  # the median of every input in flight
+    up, level = flight.flying(), np.zeros(len(vehicle.inputs))  # the median of every input in flight
     for i, name in enumerate(vehicle.inputs):
         x = flight.column(name)[up] if name in flight.names else np.zeros(0)
         x = x[np.isfinite(x)]
         level[i] = float(np.median(x)) if x.size else 0.0
-    moments = effects(vehicle, {}, level, {})[:3]
+    moments = vehicle.rotor_effects({}, level, {})[:3]
     ratios = (f"rotors.{name}" for name in ("torque_ratio", "Q0", "Q1", "Q2"))
-    torque = moments - effects(vehicle, {}, level, {n: 0.0 for n in ratios if n in vehicle.rows})[:3]
+    torque = moments - vehicle.rotor_effects({}, level, {n: 0.0 for n in ratios if n in vehicle.rows})[:3]
 
     def edits(state: Moments) -> Iterable[Edit[Moments]]:
-        yield from rotor_edits(vehicle, torque, area)
-        yield from order_edits(vehicle, area, motions.order(state))
+        yield from rotor_edits(vehicle, torque, channels)
+        yield from order_edits(vehicle, channels, motions.order(state))
 
     found, _ = search(moments, edits, motions)
     out = []
@@ -166,7 +165,7 @@ def check_motors(vehicle: Vehicle, flight: Flight, windows: Sequence[Window]) ->
     return out
 
 
-def rotor_edits(vehicle: Vehicle, torque: Moments, area: Range) -> Iterator[Edit[Moments]]:
+def rotor_edits(vehicle: Vehicle, torque: Moments, channels: Sequence[str]) -> Iterator[Edit[Moments]]:
     """Yield every single edit of the file's rotors; `torque` (a, m) is the part of the moments that spins make."""
     rotors: dict[str, list[str]] = {}
     for name, rotor in vehicle.file.rotor.items():
@@ -175,11 +174,11 @@ def rotor_edits(vehicle: Vehicle, torque: Moments, area: Range) -> Iterator[Edit
     for row, line, rate in zip(axes, ("y of position", "x of position", "spin"), RATES, strict=True):
         fix = f"change the sign of {line} of all rotors (or of {rate} in the mapping)"
         yield Edit("axis", (line, rate), fix, _negated(row[:, None]), complete=True)
-    for i, j in combinations(range(len(area.names)), 2):
-        (first, now), (second, then) = sorted((rotors[area.names[k]][0], area.names[k]) for k in (i, j))
+    for i, j in combinations(range(len(channels)), 2):
+        (first, now), (second, then) = sorted((rotors[channels[k]][0], channels[k]) for k in (i, j))
         fix = f'write channel = "{then}" in [rotor.{first}] and "{now}" in [rotor.{second}]'
         yield Edit("exchange", (f"rotor.{first}", f"rotor.{second}"), fix, _exchanged(i, j), complete=True)
-    for column, channel in zip(np.eye(len(area.names), dtype=bool), area.names, strict=True):
+    for column, channel in zip(np.eye(len(channels), dtype=bool), channels, strict=True):
         fix = f"change the sign or scale of {channel} in the mapping (it looks inverted)"
         yield Edit("command", (channel,), fix, _negated(column), complete=True)
         if len(rotors[channel]) == 1:
@@ -191,13 +190,13 @@ def rotor_edits(vehicle: Vehicle, torque: Moments, area: Range) -> Iterator[Edit
                 yield Edit("position", (table, axis), fix, _negated(column & row[:, None]), complete=True)
 
 
-def order_edits(vehicle: Vehicle, area: Range, order: Sequence[int]) -> Iterator[Edit[Moments]]:
+def order_edits(vehicle: Vehicle, channels: Sequence[str], order: Sequence[int]) -> Iterator[Edit[Moments]]:
     """Yield the edit that gives the commands another order; two that are exchanged are among the single edits."""
     moved = [i for i, j in enumerate(order) if i != j]
     if len(moved) < 3:
         return
     rotors = {rotor.channel: name for name, rotor in reversed(vehicle.file.rotor.items())}
-    places = sorted((rotors[area.names[order[i]]], area.names[i]) for i in moved)
+    places = sorted((rotors[channels[order[i]]], channels[i]) for i in moved)
     fix = "write " + enumerated([f'channel = "{channel}" in [rotor.{name}]' for name, channel in places])
     lines = tuple(f"rotor.{name}" for name, _ in places)
     columns = list(order)
@@ -222,14 +221,16 @@ def _turned(column: BoolArray, torque: Moments) -> Callable[[Moments], Moments]:
     return lambda moments: np.where(column, moments - 2.0 * torque, moments)
 
 
-def _motions(vehicle: Vehicle, flight: Flight, windows: Sequence[Window], area: Range) -> Motions | None:
+def _motions(
+    vehicle: Vehicle, flight: Flight, windows: Sequence[Window], channels: Sequence[str]
+) -> Motions | None:
     """Return what is compared; None where rates, commands or time are missing."""
     from scipy.signal import butter, sosfiltfilt
 
-    if not {*RATES, *area.names} <= flight.names or flight.rate <= 2.0 * BANDS[0][1]:
+    if not {*RATES, *channels} <= flight.names or flight.rate <= 2.0 * BANDS[0][1]:
         return None
-    columns = np.column_stack([flight.column(c) for c in (*area.names, *RATES)])
-    good = within(flight, windows) & flying(flight) & np.isfinite(columns).all(axis=1)
+    columns = np.column_stack([flight.column(c) for c in (*channels, *RATES)])
+    good = Window.within(flight, windows) & flight.flying() & np.isfinite(columns).all(axis=1)
     delay, lag = (vehicle.value(n) if n in vehicle.rows else 0.0 for n in ("rotors.delay", "rotors.lag"))
     filters = [butter(ORDER, band, "bandpass", fs=flight.rate, output="sos") for band in BANDS]
     step = max(1, int(flight.rate / RATE))

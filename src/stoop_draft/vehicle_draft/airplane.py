@@ -10,7 +10,7 @@ from typing import Final
 from stoop import Flight, Notice
 from stoop.extend.notices import notice
 from stoop.extend.units import SEA_LEVEL_DENSITY, STANDARD_GRAVITY
-from stoop.extend.vehicles import COEFFICIENTS, EQUATION_1, MOMENT_ARMS, STANDARD_CONTROLS
+from stoop.extend.vehicles import COEFFICIENTS, EQUATION_1, MOMENT_ARMS
 from stoop.extend.vehicles import USUAL as ASSUMED
 from stoop_draft.vehicle_draft import inertia, plausibility
 from stoop_draft.vehicle_draft.apriori import Apriori
@@ -32,6 +32,7 @@ from stoop_draft.vehicle_draft.tables import (
 )
 
 #: what stoop says of a vehicle that nobody has flown yet: CL of its working point
+CONTROLS: Final = ("elevator", "aileron", "rudder")
 CRUISE_LIFT: Final = 0.5
 _PAIRS: Final = {
     "v-tail": "rudder",
@@ -60,7 +61,7 @@ class Airplane(FileText):
         flight = seen.flight
         rudder = any(surface.shares[2] for surface in seen.setup.surfaces)
         yaws = self.template != "flying-wing" or rudder or (flight is not None and recorded(flight, "rudder"))
-        self.wanted = wanted = STANDARD_CONTROLS if yaws else STANDARD_CONTROLS[:2]
+        self.wanted = wanted = CONTROLS if yaws else CONTROLS[:2]
         self.controls = (
             default_controls(wanted) if flight is None else find_controls(flight, seen.setup, wanted)
         )

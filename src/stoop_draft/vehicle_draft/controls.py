@@ -16,7 +16,6 @@ import numpy as np
 
 from stoop import Flight
 from stoop.extend.arrays import FloatArray
-from stoop.extend.flights import directions, output_families
 from stoop_draft.vehicle_draft.autopilot import Scale, Setup
 from stoop_draft.vehicle_draft.steady import STEADY, turning
 
@@ -149,11 +148,11 @@ def _moment(control: str) -> Mixer:
 
 def _by_motion(flight: Flight, wanted: tuple[str, ...]) -> Controls:
     """Mix outputs by what they turn; a guess."""
-    for names in output_families(flight):
+    for names in flight.output_families():
         if names[0].startswith(("motor", "rotor")):
             continue
         mixers = {}
-        by_axis = {c.axis: c.u for c in directions(flight, names)}
+        by_axis = {c.axis: c.u for c in flight.directions(names)}
         outputs = np.column_stack([flight.column(name) for name in names])
         for control in wanted:
             axis, _, _, sign = AXES[control]

@@ -15,7 +15,7 @@ from pydantic import Field, ValidationError
 
 from stoop.extend.errors import VehicleError
 from stoop.extend.files import first_complaint, toml
-from stoop.extend.vehicles import Number
+from stoop.extend.vehicles import schema
 from stoop_draft.vehicle_draft import proportions
 from stoop_draft.vehicle_draft.parts import NOWHERE, Fin, Fuselage, Part, Point, Tail, Wing
 
@@ -32,7 +32,7 @@ class Geometry(Part):
 
     format: Literal["stoop-geometry/1"] = "stoop-geometry/1"
     template: Template
-    mass: Annotated[Number, Field(gt=0.0, le=1e6)]  #: kg
+    mass: Annotated[schema.Number, Field(gt=0.0, le=1e6)]  #: kg
     center_of_gravity: Point = NOWHERE  #: m
     wing: Wing
     tail: Tail | None = None

@@ -7,12 +7,12 @@ from typing import Annotated, Final
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
-from stoop.extend.vehicles import Number
+from stoop.extend.vehicles import schema
 
 UNKNOWN: Final = math.nan  #: of a number that a file leaves out
 MAX_ANGLE: Final = 1.2  #: of sweep, dihedral and incidence; above, degrees were meant
-Length = Annotated[Number, Field(ge=1e-4, le=200.0)]
-Area = Annotated[Number, Field(ge=1e-8, le=2000.0)]
+Length = Annotated[schema.Number, Field(ge=1e-4, le=200.0)]
+Area = Annotated[schema.Number, Field(ge=1e-8, le=2000.0)]
 
 
 def _radians(value: float) -> float:
@@ -23,10 +23,10 @@ def _radians(value: float) -> float:
     return value
 
 
-Angle = Annotated[Number, AfterValidator(_radians)]
-Share = Annotated[Number, Field(gt=0.0, lt=1.0)]
-Station = Annotated[Number, Field(ge=0.0, le=1.0)]
-Point = tuple[Number, Number, Number]
+Angle = Annotated[schema.Number, AfterValidator(_radians)]
+Share = Annotated[schema.Number, Field(gt=0.0, lt=1.0)]
+Station = Annotated[schema.Number, Field(ge=0.0, le=1.0)]
+Point = tuple[schema.Number, schema.Number, schema.Number]
 NOWHERE: Final = (UNKNOWN, UNKNOWN, UNKNOWN)
 
 
@@ -49,7 +49,7 @@ class Surface(Part):
     area: Area = UNKNOWN  #: both halves, m2
     span: Length = UNKNOWN  #: along the surface: both halves, or the height of a fin, m
     chord: Length = UNKNOWN  #: m
-    taper: Annotated[Number, Field(gt=0.0, le=2.0)] = UNKNOWN  #: tip chord over root chord
+    taper: Annotated[schema.Number, Field(gt=0.0, le=2.0)] = UNKNOWN  #: tip chord over root chord
     sweep: Angle = UNKNOWN  #: of the quarter chord, tip aft positive, rad
     position: Point = NOWHERE  #: leading edge of the root, m
 
@@ -69,8 +69,8 @@ class Wing(Surface):
 
     dihedral: Angle = UNKNOWN  #: rad
     incidence: Angle = UNKNOWN  #: of the root chord against the x axis, rad
-    camber: Annotated[Number, Field(ge=-0.1, le=0.15)] = UNKNOWN  #: share of the chord
-    thickness: Annotated[Number, Field(ge=0.01, le=0.4)] = UNKNOWN  #: share of the chord
+    camber: Annotated[schema.Number, Field(ge=-0.1, le=0.15)] = UNKNOWN  #: share of the chord
+    thickness: Annotated[schema.Number, Field(ge=0.01, le=0.4)] = UNKNOWN  #: share of the chord
     aileron: Flap | None = None
     elevon: Flap | None = None
 

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from typing import Final
 
 from stoop import Notice
-from stoop.extend.flights import carried_by_rotors, find_maneuvers
 from stoop.extend.notices import notice
 from stoop.extend.units import STANDARD_GRAVITY
 from stoop_draft.vehicle_draft.controls import AXES, Controls
@@ -98,7 +97,7 @@ def of_template(template: str, given: bool, known: Evidence) -> list[Notice]:
     expected = ROTORCRAFT.get(template)
     for one in known.flights:
         named = tuple(f"motor_{m.number}" for m in setup.rotors) if one is flight else ()
-        motors, carried = tuple(running_rotors(one)[0]) or named, carried_by_rotors(one)
+        motors, carried = tuple(running_rotors(one)[0]) or named, one.carried_by_rotors()
         if expected is not None and motors and len(motors) != expected and len(motors) > 2:
             out.append(
                 notice("draft-motors", template, expected=expected, count=len(motors), channels=motors)
@@ -137,7 +136,7 @@ def of_excitation(known: Evidence) -> list[Notice]:
     """Return which axes no maneuver moves; `stoop maneuvers` judges this with the vehicle."""
     if not known.flights:
         return []
-    moved = {m.axis for flight in known.flights for m in find_maneuvers(flight)}
+    moved = {m.axis for flight in known.flights for m in flight.find_maneuvers()}
     still = tuple(axis for axis in ("roll", "pitch", "yaw") if axis not in moved)
     return [notice("draft-not-excited", known.flights[0].name, axes=still)] if still else []
 

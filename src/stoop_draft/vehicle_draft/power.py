@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 
 from stoop import Flight, load_vehicle
-from stoop.extend.flights import FLYING, flying, rotor_pulses
+from stoop.extend.flights import FLYING
 from stoop.extend.units import STANDARD_GRAVITY
 from stoop.extend.variables import FAMILIES
 from stoop_draft.vehicle_draft.apriori import Apriori
@@ -244,12 +244,12 @@ def running_rotors(flight: Flight) -> tuple[list[str], Scale]:
         run = [n for n in FAMILIES[kind] if n in flight.names and _mean_in_flight(flight, n) > FLYING.command]
         if len(run) > FLYING.rotors:
             return run, Scale()
-    names = [n for n in rotor_pulses(flight) if n in FAMILIES["pwm"]]
+    names = [n for n in flight.rotor_pulses() if n in FAMILIES["pwm"]]
     return names, Scale(DEFAULT_PULSES[0], DEFAULT_PULSES[2] - DEFAULT_PULSES[0])
 
 
 def _mean_in_flight(flight: Flight, name: str) -> float:
-    x = flight.column(name)[flying(flight)]
+    x = flight.column(name)[flight.flying()]
     x = x[np.isfinite(x)]
     return float(np.mean(x)) if x.size else 0.0
 

@@ -9,8 +9,7 @@ from typing import Any, Final
 
 from stoop import Flight
 from stoop.extend.errors import VehicleError
-from stoop.extend.flights import carried_by_rotors
-from stoop.extend.vehicles import ASPECT_RATIOS, MASS_BY_SPAN
+from stoop.extend.vehicles import USUAL
 from stoop_draft.vehicle_draft import aerosandbox, handbook
 from stoop_draft.vehicle_draft.apriori import Apriori
 from stoop_draft.vehicle_draft.autopilot import Setup, read_setup
@@ -77,7 +76,7 @@ class Evidence:
             return None
         tail = self.setup.tail()
         count = len(self.setup.rotors) or len(running_rotors(self.flight)[0])
-        if count and (carried_by_rotors(self.flight) or self.setup.rotors):
+        if count and (self.flight.carried_by_rotors() or self.setup.rotors):
             if tail or any(recorded(self.flight, name) for name in ("elevator", "aileron")):
                 return "quadplane"
             return next((name for name, size in ROTORCRAFT.items() if size == count), None)
@@ -134,17 +133,17 @@ def questions(request: Request, known: Evidence) -> list[Question]:
     out, wings = [], request.template in WINGED
     span, mass = request.span, request.mass
     if mass is None:
-        low, high = MASS_BY_SPAN if wings else MASS_BY_FRAME
+        low, high = USUAL.mass_by_span if wings else MASS_BY_FRAME
         size = f"{low * span**2:.2g} to {high * span**2:.2g} kg for this span" if span else ""
         out.append(Question("mass", "as flown, kg", size))
     lift = known.lift(request.template, None) if not wings else None
     if span is None and (wings or lift is None or lift.guessed or known.setup.autopilot == "ArduPilot"):
-        low, high = MASS_BY_SPAN if wings else MASS_BY_FRAME
+        low, high = USUAL.mass_by_span if wings else MASS_BY_FRAME
         size = f"{math.sqrt(mass / high):.2g} to {math.sqrt(mass / low):.2g} m for this mass" if mass else ""
         what = "of the wing, m" if wings else "largest distance between motors, m"
         out.append(Question("span", what, size))
     if wings and request.chord is None and request.area is None:
-        slim, stout = ASPECT_RATIOS[::-1]
+        slim, stout = USUAL.aspect_ratios[::-1]
         size = f"{span / slim:.2g} to {span / stout:.2g} m for this span" if span else ""
         out.append(Question("chord", "mean chord of the wing, m, or --area in m2", size))
     return out

@@ -11,7 +11,7 @@ import numpy as np
 
 from stoop import Flight
 from stoop.extend.arrays import BoolArray, FloatArray
-from stoop.extend.flights import FLYING, PLAUSIBLE, airborne, band_pass, density_of, flying
+from stoop.extend.flights import FLYING, density_of
 from stoop.extend.units import SEA_LEVEL_DENSITY, STANDARD_GRAVITY
 from stoop_draft.checks.lines import AIRSPEEDS, RATES, VELOCITY
 
@@ -27,6 +27,7 @@ class SteadyLimits:
     correlation: float = 0.2  #: partial, of an angular acceleration with what turns about that axis
 
 
+DENSITY: Final = ("density", "pressure", "temperature", "altitude", "pd")  #: what tells it
 STEADY: Final = SteadyLimits()
 
 
@@ -70,7 +71,7 @@ class Steady:
         """Return the density of the air, kg/m3, by what the logs tell best, and by what; that at sea level where nothing does."""
         found = []
         for flight, mask in zip(self.flights, self.masks, strict=True):
-            told = density_of({name: flight.column(name)[mask] for name in PLAUSIBLE if name in flight.names})
+            told = density_of({name: flight.column(name)[mask] for name in DENSITY if name in flight.names})
             found += [] if told is None else [told]
         if not found:
             return SEA_LEVEL_DENSITY, "at sea level"
@@ -93,7 +94,7 @@ def steady_flight(flights: Sequence[Flight], wings: bool = True) -> Steady:
     """Return where flights are steady: airborne, level wings, slow rates, about 1 g; without wings where they hover."""
     masks = []
     for flight in flights:
-        up = airborne(flight) if wings else flying(flight)
+        up = flight.airborne() if wings else flight.flying()
         limits = dict.fromkeys(RATES, (-STEADY.rate, STEADY.rate))
         limits["az"] = -STANDARD_GRAVITY * STEADY.load[1], -STANDARD_GRAVITY * STEADY.load[0]
         limits |= {"phi": (-STEADY.bank, STEADY.bank)} if wings else {}
@@ -114,10 +115,10 @@ def turning(flight: Flight, u: FloatArray, rate: str) -> float:
     """
     if not set(RATES) <= flight.names or not np.isfinite(u).any():
         return 0.0
-    rates = band_pass(flight, np.column_stack([flight.column(name) for name in RATES]))
+    rates = flight.band_pass(np.column_stack([flight.column(name) for name in RATES]))
     acceleration = np.gradient(rates[:, RATES.index(rate)]) * flight.rate
-    columns = np.column_stack([acceleration, band_pass(flight, u[:, None])[:, 0], rates])
-    columns = columns[airborne(flight) & np.isfinite(columns).all(axis=1)]
+    columns = np.column_stack([acceleration, flight.band_pass(u[:, None])[:, 0], rates])
+    columns = columns[flight.airborne() & np.isfinite(columns).all(axis=1)]
     if len(columns) < STEADY.samples:
         return 0.0
     fixed = columns[:, 2:]

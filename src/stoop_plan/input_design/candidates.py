@@ -5,19 +5,20 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
 from stoop import Flight
 from stoop.extend import flights
-from stoop.extend.arrays import BoolArray, FloatArray, run_slices
+from stoop.extend.arrays import BoolArray, FloatArray, robust_std, run_slices
 from stoop.extend.variables import FAMILIES
 
 if TYPE_CHECKING:
     from stoop import Vehicle
     from stoop.extend.flights import Window
 
+MANEUVER: Final = flights.FlownManeuver.LIMITS
 LENGTHS: Final = (4.0, 8.0)  #: s, of windows that are tried all along the flight
 
 
@@ -26,13 +27,16 @@ class CandidateLimits:
     """Lengths and thresholds of the windows that are tried."""
 
     stride: float = 2.0  #: s from one such window to the next
-    shortest: float = flights.LIMITS.lead + flights.LIMITS.tail  #: s, those of a maneuver about its input
+    shortest: float = MANEUVER.lead + MANEUVER.tail  #: s, those of a maneuver about its input
     min_usable: float = 0.6  #: share of a window; pieces between holes are fitted separately
     limit_margin: float = 0.002  #: of its range, within which a command is at its limit
     min_saturated: int = 5  #: samples in a row at the limit
     max_levels: int = 20  #: different values of a switch, which has no limits
     min_motion: float = 0.05  #: of the strongest signal; weaker ones do not count for the condition number
     min_excitation: float = 2.0  #: times the usual; a command that moves less is none
+    #: share of a command's power that feedback leaves over, and of the acceleration that this explains, where a log is too
+    #: short to show what is usual; multisines and sweeps leave 0.4 and explain 0.3, gusts under an autopilot leave 0.13 at most
+    moved: float = 0.25
 
 
 LIMITS: Final = CandidateLimits()
@@ -48,7 +52,7 @@ class Candidate:
     flight: str
     start: float
     stop: float
-    maneuver: flights.Maneuver | None = None
+    maneuver: flights.FlownManeuver | None = None
 
     @property
     def seconds(self) -> float:
@@ -73,8 +77,8 @@ def candidates(flight: Flight, channels: Sequence[str]) -> list[Candidate]:
     Windows that are too short, or have too many holes, are left out.
     """
     good, time = usable(flight, channels), flight.time
-    spans: list[tuple[float, float, flights.Maneuver | None]] = [
-        (m.start, m.stop, m) for m in flights.find_maneuvers(flight)
+    spans: list[tuple[float, float, flights.FlownManeuver | None]] = [
+        (m.start, m.stop, m) for m in flight.find_maneuvers()
     ]
     if good.any():
         first, last = float(time[good][0]), float(time[good][-1])
@@ -98,7 +102,7 @@ def candidates(flight: Flight, channels: Sequence[str]) -> list[Candidate]:
 
 def usable(flight: Flight, channels: Sequence[str]) -> BoolArray:
     """Tell at which samples (n,) a window may lie: flying, commands there, nothing stuck or at its limit."""
-    up = flights.flying(flight)
+    up = flight.flying()
     good = up.copy()
     for name in (*channels, *(rate for rate in FAMILIES["rates"] if rate in flight.names)):
         good &= np.isfinite(flight.column(name))
@@ -166,7 +170,7 @@ class Excitation:
     """
 
     names: tuple[str, ...]
-    axes: tuple[flights.Axis, ...]
+    axes: tuple[str, ...]
     values: FloatArray
     own: FloatArray
 
@@ -179,25 +183,24 @@ class Excitation:
     @classmethod
     def of(cls, flight: Flight) -> Excitation | None:
         """Return those of a flight; None where no command or no rate was recorded."""
-        by_command = flights.by_axis(flights.commands(flight))
-        rates = {
-            axis: name
-            for axis, name in flights.MOTION.items()
-            if name in FAMILIES["rates"] and name in flight.names
-        }
+        by_command: dict[str, Any] = {}
+        for command in flight.commands():
+            by_command.setdefault(command.axis, command)
+        pairs = zip(("roll", "pitch", "yaw"), FAMILIES["rates"], strict=True)
+        rates = {axis: name for axis, name in pairs if name in flight.names}
         if not by_command or not rates:
             return None
         columns = [*(c.u for c in by_command.values()), *(flight.column(name) for name in rates.values())]
         names = (*(f"{axis} command" for axis in by_command), *(f"{axis} rate" for axis in rates))
-        x, up = np.column_stack(columns), flights.flying(flight)
-        x = flights.band_pass(flight, x)
+        x, up = np.column_stack(columns), flight.flying()
+        x = flight.band_pass(x)
         sizes = []
         for column in x.T:  # where a signal usually rests, a share of its largest excursion
             seen = column[up & np.isfinite(column)]
             largest = float(np.max(np.abs(seen))) if seen.size else 0.0
-            sizes.append(max(flights.usual_deviation(column, up), flights.LIMITS.min_usual * largest) or 1.0)
+            sizes.append(max(usual_deviation(column, up), MANEUVER.min_usual * largest) or 1.0)
         x = x / np.array(sizes)
-        own = flights.Feedback.of(flight, up).taken_off([*by_command.values()], x[:, : len(by_command)])
+        own = flight.feedback(up).taken_off([*by_command.values()], x[:, : len(by_command)])
         return cls(names, (*by_command, *rates), x, own)
 
     def inside(self, flight: Flight, one: Candidate) -> FloatArray:
@@ -206,20 +209,20 @@ class Excitation:
         rows = rows[np.isfinite(rows).all(axis=1)]
         return rows - rows.mean(axis=0) if len(rows) else rows
 
-    def strengths(self, flight: Flight, one: Candidate) -> Mapping[flights.Axis, float]:
+    def strengths(self, flight: Flight, one: Candidate) -> Mapping[str, float]:
         """Return how many times the usual the command of each axis moves in a window."""
         rows = self.inside(flight, one)
         sizes = np.sqrt(np.mean(rows**2, axis=0)) if len(rows) else np.zeros(len(self.names))
         pairs = zip(self.axes, self.names, sizes, strict=True)
         return {axis: float(size) for axis, name, size in pairs if name.endswith("command")}
 
-    def commanded(self, flight: Flight, one: Candidate) -> dict[flights.Axis, float]:
+    def commanded(self, flight: Flight, one: Candidate) -> dict[str, float]:
         """Return how many times the usual each command moves in a window that stands out there, and is no feedback's."""
         inside = flight.between(one.start, one.stop)
         moved, own = (np.nansum(x[inside] ** 2, axis=0) for x in (self.values, self.own))
         sizes = self.strengths(flight, one)
         shares = zip(self.axes, moved, own, strict=False)
-        real = {a for a, power, left in shares if left >= flights.LIMITS.commanded * power > 0.0}
+        real = {a for a, power, left in shares if left >= MANEUVER.commanded * power > 0.0}
         return {a: size for a, size in sizes.items() if a in real and size > LIMITS.min_excitation}
 
     def moves(self, flight: Flight) -> bool:
@@ -227,13 +230,13 @@ class Excitation:
 
         Combinations of outputs are made by such a regression: that they explain an acceleration proves nothing.
         """
-        if not any(command.variable in flight.names for command in flights.commands(flight)):
+        if not any(command.variable in flight.names for command in flight.commands()):
             return False
         count, out = self.own.shape[1], False
         rates = self.values[:, count:]
         changes = np.gradient(rates, axis=0)
-        good = flights.flying(flight) & np.isfinite(np.column_stack([self.own, rates, changes])).all(axis=1)
-        if good.sum() < flights.LIMITS.samples:
+        good = flight.flying() & np.isfinite(np.column_stack([self.own, rates, changes])).all(axis=1)
+        if good.sum() < MANEUVER.samples:
             return False
         for k, axis in enumerate(self.axes[count:]):
             columns = [i for i in range(count) if self.axes[i] == axis]
@@ -241,9 +244,7 @@ class Excitation:
             x = np.column_stack([self.own[good][:, columns], rates[good]])
             part = x[:, : len(columns)] @ np.linalg.lstsq(x, y, rcond=None)[0][: len(columns)]
             left, every = (float(np.sum(u[good][:, columns] ** 2)) for u in (self.own, self.values))
-            out |= bool(
-                left > flights.LIMITS.moved * every and part @ part > flights.LIMITS.moved * float(y @ y)
-            )
+            out |= bool(left > LIMITS.moved * every and part @ part > LIMITS.moved * float(y @ y))
         return out
 
     def condition(self, flight: Flight, one: Candidate) -> float:
@@ -257,3 +258,9 @@ class Excitation:
             return float("inf")
         values = np.linalg.svd(rows[:, moved] / size[moved], compute_uv=False)
         return float((values[0] / max(values[-1], 1e-12)) ** 2)
+
+
+def usual_deviation(x: FloatArray, mask: BoolArray) -> float:
+    """Return the robust standard deviation of a series (n,) about its median where a mask holds; 0 without samples."""
+    known = x[mask & np.isfinite(x)]
+    return robust_std(known - np.median(known)) if known.size else 0.0

@@ -25,8 +25,13 @@ from stoop.extend import fits
 from stoop.extend.arrays import FloatArray
 from stoop.extend.errors import IdentificationError, SimulationError
 from stoop.extend.flights import Window
-from stoop.extend.motion import Maneuver, Trim, inputs_about, simulate_together, unit_of
-from stoop_plan.input_design.sensitivity import BOX_INFORMATION, PIECES, CandidateProblem, VehicleInformation
+from stoop.extend.motion import Maneuver, Trim, fly_together, recorded
+from stoop_plan.input_design.sensitivity import (
+    BOX_INFORMATION,
+    CandidateProblem,
+    VehicleInformation,
+    pieces_of,
+)
 
 Span = tuple[float, float]
 AMPLITUDE: Final = math.radians(3.0)  #: of every control that is not given one
@@ -48,7 +53,7 @@ ROTOR_WIDTH: Final = {
 
 def amplitude_text(control: str, value: float) -> str:
     """Return an amplitude of an input, SI, with its unit."""
-    unit = unit_of(control)
+    unit = Maneuver.unit_of(control)
     return f"{math.degrees(value):.3g} deg" if unit == "rad" else f"{value:.3g} {unit}"
 
 
@@ -296,7 +301,7 @@ class Setup:
 def information_errors(information: FloatArray) -> FloatArray:
     """Return the standard errors (n,) that information (n, n) leaves; infinite where it determines nothing."""
     inverse = fits.invert(information)
-    return fits.standard_errors(fits.marked(inverse.matrix, inverse.determined))
+    return np.where(inverse.determined, np.sqrt(np.maximum(np.diag(inverse.matrix), 0.0)), np.inf)
 
 
 def marginal(J: FloatArray, d: int) -> FloatArray:
@@ -319,7 +324,10 @@ def forecasts(flights: Sequence[tuple[Setup, Maneuver]], only_inside: bool = Fal
     """
     hovering = {i: one for i, one in enumerate(flights) if not one[0].trim.on_wings}
     vehicles = [(setup.vehicle, maneuver) for setup, maneuver in hovering.values()]
-    flown = dict(zip(hovering, simulate_together(vehicles, noise=False, name="design"), strict=True))
+    flown = {
+        i: one if isinstance(one, SimulationError) else recorded(*pair, one, 0, False, "design")
+        for i, pair, one in zip(hovering, vehicles, fly_together(vehicles), strict=True)
+    }
     return [
         forecast_on_rotors(*one, flown[i], only_inside)
         if i in hovering
@@ -357,11 +365,11 @@ def forecast_on_wings(setup: Setup, maneuver: Maneuver, only_inside: bool) -> Fo
 def _forecast_of_line(setup: Setup, maneuver: Maneuver, only_inside: bool) -> Forecast:
     """Return the forecast of one flight, whose initial state and sensor biases are its own, as those of a window in a fit."""
     vehicle, t = setup.vehicle, maneuver.time
-    inputs = inputs_about(vehicle, setup.trim, maneuver.deflections(), len(t))
+    inputs = setup.trim.inputs_about(vehicle, maneuver.deflections(), len(t))
     blank = np.zeros((len(t), len(vehicle.outputs)))
     piece = fits.Piece(0, t, inputs, blank, setup.trim.start, setup.trim.changes)
     prepared = fits.Prepared((Window("design", 0.0, float(t[-1])),), (piece,), ())
-    layout = replace(setup.layout, nuisances=fits.nuisances(vehicle, prepared))
+    layout = replace(setup.layout, nuisances=prepared.nuisances(vehicle))
     problem = fits.Misfit(layout, (piece,), fits.Weights.of(setup.noise), ((len(t),),))
     z = np.concatenate([setup.layout.unit(setup.values), np.zeros(problem.extra)])
     with np.errstate(invalid="ignore", over="ignore"):
@@ -387,8 +395,8 @@ def forecast_on_rotors(
     if only_inside and excess > 0.0:
         return Forecast(readings, excess, nothing)
     # without noise a reading that does not change is not stuck
-    prepared = fits.prepare(vehicle, {flight.name: flight}, [Window(flight.name, 0.0, maneuver.duration)])
-    pieces = tuple(part for piece in prepared.pieces for part in PIECES[vehicle.frame](vehicle, piece))
+    prepared = fits.Prepared.of(vehicle, {flight.name: flight}, [Window(flight.name, 0.0, maneuver.duration)])
+    pieces = tuple(part for piece in prepared.pieces for part in pieces_of(vehicle, piece))
     problem = CandidateProblem(replace(prepared, pieces=pieces), (len(pieces),))
     unit = setup.layout.unit(setup.values)
     at = VehicleInformation(vehicle, unit, fits.Weights.of(setup.noise), np.inf)

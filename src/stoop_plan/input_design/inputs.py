@@ -9,15 +9,16 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from scipy.optimize import brentq
 
 from stoop.extend.arrays import FloatArray, IntArray
 from stoop.extend.errors import SimulationError
-from stoop.extend.motion import PATTERNS, Harmonics, Input, Levels, Steps, Sweep, unit_of
+from stoop.extend.motion import Maneuver, Steps
 
+Table = dict[str, Any]  #: of an input in a maneuver file
 LEAD: Final = 0.5  #: s of steady flight before and after the inputs
 SLEW_SHARE: Final = 0.999  #: of the slew that is used, against rounding
 MOST_COUNTS: Final = 4  #: of one step that is counted aloud (our choice); longer ones leave the trim
@@ -94,7 +95,7 @@ class StepInputs:
                 rows.append(np.clip([begin, (step - least) / (longest - least), 1.0], 0.0, 1.0))
         return np.array(rows).reshape(2, -1)
 
-    def inputs(self, x: FloatArray) -> tuple[Input, ...]:
+    def inputs(self, x: FloatArray) -> tuple[Table, ...]:
         """Return one table per control."""
         frame, units, longest, out = self.frame, self._units, self._longest, []
         for control, point in zip(frame.amplitude, x.reshape(-1, 3), strict=True):
@@ -107,12 +108,12 @@ class StepInputs:
                 "control": control, "shape": self.pattern, "start": begin, "step": step,
                 "amplitude": float(np.copysign(size, signed)), **frame.limited(control),
             }  # fmt: skip
-            out.append(Steps.model_validate(table))
+            out.append(table)
         return tuple(out)
 
     @property
     def _units(self) -> int:
-        return sum(PATTERNS[self.pattern])
+        return sum(Steps.PATTERNS[self.pattern])
 
     @property
     def _longest(self) -> float:
@@ -138,7 +139,7 @@ class CountedSteps:
         """Full amplitude, with steps as long as the time allows and of one count."""
         return np.array([[share, 1.0] * len(self.frame.amplitude) for share in (1.0, 0.0)])
 
-    def inputs(self, x: FloatArray) -> tuple[Input, ...]:
+    def inputs(self, x: FloatArray) -> tuple[Table, ...]:
         """Return one table per control, whose edges fall on the beat."""
         frame, out = self.frame, []
         for i, (control, point) in enumerate(zip(frame.amplitude, x.reshape(-1, 2), strict=True)):
@@ -150,12 +151,12 @@ class CountedSteps:
                 "control": control, "shape": self.pattern, "start": self.beat * (self._first + i * self._slot),
                 "step": self.beat * counts, "amplitude": float(np.copysign(size, signed)), **frame.limited(control),
             }  # fmt: skip
-            out.append(Steps.model_validate(table))
+            out.append(table)
         return tuple(out)
 
     def _readable(self, control: str, size: float) -> float:
         """Return an amplitude of the half degrees that a card names, or on rotors one as it is."""
-        if unit_of(control) != "rad":
+        if Maneuver.unit_of(control) != "rad":
             return size
         floor, most = self.frame.min_amplitude.get(control, 0.0), self.frame.amplitude[control]
         steps = max(math.floor(size / STICK_STEP + 1e-9), math.ceil(floor / STICK_STEP - 1e-9), 1)
@@ -174,7 +175,7 @@ class CountedSteps:
     @cached_property
     def _most(self) -> int:
         """Counts of the longest step."""
-        units, rest = sum(PATTERNS[self.pattern]), math.ceil(HANDS_OFF / self.beat - 1e-9)
+        units, rest = sum(Steps.PATTERNS[self.pattern]), math.ceil(HANDS_OFF / self.beat - 1e-9)
         most = min((self._slot - rest) // units, MOST_COUNTS)
         if most < 1:
             count = len(self.frame.amplitude)
@@ -202,7 +203,7 @@ class Sweeps:
         """Full amplitude, from the lowest to the highest frequency, and to half of it in logarithms."""
         return np.array([[1.0, 0.0, last] * len(self.frame.amplitude) for last in (1.0, 0.5)])
 
-    def inputs(self, x: FloatArray) -> tuple[Input, ...]:
+    def inputs(self, x: FloatArray) -> tuple[Table, ...]:
         """Return one table per control."""
         frame, out = self.frame, []
         length = frame.active / len(frame.amplitude) - LEAD
@@ -222,7 +223,7 @@ class Sweeps:
                 "control": control, "shape": "sweep", "start": LEAD + i * (length + LEAD), "duration": length,
                 "amplitude": size, "low": low, "band": top, "fade": min(1.0, 0.1 * length),
             }  # fmt: skip
-            out.append(Sweep.model_validate(table))
+            out.append(table)
         return tuple(out)
 
 
@@ -249,7 +250,7 @@ class SquareWaves:
         falling = [1.0, *((3.0, 2.0, 1.0, 1.0)[i % 4] / 3.0 for i in range(self.levels))]
         return np.array([row * len(self.frame.amplitude) for row in (even, falling)])
 
-    def inputs(self, x: FloatArray) -> tuple[Input, ...]:
+    def inputs(self, x: FloatArray) -> tuple[Table, ...]:
         """Return one table per control."""
         frame, out = self.frame, []
         signs = (-1.0) ** np.arange(self.levels)
@@ -264,7 +265,7 @@ class SquareWaves:
                 "control": control, "shape": "levels", "start": LEAD, **frame.limited(control),
                 "levels": (amplitude * signs).tolist(), "lengths": lengths.tolist(),
             }  # fmt: skip
-            out.append(Levels.model_validate(table))
+            out.append(table)
         return tuple(out)
 
 
@@ -300,7 +301,7 @@ class Multisines:
             rows.append(row)
         return np.array(rows)
 
-    def inputs(self, x: FloatArray) -> tuple[Input, ...]:
+    def inputs(self, x: FloatArray) -> tuple[Table, ...]:
         """Return one table per control."""
         out, first = [], 0
         for (control, most), harmonics in zip(self.frame.amplitude.items(), self._harmonics, strict=True):
@@ -321,7 +322,7 @@ class Multisines:
                 "control": control, "shape": "harmonics", "start": LEAD, "duration": self.frame.active,
                 "harmonics": harmonics.tolist(), "amplitudes": (scale * weights).tolist(), "phases": phases.tolist(),
             }  # fmt: skip
-            out.append(Harmonics.model_validate(table))
+            out.append(table)
         return tuple(out)
 
     @cached_property

@@ -15,7 +15,7 @@ from stoop import Notice
 from stoop.extend.arrays import FloatArray, on_one_blas_thread
 from stoop.extend.errors import SimulationError
 from stoop.extend.files import first_complaint
-from stoop.extend.fits import ScalarProblem, invert, optimize
+from stoop.extend.fits import invert, optimize
 from stoop.extend.motion import Maneuver
 from stoop.extend.notices import notice
 from stoop.extend.text import Summarized
@@ -78,7 +78,7 @@ class Design:
 
 
 @dataclass(frozen=True, eq=False)
-class InformationCost(ScalarProblem):
+class InformationCost(optimize.ScalarProblem):
     """Cost of a point of a family of inputs: minus the gain of its maneuver; outside the envelope, how far."""
 
     setup: Setup

@@ -12,12 +12,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Final
 
-from stoop import Flight, Options, Vehicle
+from stoop import Flight, Options, Strategy, Vehicle
 from stoop.extend.errors import FlightError, IdentificationError
-from stoop.extend.fits import FIT_ALONE, assume, error_bars, setup_of
+from stoop.extend.fits import ErrorBars, assume, setup_of
 from stoop.extend.fits import fit as fit_by
 from stoop.extend.flights import Window
 
+#: of a vehicle that is complete, and data that are clean
+FIT_ALONE: Final = Strategy.default().without("faults", "assumptions", "sensor-delays")
 #: a search that has not ended by then finds several optima, and which of them would not make other windows worth more
 QUICK: Final = Options(budget=15_000.0)
 #: of a fit about whose estimates windows are linearized: it need not be the best one, and its error bars are not asked for
@@ -63,7 +65,7 @@ def quick_fit(
     options = replace(QUICK, start=known)
     try:
         fit = fit_by(FIT_ALONE, vehicle, _used(flights, windows), windows, options=options).estimate
-        bars = error_bars(fit)
+        bars = ErrorBars.of(fit)
     except (FlightError, IdentificationError) as error:
         return QuickFit(failure=str(error))
     held = dict(zip(fit.estimates, bars.at_bound, strict=False))

@@ -9,7 +9,7 @@ A vehicle with rotors is unstable: its windows are cut into short ones that each
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
@@ -21,10 +21,10 @@ from stoop import Flight, Vehicle
 from stoop.extend import fits
 from stoop.extend.arrays import FloatArray
 from stoop.extend.errors import FlightError, IdentificationError
-from stoop.extend.vehicles import AIR_FRAME, GROUND_FRAME, Frame
 from stoop_plan.input_design.candidates import Candidate
 
 #: of a number that is only known to lie in the unit box: one over its variance
+WINDOW_LENGTH: Final = 1.0  #: s
 BOX_INFORMATION: Final = 12.0
 NOISE_WINDOWS: Final = 8  #: from which the noise is estimated
 NOISE_ROUNDS: Final = 2  #: of linear step and noise
@@ -43,37 +43,31 @@ class CandidateProblem:
     def misfit(self, vehicle: Vehicle, weights: fits.Weights) -> fits.Misfit:
         """Return the problem with this window's nuisances."""
         pieces = self.prepared.pieces
-        layout = fits.Layout.of(vehicle, fits.nuisances(vehicle, self.prepared))
+        layout = fits.Layout.of(vehicle, self.prepared.nuisances(vehicle))
         return fits.Misfit(layout, pieces, weights, (tuple(len(p.time) for p in pieces),))
 
 
-def _short_pieces(vehicle: Vehicle, piece: fits.Piece) -> list[fits.Piece]:
-    """Cut a piece into windows of about a second, of those that begin where the state was measured."""
-    out, count = [], max(1, round((piece.time[-1] - piece.time[0]) / fits.WINDOW_LENGTH))
+def pieces_of(vehicle: Vehicle, piece: fits.Piece) -> list[fits.Piece]:
+    """Cut a piece of a vehicle that hovers, unstable, into windows of about a second that begin where the state was measured."""
+    if not vehicle.rotors:
+        return [piece]
+    out, count = [], max(1, round((piece.time[-1] - piece.time[0]) / WINDOW_LENGTH))
     for a, b in pairwise(np.linspace(0, len(piece.time), count + 1).astype(int)):
         columns = dict(zip(vehicle.outputs, piece.whole[a:b].T, strict=True))
-        readings = {c: columns[c] for c in fits.state_channels(vehicle) if c in columns}
-        start, missing = fits.guess_start(vehicle, piece.time[a:b], readings, "")
+        start, missing = fits.guess_start(vehicle, piece.time[a:b], columns, "")
         if not missing:
             out.append(piece.part(a, b, {**start, "h": piece.start.get("h", 0.0)}))
     return out
 
 
-#: what hovers is unstable: by short pieces that each begin anew
-PIECES: Final[Mapping[Frame, Callable[[Vehicle, fits.Piece], list[fits.Piece]]]] = {
-    AIR_FRAME: lambda _, piece: [piece],
-    GROUND_FRAME: _short_pieces,
-}
-
-
 def candidate_problem(vehicle: Vehicle, flight: Flight, one: Candidate) -> CandidateProblem | None:
     """Prepare a candidate as for a fit; None where the vehicle's state or its inputs were not measured."""
     try:
-        prepared = fits.prepare(vehicle, {flight.name: flight}, [one.window])
+        prepared = fits.Prepared.of(vehicle, {flight.name: flight}, [one.window])
     except FlightError:
         return None
-    prepared = fits.without_stuck_channels(vehicle, prepared)
-    cut = [parts for piece in prepared.pieces if (parts := PIECES[vehicle.frame](vehicle, piece))]
+    prepared = prepared.without_stuck_channels(vehicle)
+    cut = [parts for piece in prepared.pieces if (parts := pieces_of(vehicle, piece))]
     if not cut:
         return None
     pieces = tuple(p for parts in cut for p in parts)

@@ -11,7 +11,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, Literal
 
 import numpy as np
 
@@ -20,18 +20,11 @@ from stoop.extend.arrays import FloatArray
 from stoop.extend.errors import FlightError
 from stoop.extend.files import by_name
 from stoop.extend.flights import (
-    Axis,
-    Expected,
     Flights,
     Found,
     Proposed,
-    Use,
     as_flights,
-    commands,
-    flying,
     moves,
-    output_families,
-    require_motors_ran,
 )
 from stoop.extend.notices import notice
 from stoop.extend.text import remaining
@@ -41,6 +34,30 @@ from stoop_plan.input_design.candidates import Candidate, Excitation, candidates
 if TYPE_CHECKING:  # fits are imported where a vehicle is given: without one nothing is fitted
     from stoop import Vehicle
     from stoop_plan.input_design.sensitivity import CandidateProblem, VehicleInformation
+
+
+@dataclass(frozen=True)
+class Expected:
+    """A free number and its standard error by a quick fit of the proposed windows together, SI.
+
+    The value is NaN and the error infinite for a number that the fit leaves at a bound.
+    """
+
+    name: str
+    value: float
+    std_error: float
+
+    @property
+    def relative(self) -> float:
+        """Standard error over the size of the value."""
+        return self.std_error / abs(self.value) if self.value else float("inf")
+
+
+@dataclass(frozen=True)
+class FoundWindows(Found):
+    """Windows, and the expected errors of the vehicle's free numbers (none without one)."""
+
+    expected: tuple[Expected, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -143,7 +160,7 @@ def _held_out(
     maneuvers disagree about (gusts) takes many to show: intervals of four windows are too narrow where those of six hold.
     The most informative maneuver of an axis is never held out.
     """
-    best_of: dict[Axis, int] = {}
+    best_of: dict[str, int] = {}
     for i in sorted(range(len(found)), key=information.gain_alone):
         if (m := found[i].maneuver) is not None:
             best_of[m.axis] = i
@@ -172,7 +189,7 @@ def _held_out(
     return (max(worth, key=information.gain_alone),) if worth else ()
 
 
-def _axis(one: Candidate) -> Axis | None:
+def _axis(one: Candidate) -> str | None:
     return None if one.maneuver is None else one.maneuver.axis
 
 
@@ -205,7 +222,7 @@ def find_windows(
     flights: Mapping[str, Flight] | Flights,
     vehicle: Vehicle | None = None,
     tell: Callable[[str], None] = lambda _: None,
-) -> Found:
+) -> FoundWindows:
     """Propose windows by excitation and by the information in them.
 
     Parameters
@@ -256,7 +273,7 @@ def find_windows(
     report = _Report(flights, excitations, found, information, model)
     if not selection.held_out:
         notices.append(notice("no-validation-window"))
-    return Found(tuple(report.windows(selection)), tuple(expected), tuple(notices))
+    return FoundWindows(tuple(report.windows(selection)), tuple(notices), tuple(expected))
 
 
 def _driven(flights: Mapping[str, Flight], vehicle: Vehicle) -> bool:
@@ -295,8 +312,8 @@ def _candidates(flight: Flight, vehicle: Vehicle | None, excitation: Excitation 
     if vehicle is not None:
         channels = list(vehicle.recorded)
     else:
-        direct = [c.variable for c in commands(flight) if c.variable in flight.names]
-        channels = direct or next(iter(output_families(flight)), [])
+        direct = [c.variable for c in flight.commands() if c.variable in flight.names]
+        channels = direct or next(iter(flight.output_families()), [])
     found = candidates(flight, channels)
     if excitation is None:
         return found[:: max(1, len(found) // LIMITS.max_candidates)]
@@ -354,7 +371,7 @@ class _Report:
 
     def windows(self, selection: Selection) -> list[Proposed]:
         """Return the windows to fit, those to predict, and maneuvers that were declined, in order of time."""
-        rows: list[tuple[int, str, float, bool, Use]] = []
+        rows: list[tuple[int, str, float, bool, Literal["fit", "validate"]]] = []
         for k, (index, gain) in enumerate(zip(selection.fitted, selection.gains, strict=True)):
             rows.append(
                 (index, self._why(index, self.information.total(selection.fitted[:k])), gain, True, "fit")
@@ -375,13 +392,13 @@ class _Report:
             out.append(Proposed(*span, axis, why, alone, gain, accept, use, one.maneuver))
         return sorted(out, key=lambda w: (w.flight, w.start))
 
-    def axes(self, index: int) -> dict[Axis, float]:
+    def axes(self, index: int) -> dict[str, float]:
         """Return how many times the usual the excited axes move, that of a maneuver first, then the strongest."""
         one = self.found[index]
         excitation = self.excitations.get(one.flight)
         sizes = {} if excitation is None else excitation.strengths(self.flights[one.flight], one)
         real = {} if excitation is None else excitation.commanded(self.flights[one.flight], one)
-        own: list[Axis] = [one.maneuver.axis] if one.maneuver is not None else []
+        own: list[str] = [one.maneuver.axis] if one.maneuver is not None else []
         return {a: sizes.get(a, 0.0) for a in (*own, *sorted(real, key=lambda a: -real[a])[:1])}
 
     def _excited(self, index: int) -> str:
@@ -409,19 +426,19 @@ def _check_inputs(flight: Flight, vehicle: Vehicle | None) -> None:
         r for r in FAMILIES["rates"] if r not in flight.names or not np.isfinite(flight.column(r)).any()
     ]
     if vehicle is not None:
-        from stoop.extend.vehicles import KINDS, require_channels
+        from stoop.extend.vehicles import require_channels
 
         require_channels(vehicle, flight)
-        for require in KINDS[vehicle.frame].flight:
-            require(flight)
+        if vehicle.rotors:
+            flight.require_motors_ran()
         return
     if missing:
         raise FlightError(
             f"{flight.name}: {', '.join(missing)} {'was' if len(missing) == 1 else 'were'} not recorded, and without "
             "body rates no maneuver shows; log the gyros, or name their columns in a mapping ([variables] p, q, r)"
         )
-    require_motors_ran(flight)
-    if not commands(flight):
+    flight.require_motors_ran()
+    if not flight.commands():
         raise FlightError(
             f"{flight.name}: no command was recorded that moves (surfaces, control_roll/pitch/yaw, motor_n, servo_n, "
             "pwm_n); log them, or name their columns in a mapping (stoop map drafts one)"
@@ -433,7 +450,7 @@ def _nothing_found(
 ) -> FlightError:
     """Return the error for flights in which no window can be used, or none where inputs and state were measured."""
     name, flight = next(iter(flights.items()))
-    airborne = float(flying(flight).sum()) / flight.rate
+    airborne = float(flight.flying().sum()) / flight.rate
     if airborne < 2.0:
         return FlightError(
             f"{name}: the vehicle is in the air for {airborne:.1f} s only, as speed and commands show; give a log of a flight, "

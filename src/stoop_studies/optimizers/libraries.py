@@ -16,8 +16,8 @@ import numpy as np
 from numpy.random import Generator
 
 from stoop.base.arrays import FloatArray
-from stoop.optimize.ledger import Ledger
-from stoop.optimize.libraries import Escape, Library, draw_seed, finite_costs, require
+from stoop.optimize.ledger import Halt, Ledger
+from stoop.optimize.libraries import LARGE, Library, draw_seed, finite_costs, require
 from stoop.optimize.population import MEMBERS
 from stoop_studies.optimizers.evolution import uniform
 
@@ -59,6 +59,32 @@ def _pymoo(name: str, module: str, algorithm: str) -> Library:
         run(Box(), made, seed=draw_seed(generator), copy_algorithm=False, verbose=False)
 
     return Library(name, search)
+
+
+class Escape:
+    """Carries an exception past a library that would swallow it.
+
+    A cost function that raises may leave foreign code in any state. So the exception is kept, the rest of the run
+    sees `LARGE`, and `check` raises what was kept once the library has returned.
+    """
+
+    def __init__(self, ledger: Ledger) -> None:
+        self.ledger = ledger
+        self.kept: BaseException | None = None
+
+    def costs(self, X: FloatArray) -> FloatArray:
+        """Return finite costs, (n,), of points, (n, D)."""
+        if self.kept is None:
+            try:
+                return finite_costs(self.ledger, X)
+            except (Halt, KeyboardInterrupt) as exception:
+                self.kept = exception
+        return np.full(len(X), LARGE)
+
+    def check(self) -> None:
+        """Raise what was kept."""
+        if self.kept is not None:
+            raise self.kept
 
 
 class _PygmoProblem:

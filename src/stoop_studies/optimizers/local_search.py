@@ -5,23 +5,43 @@ Every evaluation goes through the ledger: a forward-difference gradient takes D 
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from contextlib import suppress
+import importlib
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from functools import cache
 from math import sqrt
 from typing import Any, Final
 
 import numpy as np
+from threadpoolctl import ThreadpoolController
 
 from stoop.base.arrays import FloatArray
 from stoop.optimize.ledger import Ledger
-from stoop.optimize.libraries import one_blas_thread
+from stoop.optimize.libraries import PROCESS_LOCK
 from stoop.optimize.local_refinement import refine
 
 BETA: Final = (sqrt(5.0) - 1.0) / 2.0  #: of the golden section
 
 #: From a member, (D,), and its cost to the end of a local search and the cost there, never worse than the start.
 LocalSearch = Callable[[Ledger, FloatArray, float], tuple[FloatArray, float]]
+
+
+@contextmanager
+def one_blas_thread() -> Iterator[None]:
+    """Limit SciPy and NumPy to one thread: on tiny matrices more only wait, and round differently.
+
+    One caller at a time: two threads that each restore the limit they found could leave the other's.
+    """
+    with PROCESS_LOCK, _blas_threads().limit(limits=1, user_api="blas"):
+        yield
+
+
+@cache
+def _blas_threads() -> ThreadpoolController:
+    """Return the handle of the BLAS libraries; finding them takes a millisecond, and they must be loaded."""
+    importlib.import_module("scipy.optimize")
+    return ThreadpoolController()
 
 
 @dataclass(frozen=True)

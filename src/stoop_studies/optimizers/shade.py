@@ -39,7 +39,7 @@ from stoop.optimize.population import (
     two_others,
     update_archive,
 )
-from stoop.optimize.problem import Problem
+from stoop.optimize.problem import Problem, ScalarProblem
 from stoop.optimize.state import Event, State
 from stoop_studies.optimizers.evolution import advanced, begun, first_population
 from stoop_studies.optimizers.local_search import LevenbergMarquardt, QuasiNewton
@@ -264,7 +264,11 @@ class OrderedShade:
             if population.age >= population.due:
                 member, population = population.next_start(state.optima, self.strategy.separation)
                 if member is not None:
-                    search = LevenbergMarquardt() if ledger.has_residuals else self.quasi_newton
+                    search = (
+                        LevenbergMarquardt()
+                        if not isinstance(ledger.problem, ScalarProblem)
+                        else self.quasi_newton
+                    )
                     start, best = float(population.F[member]), float(population.F.min())
                     incumbent = best if start > best else np.inf
                     x, cost = search(ledger, population.X[member].copy(), start, incumbent)

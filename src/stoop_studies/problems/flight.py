@@ -25,7 +25,7 @@ from stoop.estimate.fit import Options, estimation_problem, settle, starts
 from stoop.estimate.refit_problem import Derived
 from stoop.flight.load import load_several
 from stoop.optimize.normal_equations import dense
-from stoop.problem.windows import parse_window
+from stoop.problem.windows import Window
 from stoop.vehicle.builtin import load_vehicle
 from stoop_studies.problems import Posed
 
@@ -115,7 +115,7 @@ def posed(flights: tuple[str, ...], vehicle: str, maneuvers: tuple[str, ...]) ->
     by_name = {flight.name: flight for flight in loaded}
     if len(by_name) < len(loaded):
         raise FlightError("flights: two of them have the same name; rename one of the files")
-    windows = [parse_window(text, by_name) for text in maneuvers]
+    windows = [Window.parse(text, by_name) for text in maneuvers]
     whole, _ = estimation_problem(load_vehicle(vehicle), by_name, windows, Options())
     settled = settle(whole, starts(whole))
     guesses = np.concatenate([settled.z[None, : whole.dimension], starts(whole)])

@@ -25,8 +25,8 @@ from stoop.flight import Flight, load_flight
 from stoop.optimize.ledger import Evaluations
 from stoop.optimize.local_refinement import FULL
 from stoop.problem import Misfit, Weights
-from stoop.problem.prepare import prepare
-from stoop.problem.windows import parse_window
+from stoop.problem.prepare import Prepared
+from stoop.problem.windows import Window
 from stoop.vehicle import Vehicle, parse_vehicle
 from stoop_studies.problems import Posed, data_text
 from stoop_studies.problems.multirotor import motors_behind, windowed, windows
@@ -71,7 +71,7 @@ def pose(name: str, seed: int, **arguments: object) -> Posed:
 def settled(data: str) -> Posed:
     """Pose the problem with the Q after refinements and noise estimates from the file's own values; once in a process."""
     model, flight = vehicle(), mixed(_flight(Path(data)))
-    pieces = prepare(model, {flight.name: flight}, [parse_window(WINDOW, {flight.name: flight})]).pieces
+    pieces = Prepared.of(model, {flight.name: flight}, [Window.parse(WINDOW, {flight.name: flight})]).pieces
     cut = [w for p in pieces for w in windows(model, p, LENGTH, motors_behind(model, p))]
     problem = windowed(model, cut, Weights.of(np.array([SIGMA[c] for c in model.outputs]) ** 2))
 

@@ -25,14 +25,12 @@ from stoop.estimate.linearization import interpolated, unwrapped
 from stoop.estimate.shooting_windows import edges
 from stoop.problem import Layout, Misfit, Piece, Weights
 from stoop.problem.observation import through_air
-from stoop.simulation import initial_states, parameter_rows
-from stoop.simulation.delays import first_order_lag, late_inputs
 from stoop.simulation.fly import fly
-from stoop.simulation.initial import commanded
 from stoop.simulation.maneuver import parse_maneuver
-from stoop.simulation.trajectories import Flown, readings_along, states_along
+from stoop.simulation.trim import Flown
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import load_vehicle
+from stoop.vehicle.delays import first_order_lag
 from stoop_studies.problems import Posed, data_text, take_none
 from stoop_studies.problems.paper import box, freed, of_known_truth
 
@@ -77,9 +75,9 @@ def windowed(vehicle: Vehicle, pieces: Sequence[Piece], weights: Weights) -> Mis
 
 def motors_behind(vehicle: Vehicle, piece: Piece) -> dict[str, FloatArray]:
     """Return by how much rotors are off their commands (n,), with the lag of the vehicle's file: none is measured."""
-    rows = parameter_rows(vehicle, piece.changes)
+    rows = vehicle.parameter_rows(piece.changes)
     every, lag = np.repeat(rows, len(piece.inputs), axis=1), vehicle.value("rotors.lag")
-    asked = {r: commanded(vehicle, r, every, piece.inputs.T) for r in vehicle.rotors}
+    asked = {r: vehicle.commanded(r, every, piece.inputs.T) for r in vehicle.rotors}
     return {f"{r}.lag": first_order_lag(x, lag, piece.dt) - x for r, x in asked.items()}
 
 
@@ -126,14 +124,14 @@ def quad() -> Quad:
     """Return the quadrotor and its flight; made once in a process."""
     vehicle = load_vehicle("quad-x")
     flown = fly(vehicle, parse_maneuver(MANEUVER, "quadrotor"))
-    rows = parameter_rows(vehicle, flown.trim.changes)
-    start = initial_states(vehicle, flown.trim.start, rows, flown.inputs[0])
+    rows = vehicle.parameter_rows(flown.trim.changes)
+    start = vehicle.initial_states(flown.trim.start, rows, flown.inputs[0])
     step = float(flown.time[1] - flown.time[0])
-    states = states_along(vehicle, rows, start, late_inputs(vehicle, flown.inputs, rows, step), step)
+    states = vehicle.states_along(rows, start, vehicle.late_inputs(flown.inputs, rows, step), step)
     every = np.repeat(rows, len(flown.inputs), axis=1)
     x = dict(zip(vehicle.states, states.T, strict=True))
-    off = {f"{r}.lag": x[f"{r}.lag"] - commanded(vehicle, r, every, flown.inputs.T) for r in vehicle.rotors}
-    return Quad(vehicle, flown, readings_along(vehicle, rows, states, flown.inputs), {"h": x["h"], **off})
+    off = {f"{r}.lag": x[f"{r}.lag"] - vehicle.commanded(r, every, flown.inputs.T) for r in vehicle.rotors}
+    return Quad(vehicle, flown, vehicle.readings_along(rows, states, flown.inputs), {"h": x["h"], **off})
 
 
 def pose(name: str, seed: int, box: str = "N", **arguments: object) -> Posed:

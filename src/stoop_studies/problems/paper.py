@@ -27,7 +27,7 @@ from stoop.problem.layout import Nuisance
 from stoop.problem.misfit import horizon_ladder
 from stoop.simulation.fly import fly
 from stoop.simulation.maneuver import parse_maneuver
-from stoop.simulation.trajectories import Flown
+from stoop.simulation.trim import Flown
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import load_vehicle
 from stoop.workflow.demo import MANEUVER, TABLE_1

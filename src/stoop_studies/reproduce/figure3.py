@@ -11,7 +11,7 @@ from stoop.report.plots import stacked_plots
 from stoop.report.series import Series, Strip
 from stoop.report.sheet import Figure, Table
 from stoop.simulation import Mode, linearize
-from stoop.simulation.trajectories import Flown
+from stoop.simulation.trim import Flown
 from stoop_studies.findings import Claim, Findings, Results, Setting, holds, number, reproduces, table_of
 from stoop_studies.problems.paper import SAMPLES, paper
 from stoop_studies.reproduce.suite import PaperExperiment

@@ -16,13 +16,10 @@ import numpy as np
 from stoop.base.arrays import FloatArray
 from stoop.flight import Flight, from_columns
 from stoop.problem.windows import Window
-from stoop.simulation import parameter_rows, trajectories
 from stoop.simulation.fly import simulate_flight
-from stoop.simulation.initial import initial_states
 from stoop.simulation.maneuver import Maneuver
 from stoop.simulation.steady_flight import trim
-from stoop.simulation.trim import inputs_about
-from stoop.vehicle import Vehicle
+from stoop.vehicle import Vehicle, trajectories
 from stoop.vehicle.builtin import load_vehicle
 from stoop_studies.verify import scenes
 
@@ -66,20 +63,22 @@ def fly(vehicle: Vehicle, maneuver: Maneuver, rng: np.random.Generator, name: st
     """Fly a maneuver from trim under the autopilot, as instruments with the noise of the vehicle file record it."""
     count, dt = len(maneuver.time), 1.0 / maneuver.rate
     point = trim(vehicle, None, scenes.ALTITUDE)
-    inputs = inputs_about(vehicle, point, maneuver.deflections(), count)
-    rows, gains = parameter_rows(vehicle, point.changes), gain_matrix(vehicle, law)
-    start = {**point.start, **trajectories.gust_start(vehicle, rng)}
+    inputs = point.inputs_about(vehicle, maneuver.deflections(), count)
+    rows, gains = vehicle.parameter_rows(point.changes), gain_matrix(vehicle, law)
+    start = {**point.start, **vehicle.gust_start(rng)}
     gusts = trajectories.gust_noise(vehicle, count, dt, rng)
     errors = scenes.sensor_noise(vehicle) * rng.standard_normal((count, len(vehicle.outputs)))
     level = np.array([point.start.get(c, 0.0) for c in vehicle.outputs])
     states = np.empty((count, len(vehicle.states)))
-    states[0] = initial_states(vehicle, start, rows, inputs[0])[:, 0]
+    states[0] = vehicle.initial_states(start, rows, inputs[0])[:, 0]
     for k in range(count - 1):
-        read = trajectories.readings_along(vehicle, rows, states[k : k + 1], inputs[k : k + 1])[0]
+        read = vehicle.readings_along(rows, states[k : k + 1], inputs[k : k + 1])[0]
         inputs[k + 1] += gains @ (read + errors[k] - level)
         noise = gusts[trajectories.FINER * k : trajectories.FINER * (k + 1) + 1]
-        states[k + 1] = trajectories.next_state(vehicle, rows, states[k], inputs[k : k + 2], noise, dt)
-    readings = trajectories.readings_along(vehicle, rows, states, inputs) + errors
+        states[k + 1] = vehicle.next_states(
+            rows, states[k][:, None], inputs[k : k + 2][:, :, None], [noise], dt
+        )[:, 0]
+    readings = vehicle.readings_along(rows, states, inputs) + errors
     columns = dict(zip(vehicle.outputs, readings.T, strict=True))
     columns |= {c: inputs[:, i] for i, c in enumerate(vehicle.recorded)}
     columns["altitude"] = states[:, vehicle.states.index("h")]

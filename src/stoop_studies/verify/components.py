@@ -22,7 +22,6 @@ from stoop.errors import StoopError
 from stoop.estimate.fit import Options
 from stoop.prediction.predict import expected_biases, predict, predictor
 from stoop.problem import on_circle
-from stoop.simulation.initial import parameter_rows
 from stoop.strategy import Strategy, fit
 from stoop.strategy.decision import Fitted
 from stoop.vehicle import Vehicle
@@ -154,9 +153,9 @@ def _figures(
     rows = [i for i, n in enumerate(names) if n in model.rows]
     steps, center = STEP * bars.std[free][rows], np.array([model.value(names[i]) for i in rows])
     lanes = center[:, None] + np.hstack([np.zeros((len(rows), 1)), np.diag(steps), -np.diag(steps)])
-    moved = parameter_rows(model, dict(zip([names[i] for i in rows], lanes, strict=True)), lanes.shape[1])
+    moved = model.parameter_rows(dict(zip([names[i] for i in rows], lanes, strict=True)), lanes.shape[1])
     found = {s.name: s for _, s in figures(model, moved, domain).figures}
-    true = figures(truth, np.repeat(parameter_rows(truth), 2, axis=1), domain).figures
+    true = figures(truth, np.repeat(truth.parameter_rows(), 2, axis=1), domain).figures
     errors, sizes, slopes = [], [], []
     for _, one in true:
         drawn = found[one.name].draws if one.name in found else np.full(2 * len(rows), np.nan)

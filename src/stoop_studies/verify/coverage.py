@@ -13,7 +13,7 @@ from stoop.base.arrays import FloatArray
 from stoop.base.numbers import finite_or_none
 from stoop.estimate.fit import Options
 from stoop.strategy import fit
-from stoop.strategy.run import FIT_ALONE
+from stoop_plan.input_design.quick_fit import FIT_ALONE
 from stoop_studies.findings import Claim, Findings, Setting, holds
 from stoop_studies.verify import scenes, study
 

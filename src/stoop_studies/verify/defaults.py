@@ -17,7 +17,7 @@ from stoop.base.arrays import FloatArray
 from stoop.base.units import FOOT
 from stoop.base.variables import VARIABLES, WRAPPED
 from stoop.errors import StoopError
-from stoop.flight import Flight, load_flight, without_faults
+from stoop.flight import Flight, load_flight
 from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.workflow.fitted_model import FittedModel
 from stoop.workflow.identification import fit
@@ -200,7 +200,7 @@ FILES: Final[Mapping[str, Callable[[Flown], Vehicle]]] = {"new": drafted_file, "
 
 def identified(flight: Flight, vehicle: Vehicle, folder: Path) -> FittedModel:
     """Do what the printed commands do: windows by `stoop maneuvers`, then `stoop identify` and its report."""
-    found = find_windows({flight.name: without_faults(flight)}, vehicle)
+    found = find_windows({flight.name: flight.without_faults()}, vehicle)
     job = fit(vehicle, [flight], found.texts("fit"), found.texts("validate"))
     job.save(folder, overwrite=True)
     return job

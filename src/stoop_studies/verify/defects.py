@@ -21,11 +21,11 @@ from stoop.base.variables import RATES, SPECIFIC_FORCE
 from stoop.flight import Flight
 from stoop.problem.windows import Window
 from stoop.simulation import trim
-from stoop.simulation.delays import delayed
 from stoop.simulation.fly import simulate_flight
 from stoop.simulation.maneuver import Maneuver
 from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.vehicle.builtin import load_vehicle
+from stoop.vehicle.delays import delayed
 from stoop_studies.verify import scenes
 from stoop_studies.verify.scenes import Scene
 from stoop_studies.verify.study import data_text

@@ -14,18 +14,18 @@ import numpy as np
 import pandas as pd
 import tomlkit
 
-from stoop.assessment.error_bars import error_bars
+from stoop.assessment.error_bars import ErrorBars
 from stoop.base.arrays import FloatArray
 from stoop.base.rotations import matrices_of, quaternions_of
 from stoop.base.variables import EULER, POSITION, VELOCITY
 from stoop.estimate.fit import Options, fit
 from stoop.flight import Flight, from_columns
-from stoop.reconstruction.compatibility import check
+from stoop.reconstruction.compatibility import Compatibility
 from stoop.simulation.fly import simulate_flight
-from stoop.simulation.initial import rigid_states
 from stoop.simulation.maneuver import Maneuver
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import load_vehicle
+from stoop.vehicle.channels import rigid_states
 from stoop.vehicle.load import parse_vehicle
 from stoop_studies.findings import Claim, Findings, Setting, holds
 from stoop_studies.verify import scenes, study
@@ -146,12 +146,14 @@ def recover(case: str, seed: int) -> dict[str, Any]:
     if case == "identify":
         scene, options = late_vehicle(seed), Options(seed=seed)
         done = fit(scene.start, scene.flights, scene.windows, options)
-        std = dict(zip((p.name for p in done.problem.layout.parameters), error_bars(done).std, strict=False))
+        std = dict(
+            zip((p.name for p in done.problem.layout.parameters), ErrorBars.of(done).std, strict=False)
+        )
         truth, status = scene.truth, str(done.outcome.status)
         found = {name: (done.estimates[name], float(std[name])) for name in truth}
     else:
         flight, delays = late_sensors(seed)
-        result, estimate = check(flight)
+        result, estimate = Compatibility.of(flight)
         truth = {f"{name}.delay": value for name, value in delays.items()}
         status = "converged" if estimate.converged else "weights did not rest"
         found = {name: (result.findings[name].estimate, result.findings[name].std_error) for name in truth}

@@ -8,12 +8,12 @@ from typing import Any, Final
 
 import numpy as np
 
-from stoop.assessment.error_bars import error_bars
+from stoop.assessment.error_bars import ErrorBars
 from stoop.assessment.extensions import extension_tests
 from stoop.base.numbers import finite_or_none
 from stoop.estimate.fit import Options
-from stoop.strategy.run import FIT_ALONE
 from stoop.strategy.run import fit as fit_by
+from stoop_plan.input_design.quick_fit import FIT_ALONE
 from stoop_studies.findings import Claim, Findings, Setting, counted, holds
 from stoop_studies.verify import study
 from stoop_studies.verify.defects import KINDS, RIGHT, defects, fly
@@ -46,7 +46,7 @@ def _examined(case: str, seed: int) -> dict[str, Any]:
     begun = time.perf_counter()
     fit = fit_by(FIT_ALONE, scene.start, scene.flights, scene.windows, options=options).estimate
     fitted = time.perf_counter()
-    bars = error_bars(fit)
+    bars = ErrorBars.of(fit)
     assessed = time.perf_counter()
     tests = extension_tests(fit, bars)
     done = time.perf_counter()

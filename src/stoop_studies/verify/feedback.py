@@ -14,7 +14,8 @@ import pandas as pd
 from stoop.base.numbers import finite_or_none
 from stoop.base.units import KNOT
 from stoop.estimate.fit import Options
-from stoop.strategy.run import FIT_ALONE, fit
+from stoop.strategy.run import fit
+from stoop_plan.input_design.quick_fit import FIT_ALONE
 from stoop_studies.findings import Claim, Findings, Setting, holds
 from stoop_studies.verify import closed_loop, scenes, study
 

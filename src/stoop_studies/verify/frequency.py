@@ -15,7 +15,7 @@ from scipy import signal
 
 from stoop.assessment.covariance import NORMAL_95
 from stoop.base.arrays import ComplexArray, FloatArray
-from stoop.flight.frequency_responses import FrequencyResponse, Stretch, estimate_responses
+from stoop.flight.frequency_responses import FrequencyResponse, Stretch
 from stoop_analysis.handling import Known, equivalent_system
 from stoop_studies.findings import Claim, Findings, Setting, holds
 from stoop_studies.verify import study
@@ -98,7 +98,7 @@ def estimate(case: str, seed: int) -> dict[str, Any]:
     """Estimate the responses of one flight and count what their bands hold."""
     flown = fly(CASES[case], np.random.default_rng(seed))
     names = [str(i) for i in range(flown[0].inputs.shape[1])]
-    found = estimate_responses(flown, names, ["q"])
+    found = FrequencyResponse.estimate(flown, names, ["q"])
     points = magnitude = phase = 0
     errors: list[float] = []
     for one in found:
@@ -108,7 +108,9 @@ def estimate(case: str, seed: int) -> dict[str, Any]:
         angle = np.arcsin(np.minimum(one.bound, 1.0))
         phase += int((np.abs(np.angle(one.response / exact)) <= angle)[good].sum())
         errors += one.bound[good].tolist()
-    alone = estimate_responses([Stretch(RATE, s.inputs[:, :1], s.outputs) for s in flown], ["0"], ["q"])[0]
+    alone = FrequencyResponse.estimate(
+        [Stretch(RATE, s.inputs[:, :1], s.outputs) for s in flown], ["0"], ["q"]
+    )[0]
     good = alone.coherence >= MIN_COHERENCE
     return {
         "points": points, "magnitude": magnitude, "phase": phase, "error": float(np.median(errors)),

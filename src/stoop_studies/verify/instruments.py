@@ -19,7 +19,7 @@ from stoop.base.atmosphere import SEA_LEVEL_DENSITY, standard_density
 from stoop.base.rotations import matrices_of_angles
 from stoop.base.variables import EULER, POSITION, RATES, SPECIFIC_FORCE, VELOCITY
 from stoop.flight import from_columns
-from stoop.simulation.trajectories import traveled
+from stoop.simulation.trim import traveled
 from stoop_plan.flight_logs import save_flight_as
 from stoop_studies.verify.made_up import MadeUp
 from stoop_studies.verify.pilots import Columns

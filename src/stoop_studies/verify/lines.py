@@ -25,7 +25,6 @@ from stoop.base.variables import EULER, POSITION, RATES, SPECIFIC_FORCE, VARIABL
 from stoop.errors import StoopError
 from stoop.flight import Flight, load_flight
 from stoop.flight.air_data import RECONSTRUCTED
-from stoop.flight.airborne import in_flight
 from stoop.simulation.fly import simulate_flight
 from stoop.simulation.maneuver import Maneuver
 from stoop.vehicle import parse_vehicle
@@ -388,7 +387,7 @@ def _real(seed: int, folder: Path) -> dict[str, Any]:
     found = accusations(path, None)
     if not found:
         flight = load_flight(path, rate=LOG_GRID)
-        up = in_flight(flight)
+        up = flight.in_flight()
         columns = {
             name: np.where(up, flight.column(name), np.nan)
             for name in flight.names

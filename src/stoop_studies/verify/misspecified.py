@@ -10,7 +10,7 @@ from typing import Any, Final
 import numpy as np
 import pandas as pd
 
-from stoop.assessment.error_bars import error_bars, marginal_information
+from stoop.assessment.error_bars import ErrorBars, marginal_information
 from stoop.base.arrays import FloatArray
 from stoop.base.units import DEGREE
 from stoop.estimate import methods
@@ -150,7 +150,7 @@ def cover(case: str, seed: int) -> dict[str, Any]:
     options = Options(seed=seed, method="output-error")
     fitter = methods.find(options.method).fitter()
     fit = fitter(scene.start, scene.flights, scene.windows, options, None, None)
-    bars, count = error_bars(fit), len(scene.truth)
+    bars, count = ErrorBars.of(fit), len(scene.truth)
     own = bars.free[bars.free < count]
     information = np.zeros((count, count))
     information[np.ix_(own, own)] = marginal_information(bars.uncertainty.information, len(own))

@@ -19,11 +19,11 @@ from scipy.signal import bilinear, lfilter
 from stoop.base.arrays import FloatArray
 from stoop.base.units import FOOT
 from stoop.base.variables import EULER, RATES, VELOCITY
-from stoop.simulation import Trim, parameter_rows, trajectories, trim
+from stoop.simulation import Trim, trim
 from stoop.simulation.fly import fly as fly_maneuver
-from stoop.simulation.initial import initial_states
 from stoop.simulation.maneuver import Maneuver
-from stoop.vehicle import Vehicle, parse_vehicle
+from stoop.simulation.trim import traveled
+from stoop.vehicle import Vehicle, parse_vehicle, trajectories
 from stoop_analysis.known_model import without_turbulence
 from stoop_export import jsbsim_aircraft, jsbsim_flight
 from stoop_studies.verify.defects import edited
@@ -178,20 +178,22 @@ def by_stoop(
     """Fly an aircraft by stoop's simulation, through the gusts of its file; a radio sends every `every`-th command."""
     point, count, dt = steady(vehicle), len(planned.hold), 1.0 / RATE
     pilot = Pilot(vehicle, point, planned, throw, rng, every)
-    rows = parameter_rows(vehicle, point.changes)
+    rows = vehicle.parameter_rows(point.changes)
     gusts = trajectories.gust_noise(vehicle, count, dt, rng)
     states = np.empty((count, len(vehicle.states)))
-    begin = {**point.start, **trajectories.gust_start(vehicle, rng)}
-    states[0] = initial_states(vehicle, begin, rows, pilot.inputs[0])[:, 0]
+    begin = {**point.start, **vehicle.gust_start(rng)}
+    states[0] = vehicle.initial_states(begin, rows, pilot.inputs[0])[:, 0]
     height = vehicle.states.index("h")
     for k in range(count - 1):
-        read = trajectories.readings_along(vehicle, rows, states[k : k + 1], pilot.inputs[k : k + 1])[0]
+        read = vehicle.readings_along(rows, states[k : k + 1], pilot.inputs[k : k + 1])[0]
         pilot.command(k, dict(zip(vehicle.outputs, read.tolist(), strict=True)), float(states[k, height]))
         noise = gusts[trajectories.FINER * k : trajectories.FINER * (k + 1) + 1]
-        states[k + 1] = trajectories.next_state(vehicle, rows, states[k], pilot.inputs[k : k + 2], noise, dt)
-    readings = trajectories.readings_along(vehicle, rows, states, pilot.inputs)
+        states[k + 1] = vehicle.next_states(
+            rows, states[k][:, None], pilot.inputs[k : k + 2][:, :, None], [noise], dt
+        )[:, 0]
+    readings = vehicle.readings_along(rows, states, pilot.inputs)
     columns = dict(zip(vehicle.outputs, readings.T, strict=True))
-    columns |= dict(zip(VELOCITY, trajectories.over_ground(vehicle, point, states).T, strict=True))
+    columns |= dict(zip(VELOCITY, point.over_ground(vehicle, states).T, strict=True))
     return {**columns, "altitude": states[:, height], **_inputs(pilot)}
 
 
@@ -285,7 +287,7 @@ def on_rotors(vehicle: Vehicle, wind: FloatArray, rng: np.random.Generator) -> C
     columns = dict(zip(vehicle.outputs, flown.outputs.T, strict=True))
     if flown.velocity is not None:
         columns |= dict(zip(VELOCITY, flown.velocity.T, strict=True))
-        columns["altitude"] = ALTITUDE - trajectories.traveled(flown.velocity, 1.0 / ROTOR_RATE)[:, 2]
+        columns["altitude"] = ALTITUDE - traveled(flown.velocity, 1.0 / ROTOR_RATE)[:, 2]
     return {**columns, **{c: flown.inputs[:, i] for i, c in enumerate(vehicle.recorded)}}
 
 

@@ -8,13 +8,12 @@ from typing import Any, Final
 import numpy as np
 
 import stoop
-from stoop.assessment.error_bars import error_bars
+from stoop.assessment.error_bars import ErrorBars
 from stoop.base.arrays import FloatArray
 from stoop.errors import StoopError
 from stoop.estimate import methods
 from stoop.estimate.fit import Options
 from stoop.simulation import linearize, trim
-from stoop.simulation.initial import parameter_rows
 from stoop.simulation.linearize import modes_of
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import load_vehicle
@@ -54,7 +53,7 @@ def carried(vehicle: Vehicle, truth: Vehicle, draws: Draws, domain: Domain) -> d
     """Return which intervals of the estimates hold the truth, by figure; of a curve those at every airspeed."""
     found = propagate_draws(vehicle, draws, domain)
     study_of = rotor_figures if vehicle.rotors else wing_figures
-    true = study_of(truth, np.repeat(parameter_rows(truth), 2, axis=1), domain)
+    true = study_of(truth, np.repeat(truth.parameter_rows(), 2, axis=1), domain)
     values = {one.name: one.estimate for _, one in true.figures}
     out = {
         f.name: [bool(f.ci95_lower <= values[f.name] <= f.ci95_upper)]
@@ -95,7 +94,7 @@ def fitted(seed: int) -> tuple[Vehicle, Vehicle, Draws]:
     fit = methods.find("output-error").fitter()(
         scene.start, scene.flights, scene.windows, options, None, None
     )
-    bars, names = error_bars(fit), tuple(scene.truth)
+    bars, names = ErrorBars.of(fit), tuple(scene.truth)
     k = len(names)
     estimates = np.array([fit.estimates[n] for n in names])
     own = {p.name: p for p in fit.problem.layout.parameters}
@@ -112,7 +111,7 @@ def twin(seed: int) -> float:
     truth, rng = scenes.aircraft(), np.random.default_rng(seed)
     vehicle, draws = drawn(truth, tuple(scenes.coefficients(truth)), rng)
     some = draws.values[:TWINS]
-    rows = parameter_rows(vehicle, dict(zip(draws.names, some.T, strict=True)), TWINS)
+    rows = vehicle.parameter_rows(dict(zip(draws.names, some.T, strict=True)), TWINS)
     flight = level_flight(vehicle, rows, WING.altitude, WING.density)
     at = steady_flights(flight, {"V": np.full(TWINS, WING.reference)})
     linear, worst = linear_flights(flight, at), 0.0

@@ -14,7 +14,7 @@ from typing import Any, Final
 import numpy as np
 
 from stoop.assessment.covariance import NORMAL_95
-from stoop.assessment.error_bars import error_bars
+from stoop.assessment.error_bars import ErrorBars
 from stoop.base.numbers import finite_or_none
 from stoop.flight import Flight, from_columns
 from stoop.problem.windows import Window
@@ -116,7 +116,7 @@ def identify(case: str, seed: int) -> dict[str, Any]:
     vehicle = parse_vehicle(vehicle_text("quick_start"), "quick start").with_numbers(unknown)
     windows = [Window(name, 0.0, DURATION) for name in flown]
     fit = search(vehicle, list(flown.values()), windows).estimate
-    std = dict(zip((p.name for p in fit.problem.layout.parameters), error_bars(fit).std, strict=False))
+    std = dict(zip((p.name for p in fit.problem.layout.parameters), ErrorBars.of(fit).std, strict=False))
     found = fit.estimates
     return {
         "names": list(truth),

@@ -15,8 +15,6 @@ import numpy as np
 
 from stoop.base.arrays import FloatArray
 from stoop.flight import Flight
-from stoop.simulation import parameter_rows
-from stoop.simulation.initial import commanded
 from stoop.vehicle import Vehicle
 from stoop.vehicle.defaults import MOMENT_ARMS
 from stoop_studies.verify.instruments import GROUPS, Defect
@@ -41,7 +39,7 @@ def recorded_deflection(file: Vehicle, flight: Flight, control: str) -> FloatArr
     channels = np.array([
         flight.column(c) if c in flight.names else np.zeros(len(flight.time)) for c in file.inputs
     ])  # fmt: skip
-    return commanded(file, control, np.repeat(parameter_rows(file), channels.shape[1], axis=1), channels)
+    return file.commanded(control, np.repeat(file.parameter_rows(), channels.shape[1], axis=1), channels)
 
 
 def deflections(

@@ -12,20 +12,19 @@ from typing import Any, Final
 import numpy as np
 
 from stoop.assessment.covariance import NORMAL_95
-from stoop.assessment.error_bars import error_bars
+from stoop.assessment.error_bars import ErrorBars
 from stoop.base.numbers import finite_or_none
 from stoop.base.units import KNOT
 from stoop.errors import FlightError
-from stoop.flight import Flight, from_columns, load_flight, without_faults
-from stoop.flight.windows import Found
+from stoop.flight import Flight, from_columns, load_flight
 from stoop.problem.windows import Window
 from stoop.simulation.fly import simulate_flight
 from stoop.simulation.maneuver import Maneuver
-from stoop.strategy.run import FIT_ALONE
 from stoop.strategy.run import fit as fit_by
 from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.vehicle.builtin import load_vehicle
-from stoop_plan.input_design.windows import find_windows
+from stoop_plan.input_design.quick_fit import FIT_ALONE
+from stoop_plan.input_design.windows import FoundWindows, find_windows
 from stoop_studies.findings import Claim, Findings, Setting, holds
 from stoop_studies.problems import hexacopter
 from stoop_studies.verify import closed_loop, scenes, study
@@ -176,14 +175,14 @@ def propose(case: str, seed: int) -> dict[str, Any]:
     return out
 
 
-def held(found: Found, span: Span) -> bool:
+def held(found: FoundWindows, span: Span) -> bool:
     """Tell whether a proposed window holds an input."""
     a, b = span
     shares = [(min(w.stop, b) - max(w.start, a)) / (b - a) for w in found.windows if w.accept]
     return max(shares, default=0.0) >= WHOLE
 
 
-def fit_windows(found: Found) -> list[Window]:
+def fit_windows(found: FoundWindows) -> list[Window]:
     """Return the windows to fit."""
     return [Window(w.flight, w.start, w.stop) for w in found.windows if w.accept and w.use == "fit"]
 
@@ -193,13 +192,13 @@ def identified(
 ) -> dict[str, tuple[float, float]]:
     """Return estimates and standard errors by the method that is taken where none is named; NaN where not identifiable."""
     fit = fit_by(FIT_ALONE, vehicle, flights, windows).estimate
-    bars = error_bars(fit)
+    bars = ErrorBars.of(fit)
     told = {n: one.identifiable for n, one in bars.identifiability.items()}
     rows = zip(fit.estimates.items(), bars.std, strict=False)
     return {n: (v, float(s) if told.get(n) and s > 0.0 else np.nan) for (n, v), s in rows}
 
 
-def ratios(found: Found, estimates: Mapping[str, tuple[float, float]]) -> list[float]:
+def ratios(found: FoundWindows, estimates: Mapping[str, tuple[float, float]]) -> list[float]:
     """Return achieved over expected standard errors of the identifiable numbers."""
     pairs = [(estimates.get(e.name, (0.0, np.nan))[1], e.std_error) for e in found.expected]
     return [a / b for a, b in pairs if np.isfinite(a) and np.isfinite(b) and b > 0.0]
@@ -234,7 +233,7 @@ def fit_real(real: Real, data: Path) -> dict[str, Any]:
         package, name = real.mapping
         with as_file(files(package).joinpath(name)) as mapping:
             flight = load_flight(path, mapping)
-    flight = without_faults(flight)
+    flight = flight.without_faults()
     vehicle, flights = (
         parse_vehicle(vehicle_text(real.vehicle), f"{real.vehicle}.toml"),
         {flight.name: flight},

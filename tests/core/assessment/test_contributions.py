@@ -9,7 +9,7 @@ from stoop import Flight, Options, Vehicle, load_vehicle, simulate_flight
 from stoop.assessment.coloring import ColoredNoise
 from stoop.assessment.contributions import Contribution, contribution_notices, contributions
 from stoop.assessment.covariance import data_information
-from stoop.assessment.error_bars import error_bars
+from stoop.assessment.error_bars import ErrorBars
 from stoop.base.arrays import FloatArray
 from stoop.estimate.fit import fit
 from stoop.problem.evidence import Evidence, PieceEvidence, Unknown
@@ -78,7 +78,7 @@ def test_small_deflections_are_doubted_only_where_residuals_could_fake_them(
 ) -> None:
     flight, doubted = flown(aircraft, amplitude, gusts), gusts == 1.0
     found = fit(wrong, {"sim": flight}, [Window("sim", 0.0, 30.0)], Options())
-    bars = error_bars(found)
+    bars = ErrorBars.of(found)
     names = {n for told in contribution_notices(found, bars.contributions) for n in told.values["parameters"]}
     assert ("Cmelevator" in names) == doubted
     if amplitude < 1.0:

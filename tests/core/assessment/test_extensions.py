@@ -11,7 +11,7 @@ from scipy.optimize import minimize
 
 import stoop
 from stoop import Flight, Options, Vehicle, load_vehicle, simulate_flight
-from stoop.assessment.error_bars import error_bars
+from stoop.assessment.error_bars import ErrorBars
 from stoop.assessment.extensions import Limits, extension_notices, extension_tests, scored
 from stoop.assessment.model_error import LEVEL, lacks_nothing, model_error, variances
 from stoop.base.arrays import FloatArray
@@ -72,7 +72,7 @@ def test_responses_are_those_of_simulations(name: str) -> None:
 
 def test_right_model_lacks_nothing_and_keeps_its_error_bars() -> None:
     done = fitted(0.0)
-    bars, (decided, _) = error_bars(done), decision.test(done, ())
+    bars, (decided, _) = ErrorBars.of(done), decision.test(done, ())
     found, known = extension_tests(done, bars), scored(done, bars)
     assert (found.tested > 80, found.level, found.found) == (True, Limits.level, ())
     assert extension_notices(found) == ()
@@ -84,7 +84,7 @@ def test_right_model_lacks_nothing_and_keeps_its_error_bars() -> None:
 
 def test_missing_lag_is_named_with_its_value_and_what_it_would_move() -> None:
     done = fitted(0.04)
-    found = extension_tests(done, error_bars(done))
+    found = extension_tests(done, ErrorBars.of(done))
     best = found.found[0]
     assert (best.name, best.rivals[:1]) == ("controls.aileron.lag", ("controls.aileron.delay",))
     assert best.value == pytest.approx(0.04, rel=0.25)
@@ -104,7 +104,7 @@ def test_what_priors_alone_say_of_the_mass_is_no_contradiction(monkeypatch: pyte
     done = fit(base.with_numbers(guesses), flights(base), WINDOWS, Options(seed=1))
     for largest, named in ((Limits.max_prior, False), (np.inf, True)):
         monkeypatch.setattr(Limits, "max_prior", largest)
-        assert ("mass.mass" in [one.name for one in extension_tests(done, error_bars(done)).found]) == named
+        assert ("mass.mass" in [one.name for one in extension_tests(done, ErrorBars.of(done)).found]) == named
 
 
 def test_what_is_known_of_a_held_number_does_not_contradict_it() -> None:
@@ -145,12 +145,12 @@ def multirotor(truth: str, fitted: str, seed: int) -> Estimate:
 
 def lacking(truth: str, fitted: str, seed: int) -> ExtensionTests:
     done = multirotor(truth, fitted, seed)
-    return extension_tests(done, error_bars(done))
+    return extension_tests(done, ErrorBars.of(done))
 
 
 def test_what_a_wrong_held_inertia_explains_the_model_does_not_lack() -> None:
     done, name = multirotor(TEXT, TEXT.replace("xx = 0.0291", "xx = 0.0320"), 1), "mass.inertia.xx"
-    known = scored(done, error_bars(done))
+    known = scored(done, ErrorBars.of(done))
     assert known is not None
     lacks = [model_error(known, held).any() for held in ({}, {name: 0.003}, {name: 1e-6})]
     assert lacks == [True, False, True]
@@ -208,7 +208,7 @@ def test_scores_of_noise_are_significant_as_often_as_stated() -> None:
 def test_a_lag_that_is_lacking_widens_what_it_moves() -> None:
     """Roll damping and aileron are off by more than their error bars, and not by those that hold what is lacking."""
     done, right = fitted(0.04), fitted(0.0)
-    bars, (found, _) = error_bars(done), decision.test(done, ())
+    bars, (found, _) = ErrorBars.of(done), decision.test(done, ())
     names = [p.name for p in done.problem.layout.parameters]
     (said,) = (one for one in found.notices if one.code == "bars-widened")
     for name in ("Clp", "Claileron"):
@@ -231,7 +231,7 @@ def pitch(wrong: Vehicle, flight: Flight) -> OutputErrorEstimate:
 def test_another_weighting_counts_as_far_as_priors_allow(pitch: OutputErrorEstimate) -> None:
     """The prior alone says by how much an estimate is off: its variance and the square of the distance from its mean."""
     apart = np.random.default_rng(3).normal(0.0, 2.0, len(pitch.z))
-    alone, both = (error_bars(replace(pitch, by_white=pitch.z + move)) for move in (0.0 * apart, apart))
+    alone, both = (ErrorBars.of(replace(pitch, by_white=pitch.z + move)) for move in (0.0 * apart, apart))
     layout, free = pitch.problem.layout, both.free
     means = [0.0] * layout.dimension + [n.center for n in layout.nuisances]
     limits = [np.hypot(u.prior, u.estimate - m) for u, m in zip(pitch.unknowns, means, strict=True)]
@@ -248,7 +248,7 @@ def test_another_weighting_counts_as_far_as_priors_allow(pitch: OutputErrorEstim
 def test_a_parameter_at_its_bound_makes_others_lean(wrong: Vehicle, flight: Flight) -> None:
     """CL0 held far from the truth: CLalpha takes its place, with an error bar that is only conditional."""
     job = stoop.fit(wrong.with_numbers({"CL0": {"value": 0.3, "bounds": (0.2, 0.35)}}), flight, ["0:12"])
-    bars = error_bars(job.estimate)
+    bars = ErrorBars.of(job.estimate)
     assert bars.at_bound[[p.name for p in job.estimate.problem.layout.parameters].index("CL0")]
     assert "CLalpha" in bars.conditional
     held = job.result.parameters["CL0"]

@@ -10,7 +10,6 @@ from stoop.assessment.covariance import NORMAL_95
 from stoop.assessment.modes import Linearized, differentiated, mode_estimates, state_equation_estimates
 from stoop.results.modes import ModeEstimate
 from stoop.simulation.linearize import linear_models, linearize, modes_of
-from stoop.simulation.steady_flight import neighbors
 
 
 def short_period(w: float, zeta: float, *variances: float) -> ModeEstimate:
@@ -81,7 +80,7 @@ VALUES = {name: TWIN.value(name) for name in FREE}
 
 def of_aircraft() -> Linearized:
     scales = {name: abs(value) for name, value in VALUES.items()}
-    return differentiated(TWIN, neighbors(trim(TWIN, 36.0)), VALUES, scales)
+    return differentiated(TWIN, trim(TWIN, 36.0).neighbors(), VALUES, scales)
 
 
 def trimmed(numbers: dict[str, float]) -> tuple[tuple[str, ...], np.ndarray]:
@@ -126,7 +125,7 @@ def test_dimensional_derivatives_are_those_of_the_textbook_with_their_errors() -
     point, errors = trim(vehicle, 35.0, 200.0), np.array([0.02, 0.1, 0.01, np.inf])
     values = {n: vehicle.value(n) for n in ("Cmelevator", "mass.inertia.yy", "Clp", "Cnbeta")}
     model, scales = linearize(vehicle, point), {n: abs(x) for n, x in values.items()}
-    linear = differentiated(vehicle, neighbors(point), values, scales)
+    linear = differentiated(vehicle, point.neighbors(), values, scales)
     found = state_equation_estimates(linear, model.inputs, np.diag(errors**2))
     rows, columns = found.states.index, found.inputs.index
     B = model.B[[model.states.index(n) for n in found.states]]

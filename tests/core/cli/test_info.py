@@ -10,7 +10,7 @@ from helpers.command_line import Done
 
 from stoop.cli.info import unmapped_lines
 from stoop.cli.main import parser_for
-from stoop.flight import Maneuver, from_columns, save_flight
+from stoop.flight import FlownManeuver, from_columns, save_flight
 from stoop.flight.maneuvers import apart
 
 
@@ -68,9 +68,9 @@ def test_elements_of_an_array_are_one_name() -> None:
 def test_maneuvers_do_not_overlap() -> None:
     """The calm ends of two are taken once: the weaker is cut, but not into its input, 0.5 s after and 1 s before its ends."""
     found = [
-        Maneuver("roll", "aileron", 10.0, 15.0, 0.3, 4, 10.0, 1.0),
-        Maneuver("pitch", "elevator", 14.4, 20.0, 0.3, 4, 20.0, 1.0),
-        Maneuver("pitch", "elevator", 18.7, 25.0, 0.3, 4, 10.0, 0.8),
-        Maneuver("yaw", "rudder", 25.0, 30.0, 0.3, 4, 20.0, 0.9),
+        FlownManeuver("roll", "aileron", 10.0, 15.0, 0.3, 4, 10.0, 1.0),
+        FlownManeuver("pitch", "elevator", 14.4, 20.0, 0.3, 4, 20.0, 1.0),
+        FlownManeuver("pitch", "elevator", 18.7, 25.0, 0.3, 4, 10.0, 0.8),
+        FlownManeuver("yaw", "rudder", 25.0, 30.0, 0.3, 4, 20.0, 0.9),
     ]
     assert [m.window for m in apart(found)] == ["10:14.4", "14.4:19.2", "19.2:25", "25:30"]

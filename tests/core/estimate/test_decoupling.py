@@ -16,12 +16,11 @@ from stoop.estimate.refit_problem import SimulationProblem
 from stoop.estimate.regression.aircraft import Motion
 from stoop.estimate.two_stage import reconstructed
 from stoop.problem.observation import motion_inputs, recorded_motion
-from stoop.problem.prepare import prepare
+from stoop.problem.prepare import Prepared
 from stoop.problem.windows import Window
-from stoop.simulation.initial import rigid_states
 from stoop.simulation.maneuver import Maneuver
 from stoop.vehicle import parse_vehicle
-from stoop.vehicle.vehicle import motion_input
+from stoop.vehicle.channels import motion_input, rigid_states
 
 SIGMA = dict.fromkeys(("alpha", "beta", "p", "q", "r", "phi", "theta", "psi"), 0.002)
 NOISE = {"V": 0.1, "ax": 0.05, "ay": 0.05, "az": 0.05, **SIGMA}
@@ -159,7 +158,7 @@ def test_states_and_biases_are_reconstructed(vehicle: Vehicle) -> None:
     """Against the flight without noise: the vane's noise of 0.015 rad is filtered to a tenth."""
     silent = vehicle.with_numbers({name: {"value": 0.0} for name in TRUTH})
     true = simulate_flight(silent, MANEUVER, noise=False, name="sim")
-    (piece,) = prepare(vehicle, {"sim": flown(vehicle, 1)}, [TEN]).pieces
+    (piece,) = Prepared.of(vehicle, {"sim": flown(vehicle, 1)}, [TEN]).pieces
     noise = {c: getattr(vehicle.file.sensors, c).sigma for c in vehicle.outputs} | {"alpha": 0.015}
     (found, converged), measured = reconstructed(vehicle, piece, noise), Motion.of(vehicle, piece)
     assert converged

@@ -13,7 +13,7 @@ from threadpoolctl import threadpool_limits
 
 import stoop
 from stoop import Flight, Options, Vehicle, optimize, simulate_flight
-from stoop.assessment.error_bars import error_bars
+from stoop.assessment.error_bars import ErrorBars
 from stoop.base.arrays import FloatArray
 from stoop.errors import IdentificationError, StoopError
 from stoop.estimate import noise_model as model
@@ -125,7 +125,7 @@ def test_biases_for_a_prediction_come_from_the_same_flight(aircraft: Vehicle, wr
     found = fit(wrong, flights, [Window(n, 0.0, 20.0) for n in biases], Options())
     told = {n: expected_biases(found, n)["sensors.q.bias"].mean for n in biases}
     assert told == pytest.approx(biases, abs=0.003)
-    known = predictor(found, 0.0 * error_bars(found).covariance)
+    known = predictor(found, 0.0 * ErrorBars.of(found).covariance)
     ahead = predict(known, flights, [Window("b", 20.0, 28.0)], [expected_biases(found, "b")])
     assert np.sqrt(np.mean((ahead.prepared.pieces[0].measured[:, 2] - ahead.readings[0][:, 2]) ** 2)) < 0.02
 
@@ -152,7 +152,7 @@ def test_the_truth_and_the_noise_are_recovered_with_the_same_bits_whatever_the_t
             found.append(fit(wrong, {"sim": flight}, WINDOW, Options(seed=5)))
     one, other = found
     assert np.array_equal(one.z, other.z)
-    assert np.array_equal(error_bars(one).std, error_bars(other).std, equal_nan=True)
+    assert np.array_equal(ErrorBars.of(one).std, ErrorBars.of(other).std, equal_nan=True)
     assert one.outcome.status == "converged"
     truth = {name: aircraft.value(name) for name in TABLE_1}
     assert {n: one.estimates[n] for n in TABLE_1} == pytest.approx(truth, rel=0.15)

@@ -15,8 +15,8 @@ from stoop.estimate.noise import correlation_times
 from stoop.flight import from_columns
 from stoop.flight.gridding import Channels, grid_channels
 from stoop.problem import Layout, Misfit, Piece
-from stoop.problem.prepare import Prepared, nuisances, prepare, without_stuck_channels
-from stoop.problem.windows import Window, parse_window
+from stoop.problem.prepare import Prepared
+from stoop.problem.windows import Window
 from stoop.simulation.maneuver import parse_maneuver
 from stoop.vehicle import parse_vehicle
 from stoop.workflow.demo import MANEUVER
@@ -152,17 +152,17 @@ def test_color_is_counted_from_reading_to_reading() -> None:
 
 def test_windows_are_read_or_say_what_to_write(flight: Flight) -> None:
     one, two, last = {"sim": flight}, {"a": flight, "b": flight}, float(flight.time[-1])
-    assert parse_window("1.5:9", one) == Window("sim", 1.5, 9.0)
-    assert parse_window("b@1:2#heavy", two) == Window("b", 1.0, 2.0, "heavy")
-    assert parse_window("20:end", one) == Window("sim", 20.0, last)
-    assert parse_window("sim@start:end#light", one) == Window("sim", 0.0, last, "light")
+    assert Window.parse("1.5:9", one) == Window("sim", 1.5, 9.0)
+    assert Window.parse("b@1:2#heavy", two) == Window("b", 1.0, 2.0, "heavy")
+    assert Window.parse("20:end", one) == Window("sim", 20.0, last)
+    assert Window.parse("sim@start:end#light", one) == Window("sim", 0.0, last, "light")
     for text, known, advice in (
         ("1-2", one, "START:STOP"), ("1:2:3", one, "START:STOP"), ("", one, "START:STOP"), ("2:1", one, "before"),
         ("nan:1", one, "before"), ("c@1:2", one, "flights are"), ("1:2", two, "FLIGHT@START:STOP"),
         ("20:ende", one, "write START:STOP"),
     ):  # fmt: skip
         with pytest.raises(FlightError, match=advice) as caught:
-            parse_window(text, known)
+            Window.parse(text, known)
         assert "\n" not in str(caught.value), text
 
 
@@ -178,7 +178,7 @@ def drifting(vehicle: Vehicle) -> Prepared:
     columns |= {"p": 0.3, "q": -0.2, "r": 0.1, "ax": 0.0, "ay": 0.0, "az": -9.8, "altitude": 120.0}
     columns |= {f"motor_{i}": 0.2 * i for i in (1, 2, 3)} | {"motor_4": 0.0}
     flight = from_columns("drift", t, {name: np.full(len(t), value) for name, value in columns.items()})
-    return prepare(vehicle, {"drift": flight}, [Window("drift", 0.0, 1.9)])
+    return Prepared.of(vehicle, {"drift": flight}, [Window("drift", 0.0, 1.9)])
 
 
 def test_the_wind_is_taken_off_and_the_attitude_undone(quad: Vehicle) -> None:
@@ -192,7 +192,7 @@ def test_the_wind_is_taken_off_and_the_attitude_undone(quad: Vehicle) -> None:
 
 
 def test_nuisances(quad: Vehicle) -> None:
-    found = {n.name: n for n in nuisances(quad, drifting(quad))}
+    found = {n.name: n for n in drifting(quad).nuisances(quad)}
     assert [n for n in found if not found[n].is_bias] == [
         "u", "v", "w", "p", "q", "r", "phi", "theta", "psi", "m1.lag", "m2.lag", "m3.lag", "m4.lag",
     ]  # fmt: skip
@@ -214,6 +214,6 @@ def test_a_channel_that_is_stuck_or_all_spikes_counts_as_not_measured() -> None:
         measured = 1e-4 * rng.standard_normal((400, 12))
         measured[:, psi] = readings
         piece = Piece(0, t, np.zeros((400, len(vehicle.inputs))), measured, {})
-        found = without_stuck_channels(vehicle, Prepared((), (piece,)))
+        found = Prepared((), (piece,)).without_stuck_channels(vehicle)
         assert [n.code for n in found.notices] == lost
         assert np.isnan(found.pieces[0].measured[:, psi]).all() == bool(lost)

@@ -14,7 +14,7 @@ from helpers.flown import maneuver, with_few_free
 
 from stoop import Flight, Vehicle, load_vehicle, simulate_flight
 from stoop.assessment.assessment import pack
-from stoop.assessment.error_bars import error_bars
+from stoop.assessment.error_bars import ErrorBars
 from stoop.assessment.goodness_of_fit import left_out_residuals, press_notices
 from stoop.base.npz import read_arrays
 from stoop.errors import IdentificationError, StoopError
@@ -25,8 +25,7 @@ from stoop.kernels import filtering
 from stoop.kernels.kernel import Kernel
 from stoop.prediction.predict import expected_biases, predict, predictor
 from stoop.problem.windows import Window
-from stoop.simulation import trajectories
-from stoop.vehicle import parse_vehicle
+from stoop.vehicle import parse_vehicle, trajectories
 
 from .regression.test_aircraft import TRUTH, WOBBLE, flown
 
@@ -77,7 +76,7 @@ def saved(found: Estimate) -> dict[str, Any]:
 
 
 def compared(found: Estimate) -> list[Any]:
-    bars, evidence = error_bars(found), found.evidence
+    bars, evidence = ErrorBars.of(found), found.evidence
     observed = bars.uncertainty.coloring.observed
     return [
         found.z, found.cost, found.estimates, [[p.residual, p.jacobian, p.continuity_residuals] for p in evidence.pieces],
@@ -100,7 +99,7 @@ def test_an_estimate_comes_back_with_the_same_bits(method: str, kind: str, reque
     assert pack(again.refit_problem, {}) == pack(found.refit_problem, {})
     window, ahead = [Window("b", 1.0, 3.5)], []
     for one in (again, found):
-        model = predictor(one, error_bars(one).covariance)
+        model = predictor(one, ErrorBars.of(one).covariance)
         found_ahead = predict(model, problem[1], window, [expected_biases(one, "b")])
         ahead.append([found_ahead.readings, found_ahead.deviations, found_ahead.innovations or ()])
     same(*ahead)

@@ -7,7 +7,6 @@ import pytest
 
 from stoop.base.atmosphere import standard_density
 from stoop.flight import Flight, load_flight
-from stoop.flight.load import without_faults
 from stoop_plan.log_bytes import Table, dataflash_bytes
 
 HEIGHT = 2000.0  #: m
@@ -83,7 +82,7 @@ def test_a_climb_is_followed_and_a_frozen_pitot_is_one_in_true_airspeed_too(tmp_
     (fault,) = [f for f in flight.faults if f.variable == "airspeed_pitot"]
     assert fault.kind == "stuck"
     assert fault.start == pytest.approx(1.0 + 5.0, abs=0.1)
-    assert np.isnan(without_faults(flight).column("airspeed_pitot")[-100:-1]).all()
+    assert np.isnan(flight.without_faults().column("airspeed_pitot")[-100:-1]).all()
 
 
 @pytest.mark.parametrize("variable", ["airspeed_pitot", "V"])

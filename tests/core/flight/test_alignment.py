@@ -11,7 +11,7 @@ from stoop.errors import FlightError, LogError
 from stoop.flight import load_flight
 from stoop.flight.alignment import Lag, attitude_delay, find_lag, quantities, with_drift
 from stoop.flight.gridding import Channels
-from stoop.flight.mapping import flight_mapping
+from stoop.flight.mapping import FlightMapping
 from stoop_plan.log_bytes import Topic, ulog
 
 RNG = np.random.default_rng(7)
@@ -116,7 +116,7 @@ def test_mistakes() -> None:
         ("a", r"align\.m: this must be a table"),
     ):
         with pytest.raises(LogError, match=words):
-            flight_mapping("m.toml", {"extends": "px4", "align": {"m": entry}})
+            FlightMapping.parse("m.toml", {"extends": "px4", "align": {"m": entry}})
 
 
 def test_from_two_files_to_one_clock(tmp_path: Path) -> None:

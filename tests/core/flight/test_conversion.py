@@ -15,7 +15,7 @@ from stoop.errors import LogError
 from stoop.flight import load_flight
 from stoop.flight.conversion import Surfaces, check_frame, rotate_axes
 from stoop.flight.gridding import Channels
-from stoop.flight.mapping import flight_mapping
+from stoop.flight.mapping import FlightMapping
 
 BODY = {"frd": np.eye(3), "flu": np.diag([1.0, -1.0, -1.0])}
 GROUND = {
@@ -63,7 +63,7 @@ def test_attitudes() -> None:
 
 
 def surfaces(text: str) -> Surfaces:
-    return flight_mapping("m.toml", {"extends": "px4", **tomllib.loads(text)}).surfaces
+    return FlightMapping.parse("m.toml", {"extends": "px4", **tomllib.loads(text)}).surfaces
 
 
 def made(text: str, **outputs: FloatArray) -> dict[str, FloatArray]:

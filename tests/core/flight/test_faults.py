@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from stoop.base.arrays import FloatArray
-from stoop.flight import from_columns, without_faults
+from stoop.flight import from_columns
 from stoop.flight.faults import at_rest, recorded_faults, rest_faults
 from stoop.flight.gridding import Channels
 
@@ -42,7 +42,7 @@ def test_stuck_and_clipped() -> None:
     assert found(az=np.maximum(noise(1), -1.0)) == [("clipped", "az")]
     for x, side in ((np.minimum(noise(1), 1.0), 1.0), (np.maximum(noise(1), -1.0), -1.0)):
         faults = tuple(recorded_faults([Channels("x", TIME, {"p": x})]))
-        blanked = without_faults(replace(from_columns("f", TIME, {"p": x}), faults=faults)).column("p")
+        blanked = replace(from_columns("f", TIME, {"p": x}), faults=faults).without_faults().column("p")
         assert np.isnan(blanked[x == side]).all()
         assert np.isnan(blanked).sum() <= np.sum(x == side) + 10  # and what is as good as there
 

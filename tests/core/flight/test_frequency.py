@@ -13,10 +13,9 @@ from stoop.base.arrays import FloatArray
 from stoop.flight import from_columns
 from stoop.flight.frequency_responses import (
     POINTS_PER_OCTAVE,
+    FrequencyResponse,
     Stretch,
-    estimate_responses,
     frequencies,
-    window_lengths,
 )
 from stoop.flight.spectra import frequency_responses, power_spectra, spectrogram
 
@@ -41,7 +40,7 @@ def test_one_window_length_is_the_welch_estimate() -> None:
     y = lag(u[:, 0])
     base = POINTS_PER_OCTAVE / (size / RATE)  # the points of the first octave lie on the bins
     band = (2.0 * np.pi * base, 2.0 * np.pi * 2.0 * base * 0.999)
-    (one,) = estimate_responses([Stretch(RATE, u, y[:, None])], ["u"], ["y"], band, [size / RATE])
+    (one,) = FrequencyResponse.estimate([Stretch(RATE, u, y[:, None])], ["u"], ["y"], band, [size / RATE])
     f, cross = signal.csd(u[:, 0], y, RATE, nperseg=size)
     _, power = signal.welch(u[:, 0], RATE, nperseg=size)
     _, coherence = signal.coherence(u[:, 0], y, RATE, nperseg=size)
@@ -56,7 +55,7 @@ def test_bands_hold_the_analytic_response() -> None:
     for seed in range(25):
         u = inputs(4500, 1, seed)
         y = lag(u[:, 0], noise=0.3, seed=seed + 1000)
-        (one,) = estimate_responses([Stretch(RATE, u, y[:, None])], ["u"], ["y"])
+        (one,) = FrequencyResponse.estimate([Stretch(RATE, u, y[:, None])], ["u"], ["y"])
         _, truth = signal.freqz(*signal.bilinear([1.0], [0.3, 1.0], RATE), one.frequency / RATE)
         good = one.coherence > 0.6
         inside.append((np.abs(np.abs(one.response / truth) - 1.0) <= one.bound)[good])
@@ -70,7 +69,7 @@ def test_a_gap_is_the_same_as_two_stretches_and_units_scale_the_response_alone()
     holed[2400:2600] = np.nan
     parts = [Stretch(RATE, u[s], y[s]) for s in (slice(0, 2400), slice(2600, None))]
     every = [Stretch(RATE, u, holed)], parts, [Stretch(RATE, 3.0 * u, 0.2 * holed)]
-    (one,), (two,), (scaled,) = (estimate_responses(x, ["u"], ["y"]) for x in every)
+    (one,), (two,), (scaled,) = (FrequencyResponse.estimate(x, ["u"], ["y"]) for x in every)
     assert_allclose(one.response, two.response, rtol=1e-12)
     assert_allclose(one.bound, two.bound, rtol=1e-12)
     assert_allclose(scaled.response, one.response * 0.2 / 3.0, rtol=1e-6)
@@ -80,11 +79,11 @@ def test_a_gap_is_the_same_as_two_stretches_and_units_scale_the_response_alone()
 
 def test_short_or_still_records_say_nothing() -> None:
     u = inputs(400, 1)
-    assert estimate_responses([Stretch(RATE, u[:10], u[:10])], ["u"], ["y"]) == []
-    (still,) = estimate_responses([Stretch(RATE, np.zeros((400, 1)), u)], ["u"], ["y"])
+    assert FrequencyResponse.estimate([Stretch(RATE, u[:10], u[:10])], ["u"], ["y"]) == []
+    (still,) = FrequencyResponse.estimate([Stretch(RATE, np.zeros((400, 1)), u)], ["u"], ["y"])
     assert np.isinf(still.bound).all()
     twice = np.column_stack([u[:, 0], u[:, 0]])
-    for one in estimate_responses([Stretch(RATE, twice, u)], ["a", "b"], ["y"]):
+    for one in FrequencyResponse.estimate([Stretch(RATE, twice, u)], ["a", "b"], ["y"]):
         assert np.isinf(one.bound).all()  # one input given twice cannot be told apart
     for n in (5, 20):
         flight = from_columns("f", TIME[:n], {"p": np.zeros(n), "control_roll": np.zeros(n)})
@@ -95,7 +94,7 @@ def test_short_or_still_records_say_nothing() -> None:
 @given(st.lists(st.floats(1.0, 300.0), min_size=1, max_size=6), st.integers(1, 4))
 @settings(max_examples=60, deadline=None)
 def test_windows_fit_side_by_side(durations: list[float], count: int) -> None:
-    lengths = window_lengths(durations, count)
+    lengths = FrequencyResponse.window_lengths(durations, count)
     assert lengths
     assert sum(int(d / lengths[0] * (1.0 + 1e-9)) for d in durations) >= count + 2
     assert list(lengths) == sorted(lengths, reverse=True)
@@ -107,7 +106,7 @@ def test_windows_fit_side_by_side(durations: list[float], count: int) -> None:
 def test_windows_of_several_lengths_are_weighed_as_printed() -> None:
     u, lengths = inputs(1500, 2, seed=3), [12.0, 7.0, 4.0]
     y = lag(u[:, 0], noise=0.5) - 0.4 * u[:, 1]
-    found = estimate_responses([Stretch(RATE, u, y[:, None])], ["a", "b"], ["y"], lengths=lengths)
+    found = FrequencyResponse.estimate([Stretch(RATE, u, y[:, None])], ["a", "b"], ["y"], lengths=lengths)
     hertz = found[0].frequency / (2.0 * np.pi)
     for i, (response, error, freedom, coherence) in enumerate(naive_responses(u, y, RATE, lengths, hertz)):
         for k, one in enumerate(found):

@@ -6,9 +6,9 @@ from helpers.flown import maneuver
 from scipy.signal import lfilter
 
 from stoop.base.arrays import FloatArray
-from stoop.flight import Flight, describe, find_maneuvers, from_columns
-from stoop.flight.airborne import airborne, carried_by_rotors, flying, lift_command, motors_ran, rotor_pulses
-from stoop.flight.maneuvers import LIMITS, _running_means, _running_sums, commands, directions
+from stoop.flight import Flight, describe, from_columns
+from stoop.flight.airborne import motors_ran
+from stoop.flight.maneuvers import LIMITS, _running_means, _running_sums
 from stoop.simulation.fly import simulate_flight
 from stoop.vehicle.builtin import load_vehicle
 
@@ -42,7 +42,7 @@ def flight(**columns: FloatArray) -> Flight:
 def test_each_maneuver_is_found_once_under_its_axis() -> None:
     roll, pitch = signal((100.0, "doublet", 0.5)), signal((120.0, "3211", 0.4), (100.0, "doublet", 0.05))
     yaw = signal((140.0, "doublet", 0.2))
-    found = find_maneuvers(flight(control_roll=roll, control_pitch=pitch, rudder=yaw))
+    found = flight(control_roll=roll, control_pitch=pitch, rudder=yaw).find_maneuvers()
     assert [(m.axis, m.variable) for m in found] == [
         ("roll", "control_roll"), ("pitch", "control_pitch"), ("yaw", "rudder"),
     ]  # fmt: skip
@@ -57,15 +57,15 @@ def test_each_maneuver_is_found_once_under_its_axis() -> None:
 def test_what_is_no_maneuver_holes_inside_and_flights_without_a_speed() -> None:
     checks = signal((65.0, "doublet", 0.5), (175.0, "3211", 0.5))
     for u in (checks, np.where(TIME > 120.0, 0.3, 0.0), np.zeros(TIME.size), np.full(TIME.size, np.nan)):
-        assert find_maneuvers(flight(elevator=u)) == []
-    assert airborne(flight()).sum() == pytest.approx((170.0 - 80.0 - 6.0) * 100.0, abs=5)
+        assert flight(elevator=u).find_maneuvers() == []
+    assert flight().airborne().sum() == pytest.approx((170.0 - 80.0 - 6.0) * 100.0, abs=5)
     u = signal((100.0, "3211", 0.5))
     u[4300:4400] = np.nan
-    (one,) = find_maneuvers(flight(elevator=u))
+    (one,) = flight(elevator=u).find_maneuvers()
     assert 0.8 < one.whole < 0.95
     flown = from_columns("f", TIME, {"elevator": signal((65.0, "doublet", 0.5))})
-    assert airborne(flown).all()
-    assert len(find_maneuvers(flown)) == 1
+    assert flown.airborne().all()
+    assert len(flown.find_maneuvers()) == 1
 
 
 def test_description() -> None:
@@ -84,7 +84,7 @@ def test_an_aeroplane_with_one_motor_flies_whether_it_runs_or_not(command: float
     glider = flight(elevator=signal((100.0, "3211", 0.2)), motor_1=np.full(TIME.size, command))
     assert motors_ran(glider)
     assert "motors-never-ran" not in [n.code for n in describe(glider).notices]
-    assert [m.axis for m in find_maneuvers(glider)] == ["pitch"]
+    assert [m.axis for m in glider.find_maneuvers()] == ["pitch"]
     still = flight(**{f"motor_{n}": np.zeros(TIME.size) for n in range(1, 5)})
     assert not motors_ran(still)
 
@@ -93,9 +93,9 @@ def test_what_an_autopilot_answers_to_a_gust_is_no_maneuver() -> None:
     """The elevator, down for nose down, opposes a rate that it answers, and has the rate follow to the other side."""
     burst, calm = signal((120.0, "3211", 0.4)), 0.02 * np.random.default_rng(1).normal(size=TIME.size)
     rate = 0.02 * np.sin(TIME) + calm
-    assert len(find_maneuvers(flight(elevator=burst, q=rate))) == 1
-    assert find_maneuvers(flight(elevator=burst, q=2.0 * burst + 0.1 * calm)) == []
-    assert len(find_maneuvers(flight(elevator=burst, q=-2.0 * burst + 0.1 * calm))) == 1
+    assert len(flight(elevator=burst, q=rate).find_maneuvers()) == 1
+    assert flight(elevator=burst, q=2.0 * burst + 0.1 * calm).find_maneuvers() == []
+    assert len(flight(elevator=burst, q=-2.0 * burst + 0.1 * calm).find_maneuvers()) == 1
 
 
 def test_running_means_are_those_of_each_window() -> None:
@@ -132,30 +132,30 @@ def hover(seed: int = 0, **extra: FloatArray) -> Flight:
 @pytest.mark.parametrize("seed", range(2))
 def test_the_axes_of_motors_are_found_by_what_they_turn(seed: int) -> None:
     flight = hover(seed)
-    found = find_maneuvers(flight)
+    found = flight.find_maneuvers()
     assert [(m.axis, m.variable) for m in found] == [(axis, "motor_1..4") for axis in AXES]
     for begun, m in zip((75.0, 90.0, 105.0, 120.0), found, strict=True):
         assert m.stop - 4.0 < m.start <= begun <= m.stop - 0.8
     more = {"motor_5": np.full(HOVER.size, 0.1), "motor_6": flight.column("motor_1")}  # dead, and doubled
-    assert [c.axis for c in directions(hover(seed, **more), [f"motor_{n}" for n in range(1, 7)])] == [*AXES]
+    assert [c.axis for c in hover(seed, **more).directions([f"motor_{n}" for n in range(1, 7)])] == [*AXES]
     silent = from_columns("f", HOVER, {n: flight.column(n) for n in ("motor_1", "motor_2", "motor_3", "vn")})
-    assert commands(silent) == find_maneuvers(silent) == []
+    assert silent.commands() == silent.find_maneuvers() == []
 
 
 def test_a_direction_is_the_acceleration_that_it_gives() -> None:
     flight = hover()
-    for command, power in zip(commands(flight), POWER, strict=True):
+    for command, power in zip(flight.commands(), POWER, strict=True):
         assert float(np.ptp(command.u)) == pytest.approx(0.12 * power, rel=0.35)
-    assert carried_by_rotors(flight)  # a hover counts as flight though nothing moves
-    assert flying(flight).all()
-    assert not airborne(flight).any()
+    assert flight.carried_by_rotors()  # a hover counts as flight though nothing moves
+    assert flight.flying().all()
+    assert not flight.airborne().any()
 
 
 def test_take_off_landing_and_idling_are_no_flight() -> None:
     base = hover()
     up = (HOVER > 80.0) & (HOVER < 130.0)
     idle = {f"motor_{n}": np.where(up, base.column(f"motor_{n}"), 0.06) for n in range(1, 5)}
-    flown = flying(hover(**idle))
+    flown = hover(**idle).flying()
     assert HOVER[flown][0] == pytest.approx(83.0, abs=0.1)
     assert HOVER[flown][-1] == pytest.approx(127.0, abs=0.1)
 
@@ -164,9 +164,9 @@ def test_take_off_landing_and_idling_are_no_flight() -> None:
 def test_motors_off(value: float) -> None:
     off = {f"motor_{n}": np.full(HOVER.size, value) for n in range(1, 5)}
     flight = hover(**off, control_throttle=np.zeros(HOVER.size))
-    told = lift_command(flight)
+    told = flight.lift_command()
     assert told is None or not np.nan_to_num(told).any()
-    assert commands(flight) == []
+    assert flight.commands() == []
     assert not motors_ran(hover(**{f"motor_{n}": np.full(HOVER.size, 0.01) for n in range(1, 5)}))  # idling
     assert motors_ran(hover())
 
@@ -177,9 +177,9 @@ def test_pulses_are_read_above_idle() -> None:
     columns = {n: base.column(n) for n in ("p", "q", "r", "az", "vn", "ve", "vd")}
     force = {"ax": 0 * HOVER, "ay": 0 * HOVER, "altitude": np.where(HOVER < 70.0, 0.0, 5.0)}
     flight = from_columns("f", HOVER, {**columns, **force, **pulses})
-    assert carried_by_rotors(flight)
-    assert np.median(lift_command(flight)) == pytest.approx(0.45, abs=0.02)  # type: ignore[arg-type]
-    assert [m.variable for m in find_maneuvers(flight)] == ["pwm_1..4"] * 4
+    assert flight.carried_by_rotors()
+    assert np.median(flight.lift_command()) == pytest.approx(0.45, abs=0.02)  # type: ignore[arg-type]
+    assert [m.variable for m in flight.find_maneuvers()] == ["pwm_1..4"] * 4
 
 
 @pytest.fixture(scope="module", params=["quad-x", "hexa-x"])
@@ -197,30 +197,30 @@ def test_a_flight_shorter_than_a_block_shows_no_motors() -> None:
         ripple = np.sin(np.arange(samples) + np.arange(6)[:, None])
         pulses = {f"pwm_{n}": 1500.0 + 20.0 * ripple[n - 1] for n in range(1, 5)}
         brief = from_columns("brief", 0.01 * np.arange(samples), {**pulses, "p": ripple[4], "q": ripple[5]})
-        assert rotor_pulses(brief) == [], samples
-        assert not carried_by_rotors(brief), samples
+        assert brief.rotor_pulses() == [], samples
+        assert not brief.carried_by_rotors(), samples
 
 
 def test_pulses_that_turn_a_copter_are_motors(copter: Flight) -> None:
     """Also in gusts, where motors explain a few hundredths of the angular accelerations, filtered to 0.1 s."""
     motors = [str(name) for name in copter.data.data_vars if str(name).startswith("pwm_")]
-    assert rotor_pulses(copter) == motors
-    assert carried_by_rotors(copter)
-    assert flying(copter).all()
-    assert [m.axis for m in find_maneuvers(copter)] == ["roll", "pitch", "yaw"]
+    assert copter.rotor_pulses() == motors
+    assert copter.carried_by_rotors()
+    assert copter.flying().all()
+    assert [m.axis for m in copter.find_maneuvers()] == ["roll", "pitch", "yaw"]
     rng, n = np.random.default_rng(1), copter.time.size
     columns = {str(name): copter.column(str(name)) for name in copter.data.data_vars}
     gusts = {rate: columns[rate] + 0.04 * np.repeat(rng.normal(size=n // 10 + 1), 10)[:n] for rate in "pq"}
-    assert rotor_pulses(from_columns("g", copter.time, {**columns, **gusts})) == motors
+    assert from_columns("g", copter.time, {**columns, **gusts}).rotor_pulses() == motors
 
 
 def test_a_gimbal_and_a_dead_output_are_no_motors(copter: Flight) -> None:
     gimbal, dead = 1130.0 + 30.0 * np.sin(copter.time), np.full(copter.time.size, 1000.0)
     columns = {str(name): copter.column(str(name)) for name in copter.data.data_vars}
     more = from_columns("f", copter.time, {**columns, "pwm_9": 120.0 + gimbal, "pwm_10": dead})
-    assert rotor_pulses(more) == rotor_pulses(copter)
-    pulses = np.median([copter.column(x) for x in rotor_pulses(copter)])
-    assert np.median(lift_command(more)) == pytest.approx(pulses / 1e3 - 1.0, rel=0.01)  # type: ignore[arg-type]
+    assert more.rotor_pulses() == copter.rotor_pulses()
+    pulses = np.median([copter.column(x) for x in copter.rotor_pulses()])
+    assert np.median(more.lift_command()) == pytest.approx(pulses / 1e3 - 1.0, rel=0.01)  # type: ignore[arg-type]
 
 
 def test_surfaces_of_any_effect_are_no_motors() -> None:
@@ -233,8 +233,8 @@ def test_surfaces_of_any_effect_are_no_motors() -> None:
     noise = 0.01 * rng.normal(size=(2, t.size))
     motion = {"p": p + noise[0], "q": q + noise[1], "r": 0.0 * t, "az": 0.0 * t - 9.8}
     plane = from_columns("p", t, {**pulses, **motion})
-    assert rotor_pulses(plane) == []
-    assert not carried_by_rotors(plane)
+    assert plane.rotor_pulses() == []
+    assert not plane.carried_by_rotors()
     t = np.arange(4000) / 100.0
     for seed in range(10):
         rng = np.random.default_rng(seed)
@@ -243,4 +243,4 @@ def test_surfaces_of_any_effect_are_no_motors() -> None:
         effect = rng.normal(size=(2, len(moved))) * (rng.random((2, len(moved))) < 0.5)
         p, q = 5e-4 * np.cumsum(effect @ moved, axis=1) + 2e-3 * rng.normal(size=(2, t.size))
         pulses = {f"pwm_{i + 1}": np.round(1500.0 + 300.0 * x) for i, x in enumerate(moved)}
-        assert rotor_pulses(from_columns("p", t, {**pulses, "p": p, "q": q})) == [], seed
+        assert from_columns("p", t, {**pulses, "p": p, "q": q}).rotor_pulses() == [], seed

@@ -8,8 +8,8 @@ import pytest
 
 from stoop.base.arrays import FloatArray
 from stoop.errors import LogError, StoopError
-from stoop.flight.apply_mapping import Mapped, apply_mapping
-from stoop.flight.mapping import READY, read_flight_mapping, ready
+from stoop.flight.apply_mapping import Mapped
+from stoop.flight.mapping import FlightMapping
 from stoop.logs import Recording, Stream
 
 T = np.arange(200) * 0.01
@@ -25,7 +25,7 @@ def stream(**columns: FloatArray | float) -> Stream:
 def mapped(folder: Path, text: str, **streams: Stream) -> Mapped:
     path = folder / "m.toml"
     path.write_text(text)
-    return apply_mapping(read_flight_mapping(path), Recording(Path("log"), "mat", streams))
+    return Mapped.of(FlightMapping.read(path), Recording(Path("log"), "mat", streams))
 
 
 def values(found: Mapped) -> dict[str, FloatArray]:
@@ -33,7 +33,7 @@ def values(found: Mapped) -> dict[str, FloatArray]:
 
 
 def first(name: str, format_: str, streams: dict[str, Stream]) -> dict[str, float]:
-    found = apply_mapping(ready(name), Recording(Path("log"), format_, streams))
+    found = Mapped.of(FlightMapping.ready(name), Recording(Path("log"), format_, streams))
     return {variable: float(x[0]) for variable, x in values(found).items()}
 
 
@@ -96,11 +96,11 @@ def test_a_mapping_may_extend_a_ready_one(tmp_path: Path) -> None:
 
 def test_ready_mappings_name_only_what_there_is() -> None:
     streams = {"RCOU": stream(C1=1500.0, C2=0.0), "XKF2": stream(VWN=0.0, VWE=0.0)}
-    found = apply_mapping(ready("ardupilot"), Recording(Path("l"), "dataflash", streams))
+    found = Mapped.of(FlightMapping.ready("ardupilot"), Recording(Path("l"), "dataflash", streams))
     assert set(values(found)) == {"pwm_1"}
-    for name in set(READY.values()):
-        assert ready(name).groups
-        assert not ready(name).surfaces.mixes
+    for name in set(FlightMapping.READY.values()):
+        assert FlightMapping.ready(name).groups
+        assert not FlightMapping.ready(name).surfaces.mixes
     turning = stream(**{"esc[0].esc_rpm": 3000.0, "esc[1].esc_rpm": 0.0})
     rotors = {"esc_status": turning, "rpm": stream(rpm_estimate=9.0)}
     for thrust in (0.6, 0.0):
@@ -202,11 +202,11 @@ def test_each_mistake_is_one_line(tmp_path: Path) -> None:
             mapped(tmp_path, text, g=stream(x=1.0, y=2.0), k=stream(x=1.0))
         assert "\n" not in str(caught.value)
     with pytest.raises(LogError, match="cannot read the mapping file"):
-        read_flight_mapping(tmp_path / "no.toml")
+        FlightMapping.read(tmp_path / "no.toml")
     path = tmp_path / "m.toml"
     path.write_text(GOOD.replace("rad/s", "deg/s"))
     log = Recording(Path("log"), "dataflash", {"g": stream(x=1.0)}, units={"g": {"x": "rad/s"}})
-    (found,) = apply_mapping(read_flight_mapping(path), log).notices
+    (found,) = Mapped.of(FlightMapping.read(path), log).notices
     assert (found.code, found.subject) == ("unit-contradicted", "g.x")
     assert (found.values["unit"], found.values["stated"]) == ("deg/s", "rad/s")
 
@@ -217,7 +217,7 @@ def sampled(rate: float, *names: str, **columns: FloatArray) -> Stream:
 
 
 def as_px4(streams: dict[str, Stream]) -> Mapped:
-    return apply_mapping(ready("px4"), Recording(Path("log"), "ulog", streams))
+    return Mapped.of(FlightMapping.ready("px4"), Recording(Path("log"), "ulog", streams))
 
 
 def named(**streams: Stream) -> dict[str, tuple[str, FloatArray]]:

@@ -47,7 +47,7 @@ def transition(stiffness: float) -> np.ndarray:
 
 def test_step_is_the_transition(kernel: Kernel) -> None:
     nothing = np.zeros((1, 3))
-    after, readings = filtering.step(kernel, np.full((1, 3), 9.0), np.eye(3), nothing, nothing, DT)
+    after, readings = kernel.step(np.full((1, 3), 9.0), np.eye(3), nothing, nothing, DT)
     assert np.allclose(after, transition(9.0), rtol=0.0, atol=1e-14)
     assert np.allclose(readings, H, rtol=0.0, atol=1e-14)
 

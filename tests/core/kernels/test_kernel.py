@@ -15,7 +15,6 @@ from naive import march, oscillator
 
 from stoop.kernels import Kernel, SymbolicModel, compiler, load_kernel
 from stoop.kernels.kernel import ENTRIES, thread_count
-from stoop.simulation import initial_states, parameter_rows
 from stoop.vehicle.builtin import load_vehicle
 
 DT, N = 0.02, 60
@@ -228,9 +227,9 @@ def test_a_candidate_costs_the_same_in_every_lane(reduced: str) -> None:
     """On real equations, whose sums LLVM may take in another order."""
     vehicle = load_vehicle("twin-boom").reduced(reduced)
     kernel, rng, count = vehicle.kernel(), np.random.default_rng(3), 37
-    rows = parameter_rows(vehicle, None, count) * rng.uniform(0.9, 1.1, (len(vehicle.values), count))
+    rows = vehicle.parameter_rows(None, count) * rng.uniform(0.9, 1.1, (len(vehicle.values), count))
     u = 0.02 * rng.standard_normal((300, len(vehicle.inputs)))
-    x = initial_states(vehicle, {"V": rng.uniform(28.0, 40.0, count), "alpha": 0.05, "h": 100.0}, rows, u[0])
+    x = vehicle.initial_states({"V": rng.uniform(28.0, 40.0, count), "alpha": 0.05, "h": 100.0}, rows, u[0])
     z, w = np.ones((2, 300, len(vehicle.outputs)))
     J, y = kernel.cost(rows, x, u, z, w, 0.02), kernel.trajectories(rows, x, u, 0.02)
     assert np.isfinite(J).all()

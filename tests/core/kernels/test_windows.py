@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from stoop.kernels import filtering
 from stoop.kernels.windows import windows
-from stoop.simulation import initial_states, parameter_rows, trim
+from stoop.simulation import trim
 from stoop.vehicle.builtin import load_vehicle
 
 DT = 0.02
@@ -16,10 +15,10 @@ def test_a_lane_reads_its_own_rows_and_rows_beyond_the_record_are_refused() -> N
     vehicle = load_vehicle("twin-boom").reduced("longitudinal")
     point, rng = trim(vehicle), np.random.default_rng(4)
     record = point.inputs + 0.02 * rng.standard_normal((120, len(point.inputs)))
-    rows = parameter_rows(vehicle, point.changes, 11)
+    rows = vehicle.parameter_rows(point.changes, 11)
     rows[vehicle.rows["CLalpha"]] *= rng.uniform(0.8, 1.2, 11)
     start = point.start | {"q": 0.1 * rng.standard_normal(11)}
-    x = initial_states(vehicle, start, rows, point.inputs[:, None])
+    x = vehicle.initial_states(start, rows, point.inputs[:, None])
     first = np.array([0, 3, 10, 25, 50, 58, 60, 61, 80, 100, 118])
     end = np.where(first < 60, 60, 120)
     steps = np.array([20, 0, 7, 20, 20, 1, 20, 3, 20, 19, 1])
@@ -33,7 +32,7 @@ def test_a_lane_reads_its_own_rows_and_rows_beyond_the_record_are_refused() -> N
         assert np.allclose(readings[b, :there], alone, rtol=1e-12, atol=1e-12)
         for k in range(many):
             now, after = (record[[min(a + k + i, e - 1)]].T for i in (0, 1))
-            own, _ = filtering.step(kernel, one, own, now, after, DT)
+            own, _ = kernel.step(one, own, now, after, DT)
         assert np.allclose(last[:, b], own[:, 0], rtol=1e-12, atol=1e-12)
     for before, after in ((0, 1), (1, 0)):
         with pytest.raises(ValueError, match="rows that the record does not have"):

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from stoop.base.arrays import FloatArray
 from stoop.errors import LogError, StoopError
-from stoop.flight.apply_mapping import read_mapped
+from stoop.flight.apply_mapping import Mapped
 from stoop.logs import Recording, read
 from stoop.logs.csv_tables import template, topic_files
 
@@ -39,7 +39,7 @@ def write(folder: Path, mapping: str = GOOD, log: str = LOG) -> tuple[Path, Path
 
 
 def mapped(log: Path, mapping: Path | None = None) -> tuple[Recording, Signals]:
-    recording, found = read_mapped(log, mapping)
+    recording, found = Mapped.read(log, mapping)
     return recording, {n: (group.time, x) for group in found.channels for n, x in group.values.items()}
 
 
@@ -100,7 +100,7 @@ def test_each_mistake_in_a_mapping_is_named(tmp_path: Path) -> None:
     log, _ = write(tmp_path, log="t_ms,roll rate,acc,T\n5,1,1,1\n5,1,1,1\n")
     with pytest.raises(LogError, match="fewer than two samples"):
         mapped(log, tmp_path / "m.toml")
-    for reader in (read, read_mapped):
+    for reader in (read, Mapped.read):
         with pytest.raises(LogError, match="cannot read the mapping file"):
             reader(log, tmp_path / "no.toml")
 

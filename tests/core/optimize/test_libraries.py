@@ -13,7 +13,7 @@ from naive.landscapes import Only, ellipsoid, sphere
 from stoop import optimize
 from stoop.errors import IdentificationError
 from stoop.optimize import libraries
-from stoop.optimize.libraries import LARGE, Escape, draw_seed, finite_costs
+from stoop.optimize.libraries import draw_seed
 
 SCIPY = ("scipy-de", "scipy-least-squares")
 EXTRA = ("pymoo-ga", "pymoo-pso", "cma", "pygmo-sade")  #: of optional packages
@@ -128,22 +128,6 @@ def test_optimizers_that_need_residuals_are_refused_without() -> None:
     assert needy == {"ps-gde-lm", "scipy-least-squares"}
     with pytest.raises(IdentificationError, match="no residuals"):
         search("scipy-least-squares", Only(sphere, 3))
-
-
-def test_an_exception_is_carried_past_a_library() -> None:
-    problem = Only(sphere, 2)
-    ledger = optimize.Ledger(problem, optimize.Evaluations.none(problem), budget=3.0)
-    escape = Escape(ledger)
-    assert escape.costs(np.full((2, 2), 0.5)).max() < 1.0
-    escape.check()
-    assert escape.costs(np.full((4, 2), 0.5)).tolist() == [LARGE] * 4
-    assert escape.costs(np.full((1, 2), 0.5)).tolist() == [LARGE]
-    assert problem.asked == 3
-    with pytest.raises(optimize.ledger.Halt):
-        escape.check()
-    fresh = optimize.Ledger(problem, optimize.Evaluations.none(problem))
-    finite_costs(fresh, np.array([[1.0 + 1e-16, -1e-18]]))
-    assert problem.outside <= 0.0, "points beside the box are evaluated on its bound"
 
 
 def test_seeds_are_positive_and_differ() -> None:

@@ -8,7 +8,6 @@ from stoop.flight.flight import from_columns
 from stoop.prediction.predict import CUTOFF, ForceCurves, force_curves, low_passed
 from stoop.problem.prepare import with_average_voltage
 from stoop.problem.windows import Window
-from stoop.simulation import initial_states, parameter_rows
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import builtin_vehicle
 from stoop.vehicle.load import parse_vehicle
@@ -22,8 +21,8 @@ def flown(vehicle: Vehicle) -> Flight:
     inputs = np.zeros((len(t), len(vehicle.inputs)))
     for i, name in enumerate(vehicle.rotors):
         inputs[:, vehicle.inputs.index(vehicle.file.rotor[name].channel)] = 0.6 + swing[:, i]
-    rows = parameter_rows(vehicle)
-    start = initial_states(vehicle, {"u": 3.0, "v": -1.0, "w": 0.5, "h": 50.0}, rows, inputs[0])
+    rows = vehicle.parameter_rows()
+    start = vehicle.initial_states({"u": 3.0, "v": -1.0, "w": 0.5, "h": 50.0}, rows, inputs[0])
     out = vehicle.kernel().trajectories(rows, start, inputs, DT)[0]
     recorded = dict(zip(vehicle.inputs, inputs.T, strict=True))
     motors = {c: x for c, x in recorded.items() if c.startswith("motor")}

@@ -8,7 +8,7 @@ import pytest
 from stoop.flight import Flight
 from stoop.prediction.initial_state import BiasPrior, Predictor, bias_priors, predict_stretch, stretch_before
 from stoop.prediction.predict import Prediction, predict
-from stoop.problem.prepare import prepare
+from stoop.problem.prepare import Prepared
 from stoop.problem.windows import Window
 from stoop.results.result import Covariance, NoiseCovariance
 from stoop.simulation.fly import simulate_flight
@@ -50,7 +50,7 @@ def naive_readings(vehicle: Vehicle, flight: Flight, window: Window) -> np.ndarr
     """Return the readings from the line through the first 0.2 s of the window, as they were predicted before."""
     from stoop.problem import Layout, Misfit, Weights
 
-    (piece,) = prepare(vehicle, {flight.name: flight}, [window]).pieces
+    (piece,) = Prepared.of(vehicle, {flight.name: flight}, [window]).pieces
     layout = replace(Layout.of(vehicle, ()), parameters=())
     problem = Misfit(layout, (piece,), Weights.of(np.ones(len(vehicle.outputs))), ((len(piece.time),),))
     return problem.outputs(np.empty(0), 0)
@@ -58,7 +58,7 @@ def naive_readings(vehicle: Vehicle, flight: Flight, window: Window) -> np.ndarr
 
 def test_the_start_is_accurate_and_its_band_holds_the_truth(aircraft: Vehicle, truth: Flight) -> None:
     window, model = Window("sim", 20.0, 24.0), model_of(aircraft, ROUGH)
-    exact = np.column_stack([prepare(aircraft, {"sim": truth}, [window]).pieces[0].measured])
+    exact = np.column_stack([Prepared.of(aircraft, {"sim": truth}, [window]).pieces[0].measured])
     errors, naive, scaled = [], [], []
     for seed in range(RUNS):
         flight = noisy(truth, ROUGH, seed)
@@ -78,7 +78,7 @@ def test_the_start_is_accurate_and_its_band_holds_the_truth(aircraft: Vehicle, t
 def test_an_uncertain_number_widens_bands(aircraft: Vehicle, truth: Flight, name: str, error: float) -> None:
     """The naive twin estimates the start anew with another value, and predicts from there."""
     window, value = Window("sim", 6.0, 10.0), aircraft.value(name)
-    (piece,) = prepare(aircraft, {"sim": truth}, [window]).pieces
+    (piece,) = Prepared.of(aircraft, {"sim": truth}, [window]).pieces
     stretch = stretch_before(aircraft, {"sim": truth}, window, piece)
     assert stretch.first > 0
     assert stretch.samples == pytest.approx(1.0 / piece.dt, abs=1)
@@ -101,7 +101,7 @@ def test_a_state_that_was_not_recorded_is_told_by_the_others(aircraft: Vehicle, 
     window, flight = Window("sim", 10.4, 13.0), noisy(truth, sigma, 5)
     blind = replace(flight, data=flight.data.assign(alpha=np.nan * flight.data["alpha"]))
     found, place = ahead(model_of(aircraft, sigma), blind, window), aircraft.outputs.index("alpha")
-    exact = prepare(aircraft, {"sim": truth}, [window]).pieces[0].measured[:, place]
+    exact = Prepared.of(aircraft, {"sim": truth}, [window]).pieces[0].measured[:, place]
     assert np.abs(found.readings[0][0, place] - exact[0]) < 0.01
     assert found.deviations[0][0, place] < 0.012
     (told,) = [n for n in found.prepared.notices if n.code == "predicted-from-trim"]

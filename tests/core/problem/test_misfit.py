@@ -15,7 +15,7 @@ from scipy.linalg import toeplitz
 from scipy.signal import lfilter
 
 from stoop import Flight, Options, Vehicle
-from stoop.assessment.error_bars import error_bars
+from stoop.assessment.error_bars import ErrorBars
 from stoop.estimate.fit import fit
 from stoop.estimate.treatment import Treatment
 from stoop.problem import Layout, Misfit, Nuisance, Piece, Weights
@@ -371,10 +371,10 @@ def test_slow_errors_are_weighed_by_their_color(aircraft: Vehicle, wrong: Vehicl
     assert not isinstance(plain.problem.weights, ColoredWeights)
     np.testing.assert_array_equal(plain.disagreement, 0.0)
     true = np.array([aircraft.value(n) for n in plain.estimates])
-    size = error_bars(plain).std[: len(true)]
+    size = ErrorBars.of(plain).std[: len(true)]
     known = size > 0.0
     off = [(np.array([*one.estimates.values()]) - true)[known] / size[known] for one in (found, plain)]
     assert np.sqrt(np.mean(off[0] ** 2)) < 0.8 * np.sqrt(np.mean(off[1] ** 2))
-    free, bars = found.evidence.free, error_bars(found)
+    free, bars = found.evidence.free, ErrorBars.of(found)
     apart = found.disagreement[free] / bars.std[free]
     assert 0.0 < np.sqrt(np.mean(apart**2)) < 1.0

@@ -14,7 +14,7 @@ from stoop.errors import FlightError
 from stoop.flight import from_columns
 from stoop.problem.evidence import PieceEvidence
 from stoop.reconstruction import compatibility
-from stoop.reconstruction.compatibility import check, corrected_flight
+from stoop.reconstruction.compatibility import Compatibility, corrected_flight
 from stoop.reconstruction.kinematics import INPUTS, OUTPUTS, PARAMETERS, SCALED, STATES, kernel
 from stoop.reconstruction.problem import PIECES, cut_pieces
 from stoop.simulation.fly import simulate_flight
@@ -39,7 +39,7 @@ def test_a_point_at_rest_in_a_turn_reads_what_geometry_says() -> None:
 def test_without_attitude_nothing_can_be_compared() -> None:
     columns = dict.fromkeys(("p", "q", "r", "V"), np.zeros(1000))
     with pytest.raises(FlightError, match="attitude was not logged"):
-        check(from_columns("bare", 0.01 * np.arange(1000), columns))
+        Compatibility.of(from_columns("bare", 0.01 * np.arange(1000), columns))
 
 
 def test_without_accelerometers_rates_are_held_against_the_attitude() -> None:
@@ -48,13 +48,13 @@ def test_without_accelerometers_rates_are_held_against_the_attitude() -> None:
     phi = 0.5 * np.sin(time)
     noisy = phi + 1e-3 * rng.standard_normal(2000)
     columns = turning(time) | {"phi": noisy, "p": 0.5 * np.cos(time) + 0.02}
-    result, _ = check(from_columns("turning", time, columns))
+    result, _ = Compatibility.of(from_columns("turning", time, columns))
     names = {f"{n}.{kind}" for n in "pqr" for kind in ("bias", "scale")}
     assert set(result.findings) == names | {"attitude.delay"}
     bias = result.findings["p.bias"]
     assert bias.estimate == pytest.approx(0.02, abs=max(4.0 * bias.std_error, 1e-3))
     wrong = from_columns("wrong", time, {**columns, "p": -columns["p"]})
-    said = " ".join(map(str, check(wrong)[0].notices))
+    said = " ".join(map(str, Compatibility.of(wrong)[0].notices))
     assert "inconsistent" in said
     assert "not a calibration" in said
 
@@ -66,7 +66,7 @@ def test_a_delay_beyond_what_pieces_have_to_spare_is_no_number() -> None:
     columns = turning(time) | {"phi": late, "p": np.cos(2.0 * time) + 0.05 * np.cos(0.5 * time)}
     noisy = {n: x + 1e-3 * rng.standard_normal(time.size) for n, x in columns.items()}
     flight = from_columns("late", time, noisy)
-    result, found = check(flight, [(1.0, 19.0)])
+    result, found = Compatibility.of(flight, [(1.0, 19.0)])
     delay = result.findings["attitude.delay"]
     assert abs(delay.estimate) > 0.3
     assert not delay.identifiable
@@ -111,7 +111,7 @@ def test_a_search_ends_when_its_steps_are_used_up_and_says_so(monkeypatch: pytes
     flight = from_columns("f", time, columns)
     for steps, codes in ((compatibility.MAX_STEPS, set()), (2, {"channel-weights-not-converged"})):
         monkeypatch.setattr(compatibility, "MAX_STEPS", steps)
-        notices = check(flight, [(0.0, 10.0)])[0].notices
+        notices = Compatibility.of(flight, [(0.0, 10.0)])[0].notices
         assert {one.code for one in notices} & {"channel-weights-not-converged"} == codes
 
 
@@ -123,7 +123,7 @@ def test_noise_that_gyros_integrate_does_not_give_vanes_a_place() -> None:
         ("rudder", "doublet", 53, 0.4, 0.12), airspeed=22.0, wind=[3.0, -2.0, 0.0],
     )  # fmt: skip
     vehicle = load_vehicle(Path(__file__).parents[3] / "examples" / "vtail.toml")
-    result, _ = check(simulate_flight(vehicle, flown, seed=0))
+    result, _ = Compatibility.of(simulate_flight(vehicle, flown, seed=0))
     truth = dict.fromkeys(("vane.x", "vane.y", "vane.z", "alpha.delay"), 0.0)
     truth |= {"alpha.scale": 1.0, "beta.scale": 1.0}
     for name, value in truth.items():

@@ -6,13 +6,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from stoop.simulation import parameter_rows, trim
-from stoop.simulation.delays import actuator_rows, delayed, late_inputs, late_outputs, play, rate_limited
+from stoop.simulation import trim
 from stoop.simulation.fly import simulate, simulate_flight
 from stoop.simulation.linearize import left_out
 from stoop.simulation.maneuver import Maneuver
 from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.vehicle.builtin import load_vehicle
+from stoop.vehicle.delays import actuator_rows, delayed, play, rate_limited
 
 BASE = """
 name = "late"
@@ -60,8 +60,8 @@ def test_a_part_of_the_samples_is_the_same_and_delays_are_continuous(samples: fl
 def test_inputs_are_late_by_their_controls_delays_per_lane_where_they_differ(late: Vehicle) -> None:
     u = np.random.default_rng(3).standard_normal((50, 3))
     held = u.copy()
-    rows = parameter_rows(late, {"controls.elevator.delay": np.array([0.02, 0.025, 0.02])}, 3)
-    out, alone = late_inputs(late, u, rows, 0.01), late_inputs(late, u, parameter_rows(late), 0.01)
+    rows = late.parameter_rows({"controls.elevator.delay": np.array([0.02, 0.025, 0.02])}, 3)
+    out, alone = late.late_inputs(u, rows, 0.01), late.late_inputs(u, late.parameter_rows(), 0.01)
     assert np.array_equal(u, held)
     assert late.inputs == ("elevator", "aileron", "pwm_3")
     assert (alone.shape, out.shape) == ((50, 3), (50, 3, 3))
@@ -74,10 +74,10 @@ def test_inputs_are_late_by_their_controls_delays_per_lane_where_they_differ(lat
 def test_commands_of_before_arrive_late(late: Vehicle) -> None:
     u = np.random.default_rng(3).standard_normal((60, 3))
     for own in ({}, {"controls.elevator.delay": np.array([0.02, 0.025, 0.02])}):
-        rows = parameter_rows(late, own, 3)
+        rows = late.parameter_rows(own, 3)
         for first in (0, 1, 3, 30):
-            out = late_inputs(late, u[first:], rows, 0.01, u[:first])
-            assert np.array_equal(out, late_inputs(late, u, rows, 0.01)[first:])
+            out = late.late_inputs(u[first:], rows, 0.01, u[:first])
+            assert np.array_equal(out, late.late_inputs(u, rows, 0.01)[first:])
 
 
 def test_readings_are_late_and_headings_do_not_jump(late: Vehicle) -> None:
@@ -86,7 +86,7 @@ def test_readings_are_late_and_headings_do_not_jump(late: Vehicle) -> None:
     heading = 2.0 + 0.8 * t
     y[0, :, late.outputs.index("psi")] = np.angle(np.exp(1j * heading))
     y[0, :, late.outputs.index("q")] = np.sin(t)
-    out = late_outputs(late, y.copy(), parameter_rows(late), 0.01)[0]
+    out = late.late_outputs(y.copy(), late.parameter_rows(), 0.01)[0]
     assert out[5:-2, late.outputs.index("q")] == pytest.approx(np.sin(t - 0.03)[5:-2], abs=1e-9)
     off = out[5:-2, late.outputs.index("psi")] - (heading - 0.8 * 0.015)[5:-2]
     assert np.angle(np.exp(1j * off)) == pytest.approx(np.zeros(len(off)), abs=1e-9)
@@ -94,12 +94,12 @@ def test_readings_are_late_and_headings_do_not_jump(late: Vehicle) -> None:
 
 @pytest.mark.filterwarnings("error")
 def test_a_diverged_candidate_stays_as_it_is_and_warns_of_nothing(late: Vehicle) -> None:
-    rows = parameter_rows(late, {"sensors.q.delay": np.array([0.013, 0.013, 0.013])}, 3)
+    rows = late.parameter_rows({"sensors.q.delay": np.array([0.013, 0.013, 0.013])}, 3)
     y = np.random.default_rng(4).standard_normal((3, 50, 12))
-    alone = late_outputs(late, y[:1].copy(), rows[:, :1], 0.01)
+    alone = late.late_outputs(y[:1].copy(), rows[:, :1], 0.01)
     y[1, 20:], y[1, 25:] = np.inf, np.nan
     y[2, ::2], y[2, 1::2] = 1.7e308, -1.7e308
-    out = late_outputs(late, y.copy(), rows, 0.01)
+    out = late.late_outputs(y.copy(), rows, 0.01)
     assert np.array_equal(out[:1], alone)
     assert np.array_equal(out[1], y[1], equal_nan=True)
 
@@ -166,7 +166,7 @@ def test_a_channel_has_the_tightest_servo_of_its_controls(servos: Vehicle) -> No
     rng = np.random.default_rng(0)
     u = np.column_stack([100.0 * rng.standard_normal((80, 2)), 0.1 * rng.standard_normal(80)])
     assert servos.inputs == ("pwm_3", "pwm_4", "aileron")
-    out = late_inputs(servos, u, parameter_rows(servos), DT)
+    out = servos.late_inputs(u, servos.parameter_rows(), DT)
     assert np.array_equal(out[:, 0], rate_limited(play(u[:, 0], 0.02 / 0.0005), 2.0 / 0.0005 * DT))
     assert np.array_equal(out[:, 1], rate_limited(play(u[:, 1], 0.02 / 0.001), 2.0 / 0.001 * DT))
     assert np.array_equal(out[:, 2], delayed(play(u[:, 2], 0.04), 2.0))
@@ -176,10 +176,10 @@ def test_lanes_are_what_single_servos_are(servos: Vehicle) -> None:
     u = np.random.default_rng(1).standard_normal((80, 3))
     names = ("controls.elevator.rate_limit", "controls.aileron.dead_zone", "controls.rudder.mix.pwm_3")
     values = (np.array([2.0, 1e9, 2.0]), np.array([0.0, 0.1, 0.1]), np.array([5e-4, 5e-4, 1e-2]))
-    rows = parameter_rows(servos, dict(zip(names, values, strict=True)), 3)
-    out = late_inputs(servos, u, rows, DT)
+    rows = servos.parameter_rows(dict(zip(names, values, strict=True)), 3)
+    out = servos.late_inputs(u, rows, DT)
     for b in range(3):
-        alone = late_inputs(servos, u, np.ascontiguousarray(rows[:, b : b + 1]), DT)
+        alone = servos.late_inputs(u, np.ascontiguousarray(rows[:, b : b + 1]), DT)
         assert np.array_equal(out[:, :, b], alone)
 
 

@@ -8,14 +8,14 @@ from scipy.signal import welch
 
 from stoop.base.notices import notice
 from stoop.errors import ManeuverError, SimulationError
-from stoop.simulation import initial_states, parameter_rows, trim
-from stoop.simulation.delays import delayed
+from stoop.simulation import trim
 from stoop.simulation.fly import fly, simulate, simulate_flight
-from stoop.simulation.initial import commanded, rigid_states
 from stoop.simulation.maneuver import Maneuver, parse_maneuver
-from stoop.simulation.trajectories import finer, gust_start
 from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.vehicle.builtin import BUILT_IN, builtin_vehicle, load_vehicle
+from stoop.vehicle.channels import rigid_states
+from stoop.vehicle.delays import delayed
+from stoop.vehicle.trajectories import finer
 
 
 def maneuver(control: str = "elevator", **changes: object) -> Maneuver:
@@ -63,9 +63,9 @@ def test_noise_has_the_size_that_was_asked_for_and_follows_the_seed(twin_boom: V
 def test_mixed_channels_give_the_deflection(v_tail: Vehicle) -> None:
     for control in v_tail.controls:
         flown = fly(v_tail, maneuver(control))
-        rows = np.repeat(parameter_rows(v_tail), len(flown.time), axis=1)
+        rows = np.repeat(v_tail.parameter_rows(), len(flown.time), axis=1)
         for other in v_tail.controls:
-            moved = commanded(v_tail, other, rows, flown.inputs.T) - flown.trim.deflections[other]
+            moved = v_tail.commanded(other, rows, flown.inputs.T) - flown.trim.deflections[other]
             expected = maneuver(control).deflections()[control] if other == control else 0.0
             assert moved == pytest.approx(expected * np.ones_like(moved), abs=1e-12)
 
@@ -144,16 +144,16 @@ def test_a_start_may_be_told_either_way_and_for_many_lanes() -> None:
     for name in BUILT_IN:
         vehicle = builtin_vehicle(name)
         start = dict.fromkeys(vehicle.start_names, 0.1)
-        x = initial_states(vehicle, start, parameter_rows(vehicle), np.zeros(len(vehicle.inputs)))
+        x = vehicle.initial_states(start, vehicle.parameter_rows(), np.zeros(len(vehicle.inputs)))
         known = dict(zip(vehicle.states, x[:, 0], strict=True))
         assert all(known[n] == 0.1 for n in set(vehicle.start_names) & set(vehicle.states)), name
 
 
 def test_lagged_rotors_start_where_they_are_commanded() -> None:
     vehicle = builtin_vehicle("quad-x")
-    rows, u = parameter_rows(vehicle, None, 2), np.array([0.2, 0.4, 0.6, -0.3])
+    rows, u = vehicle.parameter_rows(None, 2), np.array([0.2, 0.4, 0.6, -0.3])
     start = {"u": 0.0, "m3.lag": np.array([0.0, 0.1])}
-    x = dict(zip(vehicle.states, initial_states(vehicle, start, rows, u), strict=True))
+    x = dict(zip(vehicle.states, vehicle.initial_states(start, rows, u), strict=True))
     assert np.array_equal(x["m1.lag"], [0.2, 0.2])
     assert x["m3.lag"] == pytest.approx([0.6, 0.7])
     assert np.array_equal(x["m4.lag"], [0.0, 0.0]), "not below zero"
@@ -207,7 +207,7 @@ def test_variance_and_spectrum(gusts):
 def test_gusts_blow_as_hard_at_the_beginning(gusts):
     """No run-in: over seeds the first sample has the variance of any other."""
     vehicle = gusty(load_vehicle("twin-boom").text)
-    starts = [gust_start(vehicle, np.random.default_rng(i)) for i in range(4000)]
+    starts = [vehicle.gust_start(np.random.default_rng(i)) for i in range(4000)]
     root = np.sqrt(3.0)
     v = np.array([root * s["gust.v.fast"] + (1.0 - root) * s["gust.v.slow"] for s in starts])
     assert np.std(v) == pytest.approx(SIGMA["v"], rel=0.05)

@@ -11,11 +11,9 @@ from scipy.linalg import expm
 from scipy.signal import StateSpace
 
 from stoop.errors import SimulationError
-from stoop.simulation import LinearModel, Trim, initial_states, linearize, parameter_rows, trim
+from stoop.simulation import LinearModel, Trim, linearize, trim
 from stoop.simulation.fly import simulate
-from stoop.simulation.initial import mixed_inputs
 from stoop.simulation.linearize import left_out, modes_of, pade
-from stoop.simulation.trim import surface_moments
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import builtin_vehicle
 from stoop.vehicle.load import parse_vehicle
@@ -50,11 +48,11 @@ def nearby(vehicle: Vehicle, point: Trim, model: LinearModel, dx: np.ndarray, du
     start = {k: v + moved.get(k, 0.0) for k, v in {**dict.fromkeys(model.states, 0.0), **point.start}.items()}
     wanted = dict(zip(model.inputs, du, strict=True))
     deflections = {c: point.deflections[c] + wanted[c] for c in vehicle.controls}
-    inputs = mixed_inputs(vehicle, deflections, point.inputs)
+    inputs = vehicle.mixed_inputs(deflections, point.inputs)
     for name in set(model.inputs) - set(vehicle.controls):
         inputs[vehicle.inputs.index(name)] += wanted[name]
-    rows = parameter_rows(vehicle, point.changes)
-    x = initial_states(vehicle, start, rows, point.inputs)
+    rows = vehicle.parameter_rows(point.changes)
+    x = vehicle.initial_states(start, rows, point.inputs)
     d, y = vehicle.kernel().evaluate(rows, x, inputs[:, None])
     return np.concatenate([states_of(d[:, 0], x[:, 0], vehicle, model.states), y[:, 0]])
 
@@ -171,8 +169,8 @@ def test_moments_of_surfaces_are_those_of_the_full_equations_about_the_axes_that
     for reduce, kept in (("longitudinal", [0.0, 1.0, 0.0]), ("lateral", [1.0, 0.0, 1.0])):
         some = twin_boom.reduced(reduce)
         for surface in some.controls:
-            whole = surface_moments(twin_boom, trim(twin_boom), surface)
-            assert np.allclose(surface_moments(some, trim(some), surface), whole * kept, rtol=1e-6, atol=1e-6)
+            whole = trim(twin_boom).surface_moments(twin_boom, surface)
+            assert np.allclose(trim(some).surface_moments(some, surface), whole * kept, rtol=1e-6, atol=1e-6)
 
 
 FREQUENCIES = np.array([0.3, 1.0, 3.0, 8.0])

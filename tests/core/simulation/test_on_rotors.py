@@ -11,13 +11,11 @@ from scipy.spatial.transform import Rotation
 
 from stoop.errors import ManeuverError, SimulationError
 from stoop.flight import Flight, load_flight, save_flight
-from stoop.simulation import initial_states, linearize, parameter_rows, trim
+from stoop.simulation import linearize, trim
 from stoop.simulation.autopilot import design, first_order_hold, linear_errors
-from stoop.simulation.delays import late_inputs, late_outputs
 from stoop.simulation.fly import fly, fly_together, simulate_flight
 from stoop.simulation.maneuver import Maneuver, load_maneuver
-from stoop.simulation.rotors import accelerations, channel_range
-from stoop.simulation.trajectories import Flown
+from stoop.simulation.trim import Flown
 from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.vehicle.builtin import builtin_vehicle, load_vehicle
 
@@ -40,10 +38,10 @@ def pulse(control: str, amplitude: float, start: float = 1.0, duration: float = 
 
 
 def replayed(vehicle: Vehicle, flown: Flown, dt: float) -> np.ndarray:
-    rows = parameter_rows(vehicle, flown.trim.changes)
-    start = initial_states(vehicle, flown.trim.start, rows, flown.inputs[0])
-    truth = vehicle.kernel().trajectories(rows, start, late_inputs(vehicle, flown.inputs, rows, dt), dt)
-    return late_outputs(vehicle, truth, rows, dt)[0]
+    rows = vehicle.parameter_rows(flown.trim.changes)
+    start = vehicle.initial_states(flown.trim.start, rows, flown.inputs[0])
+    truth = vehicle.kernel().trajectories(rows, start, vehicle.late_inputs(flown.inputs, rows, dt), dt)
+    return vehicle.late_outputs(truth, rows, dt)[0]
 
 
 def over_ground(flight: Flight, body: np.ndarray) -> np.ndarray:
@@ -120,8 +118,8 @@ def test_excitations_are_accelerations(quad: Vehicle) -> None:
     """The first command after their start is the trim's plus the allocated channels, which give them exactly."""
     for control, entry in (("roll", 3), ("pitch", 4), ("yaw", 5), ("heave", 2)):
         flown = fly(quad, maneuver(2.0, pulse(control, 0.01)))
-        rows = parameter_rows(quad, flown.trim.changes)
-        rates = accelerations(quad, flown.trim.start, flown.inputs[100][:, None].copy(), rows)[:, 0]
+        rows = quad.parameter_rows(flown.trim.changes)
+        rates = quad.accelerations(flown.trim.start, flown.inputs[100][:, None].copy(), rows)[:, 0]
         expected = np.zeros(6)
         expected[entry] = -0.01 if control == "heave" else 0.01
         assert rates[2:] == pytest.approx(expected[2:], abs=5e-5), control
@@ -165,7 +163,7 @@ def test_the_flight_file_holds_it_all_and_noise_by_seed(quad: Vehicle, tmp_path:
 def test_ends_of_the_range_are_reported(quad: Vehicle) -> None:
     hard = maneuver(4.0, {**BUSY[0], "start": 1.0, "step": 0.2, "amplitude": 160.0})
     flown = fly(quad, hard)
-    commands = flown.inputs[:, channel_range(quad).columns]
+    commands = flown.inputs[:, quad.rotor_range.columns]
     assert (commands.min(), commands.max()) == (0.0, 1.0)
     assert (flown.clipped == ((commands == 0.0) | (commands == 1.0))).all()
     found = simulate_flight(quad, hard).notices[1]
@@ -181,7 +179,7 @@ def test_the_battery_falls_and_the_autopilot_makes_up_for_it(quad: Vehicle) -> N
     volts = quad.inputs.index("voltage")
     assert (fresh.inputs[:, volts] == 16.0).all()
     tired = fly(quad, maneuver(6.0, *BUSY[:2], battery={"start": 15.5, "fall": 0.1, "sag": 0.9}))
-    area, voltage = channel_range(quad), tired.inputs[:, volts]
+    area, voltage = quad.rotor_range, tired.inputs[:, volts]
     x, hover = tired.inputs[:, area.columns] * voltage[:, None] / 16.0, fresh.trim.inputs[area.columns]
     load = np.mean((x / hover) ** 2, axis=1)
     assert voltage == pytest.approx(15.5 - 0.1 * tired.time - 0.9 * load, abs=1e-9)
@@ -197,7 +195,7 @@ def test_gusts_push_and_the_autopilot_holds(quad: Vehicle) -> None:
     assert np.array_equal(one.outputs, again.outputs)
     assert not np.array_equal(one.outputs, other.outputs)
     assert 0.01 < np.abs(one.velocity).max() < 1.0
-    assert one.inputs[:, channel_range(gusty).columns].std(axis=0).min() > 1e-3
+    assert one.inputs[:, gusty.rotor_range.columns].std(axis=0).min() > 1e-3
 
 
 def test_what_cannot_be_flown(twin_boom: Vehicle, quad: Vehicle) -> None:

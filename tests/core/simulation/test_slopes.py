@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from stoop.kernels.filtering import innovations, step
+from stoop.kernels.filtering import innovations
 from stoop.kernels.windows import windows
-from stoop.simulation import initial_states, parameter_rows, trim
+from stoop.simulation import trim
 from stoop.simulation.autopilot import linear_errors
-from stoop.simulation.delays import at_samples, late_inputs
 from stoop.simulation.fly import fly
 from stoop.simulation.maneuver import Maneuver
 from stoop.vehicle import Vehicle, parse_vehicle
+from stoop.vehicle.delays import at_samples
 
 DT, N = 0.01, 200
 HEAVY, SPIN = 0.03, 6e-5  #: kg m2
@@ -44,8 +44,8 @@ def record() -> np.ndarray:
 
 def one() -> tuple[Vehicle, np.ndarray, np.ndarray, np.ndarray]:
     vehicle, u = parse_vehicle(ALONE, "one"), record()
-    rows = parameter_rows(vehicle)
-    return vehicle, rows, initial_states(vehicle, {"r": 0.1}, rows, u[0]), u
+    rows = vehicle.parameter_rows()
+    return vehicle, rows, vehicle.initial_states({"r": 0.1}, rows, u[0]), u
 
 
 def turned(u: np.ndarray) -> np.ndarray:
@@ -57,7 +57,7 @@ def turned(u: np.ndarray) -> np.ndarray:
 def test_angular_momentum_is_kept() -> None:
     vehicle, rows, start, u = one()
     assert vehicle.inputs == ("motor_1", "voltage", "motor_1.slope", "voltage.slope")
-    y = vehicle.kernel().trajectories(rows, start, late_inputs(vehicle, u, rows, DT), DT)[0]
+    y = vehicle.kernel().trajectories(rows, start, vehicle.late_inputs(u, rows, DT), DT)[0]
     r = y[:, vehicle.outputs.index("r")]
     assert r == pytest.approx(turned(u), abs=1e-12)
     assert np.ptp(r) > 1.0
@@ -69,13 +69,13 @@ def test_every_loop_computes_the_same_flight() -> None:
     kernel, r = vehicle.kernel(), vehicle.outputs.index("r")
     two = np.repeat(rows, 2, axis=1)
     two[vehicle.rows["rotors.delay"], 1] = 0.02
-    lanes = late_inputs(vehicle, u, two, DT)
+    lanes = vehicle.late_inputs(u, two, DT)
     y = kernel.trajectories(two, np.repeat(start, 2, axis=1), lanes, DT)
     late = u.copy()
     late[2:, 0], late[:2, 0] = u[:-2, 0], u[0, 0]
     assert y[0, :, r] == pytest.approx(turned(u), abs=1e-12)
     assert y[1, :, r] == pytest.approx(turned(late), abs=1e-12)
-    whole = late_inputs(vehicle, u, rows, DT)
+    whole = vehicle.late_inputs(u, rows, DT)
     none = np.zeros((1, kernel.moves * len(vehicle.outputs), 1))
     unseen = np.full((N, len(vehicle.outputs)), np.nan)
     which = np.zeros(N, dtype=np.int64)
@@ -85,7 +85,7 @@ def test_every_loop_computes_the_same_flight() -> None:
     first, end, many = (np.array([n], dtype=np.int64) for n in (40, N, 60))
     flown, last = windows(kernel, rows, states[:, 40:41].copy(), whole, first, end, many, DT)
     assert flown[0, :, r] == pytest.approx(turned(u)[40:101], abs=1e-12)
-    after, _ = step(kernel, rows, states[:, 7:8].copy(), whole[7, :, None], whole[8, :, None], DT)
+    after, _ = kernel.step(rows, states[:, 7:8].copy(), whole[7, :, None], whole[8, :, None], DT)
     assert after[:, 0] == pytest.approx(states[:, 8], abs=1e-12)
     assert last[:, 0] == pytest.approx(states[:, 100], abs=1e-8), "a filter keeps the length of a quaternion"
 
@@ -103,7 +103,7 @@ def test_steady_flight_has_no_slopes_and_a_lag_needs_none() -> None:
 def test_at_a_sample_a_slope_is_that_of_both_sides() -> None:
     vehicle, rows, _, u = one()
     u[:, 0] = 3.0 * np.square(np.arange(N) * DT)
-    late = at_samples(vehicle, late_inputs(vehicle, u, rows, DT))
+    late = at_samples(vehicle, vehicle.late_inputs(u, rows, DT))
     assert late[1:-1, 2] == pytest.approx(6.0 * np.arange(1, N - 1) * DT, abs=1e-9)
 
 
@@ -118,9 +118,9 @@ def test_an_autopilot_knows_the_jump_and_its_flight_is_that_of_the_record(gusts:
     assert np.abs(r).max() > 0.05
     assert np.abs(r[-100:]).max() < 0.01
     if not gusts:
-        rows = parameter_rows(vehicle, flown.trim.changes)
-        start = initial_states(vehicle, flown.trim.start, rows, flown.inputs[0])
-        received = late_inputs(vehicle, flown.inputs, rows, DT)
+        rows = vehicle.parameter_rows(flown.trim.changes)
+        start = vehicle.initial_states(flown.trim.start, rows, flown.inputs[0])
+        received = vehicle.late_inputs(flown.inputs, rows, DT)
         again = vehicle.kernel().trajectories(rows, start, received, DT)[0]
         assert again == pytest.approx(flown.outputs, abs=1e-9)
         speeds, spins = 1000.0 * flown.inputs[:, :4], np.array([1.0, 1.0, -1.0, -1.0])

@@ -9,10 +9,7 @@ from naive.aircraft import rotation
 from scipy.optimize import brentq
 
 from stoop.errors import SimulationError
-from stoop.simulation import linearize, parameter_rows, trim
-from stoop.simulation.initial import initial_states
-from stoop.simulation.rotors import accelerations, channel_range, effects
-from stoop.simulation.steady_flight import neighbors
+from stoop.simulation import linearize, trim
 from stoop.simulation.trim import Trim
 from stoop.vehicle import Vehicle, load_vehicle, parse_vehicle
 from stoop.vehicle.builtin import builtin_vehicle
@@ -21,8 +18,8 @@ G = 9.80665
 
 
 def readings(vehicle: Vehicle, point: Trim) -> dict[str, float]:
-    rows = parameter_rows(vehicle, point.changes)
-    states = initial_states(vehicle, point.start, rows, point.inputs)
+    rows = vehicle.parameter_rows(point.changes)
+    states = vehicle.initial_states(point.start, rows, point.inputs)
     _, y = vehicle.kernel().evaluate(rows, states, point.inputs[:, None].copy())
     return dict(zip(vehicle.outputs, y[:, 0].tolist(), strict=True))
 
@@ -30,7 +27,7 @@ def readings(vehicle: Vehicle, point: Trim) -> dict[str, float]:
 @pytest.mark.parametrize("name", ["quad-x", "hexa-x", "octo-x", "quadplane"])
 def test_templates_hover_on_equal_rotors(name: str) -> None:
     vehicle = builtin_vehicle(name)
-    point, area = trim(vehicle), channel_range(vehicle)
+    point, area = trim(vehicle), vehicle.rotor_range
     commands = point.inputs[area.columns]
     assert point.residual < 1e-7
     assert 0.3 < commands.min() <= commands.max() < 0.75
@@ -84,15 +81,15 @@ def test_of_many_ways_the_one_next_to_equal_commands() -> None:
     """Six rotors, one weak: the change from equal commands has no part that gives no acceleration."""
     text = builtin_vehicle("hexa-x").text.replace("[rotor.m1]", "[rotor.m1]\nfactor = 0.8", 1)
     weak = parse_vehicle(text, "weak.toml")
-    point, columns = trim(weak), channel_range(weak).columns
+    point, columns = trim(weak), weak.rotor_range.columns
     level = point.inputs.copy()
 
     def sinks(c: float) -> float:
         level[columns] = c
-        return float(accelerations(weak, {"h": 200.0}, level[:, None].copy())[2, 0])
+        return float(weak.accelerations({"h": 200.0}, level[:, None].copy())[2, 0])
 
     level[columns] = brentq(sinks, 0.1, 1.0, xtol=1e-13)  # equal commands that lift the weight alone
-    effect = effects(weak, {"h": 200.0}, level, {})
+    effect = weak.rotor_effects({"h": 200.0}, level, {})
     idle = np.linalg.svd(effect)[2][4:]
     assert np.abs(idle @ (point.inputs - level)[columns]).max() < 1e-6
     assert np.ptp(point.inputs[columns]) > 0.02
@@ -100,7 +97,7 @@ def test_of_many_ways_the_one_next_to_equal_commands() -> None:
 
 def test_one_newton_step_finds_the_trim_of_a_neighbor(quad: Vehicle) -> None:
     point = trim(quad, velocity=(2.0, 1.0, 0.0))
-    near = neighbors(point)({"mass.mass": np.array([1.5 * (1.0 + 1e-5)])})
+    near = point.neighbors()({"mass.mass": np.array([1.5 * (1.0 + 1e-5)])})
     exact = trim(quad.with_numbers({"mass.mass": {"value": 1.5 * (1.0 + 1e-5)}}), velocity=(2.0, 1.0, 0.0))
     assert near.inputs[:, 0] - point.inputs == pytest.approx(exact.inputs - point.inputs, rel=1e-3, abs=1e-12)
     known, x = point.solution

@@ -15,7 +15,7 @@ from stoop.estimate import methods
 from stoop.estimate.estimate import Estimate
 from stoop.estimate.fit import Options
 from stoop.flight import Flight
-from stoop.problem.prepare import prepare
+from stoop.problem.prepare import Prepared
 from stoop.problem.weights import Weights
 from stoop.problem.windows import Window
 from stoop.simulation.fly import simulate_flight
@@ -24,13 +24,14 @@ from stoop.strategy import Strategy
 from stoop.strategy.bounds import widen
 from stoop.strategy.decision import Fitted, Setup, estimate
 from stoop.strategy.likelihood import against_start, log_likelihood_rise, rise_from_start
-from stoop.strategy.run import FIT_ALONE, fit, setup_of
+from stoop.strategy.run import fit, setup_of
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import builtin_vehicle
 from stoop.vehicle.defaults import wider_bounds
 from stoop.workflow.demo import MANEUVER
 
 INERTIA, WINDOWS = "mass.inertia.yy", [Window("flight", 0.0, 5.0)]
+FIT_ALONE = Strategy.default().without("faults", "assumptions", "sensor-delays")
 WHOLE = [Window("sim", 0.0, 20.0)]
 
 
@@ -148,11 +149,11 @@ def test_an_end_worse_than_its_start_is_not_confirmed(searched: Estimate) -> Non
 
 def test_windows_held_back_speak_too(searched: Estimate, wrong: Vehicle, flight: Flight) -> None:
     """A window that the start flew is predicted by the start; the fit explains its own windows only."""
-    ahead = prepare(wrong, {"sim": flight}, [Window("sim", 20.0, 28.0)])
+    ahead = Prepared.of(wrong, {"sim": flight}, [Window("sim", 20.0, 28.0)])
     assert rise_from_start(searched, ahead) > 10.0
     assert against_start(searched, ahead) is searched
     other = simulate_flight(wrong, parse_maneuver(MANEUVER, "test"), seed=4, name="other")
-    ahead = prepare(wrong, {"other": other}, [Window("other", 0.0, 20.0)])
+    ahead = Prepared.of(wrong, {"other": other}, [Window("other", 0.0, 20.0)])
     assert rise_from_start(searched, ahead) < -20.0
     judged = against_start(searched, ahead)
     assert judged.outcome.status == "stalled"

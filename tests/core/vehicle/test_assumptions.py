@@ -5,10 +5,11 @@ import sympy as sp
 
 from stoop.errors import VehicleError
 from stoop.vehicle import Vehicle, parse_vehicle
-from stoop.vehicle.assumptions import USUAL, with_assumptions
+from stoop.vehicle.assumptions import with_assumptions
 from stoop.vehicle.builtin import builtin_vehicle
 from stoop.vehicle.defaults import SHORTEST_LAG
 from stoop.vehicle.symbolic.forces import lagged
+from stoop.vehicle.usual import USUAL
 
 DT = 0.02
 PLAIN = """

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from stoop.vehicle import Vehicle
-from stoop.vehicle.arrays import Evaluation, array_equations
+from stoop.vehicle.arrays import Evaluation
 from stoop.vehicle.builtin import load_vehicle
 from stoop.vehicle.document import with_entries
 from stoop.vehicle.extensions import extended
@@ -27,7 +27,7 @@ def test_extended_vehicle_has_the_same_equations_at_the_null_values(name: str) -
     assert len({one.name for one in catalogue}) == len(catalogue)
     x, u = disturbed(base, 1, 20.0)
     assert (vehicle.states, vehicle.inputs) == (base.states, base.inputs)
-    found = array_equations(vehicle)(vehicle.values, x, u)
+    found = vehicle.array_equations()(vehicle.values, x, u)
     wanted = base.kernel().evaluate(np.repeat(base.values[:, None], 15, axis=1), x, u)
     for a, b in zip(found, wanted, strict=True):
         np.testing.assert_allclose(a, b, rtol=1e-9, atol=1e-9)
@@ -66,7 +66,7 @@ def test_rotors_with_one_axis_are_a_group_beside_others() -> None:
 def test_a_change_is_that_of_another_evaluation() -> None:
     base = load_vehicle("twin-boom")
     vehicle, catalogue = extended(base)
-    (x, u), equations, rows = disturbed(base, 2, 35.0), array_equations(vehicle), vehicle.values.tolist()
+    (x, u), equations, rows = disturbed(base, 2, 35.0), vehicle.array_equations(), vehicle.values.tolist()
     # another in every piece
     rows[vehicle.rows["sensors.p.bias"]] = np.random.default_rng(3).standard_normal(15)
     at, before = Evaluation(equations, rows, x, u), np.vstack(equations(rows, x, u))

@@ -10,7 +10,6 @@ from core.vehicle.test_twin import check_points, flown
 from naive.aircraft import Aircraft
 from naive.multirotor import Multirotor
 
-from stoop.simulation import initial_states, parameter_rows
 from stoop.vehicle import parse_vehicle
 from stoop.vehicle.builtin import builtin_vehicle
 
@@ -82,8 +81,8 @@ def test_trajectories() -> None:
     waves = [0.6 * np.sin((3.0 + i) * t + i) + 0.6 * np.sign(np.sin(9.0 * t + i)) for i in range(len(mean))]
     u = mean + swing * np.array(waves).T  # with corners, some of which stop a motor
     changes = {p.name: p.value * rng.uniform(0.96, 1.04) for p in vehicle.parameters}
-    rows = parameter_rows(vehicle, changes)
-    y = vehicle.kernel().trajectories(rows, initial_states(vehicle, START, rows, u[0]), u, DT)[0]
+    rows = vehicle.parameter_rows(changes)
+    y = vehicle.kernel().trajectories(rows, vehicle.initial_states(START, rows, u[0]), u, DT)[0]
     expected = flown(Multirotor(spec.text, changes), vehicle.inputs, START, u, DT)
     size, turn = np.abs(expected).max(axis=0), y - expected
     turn[:, 6:9] -= 2 * np.pi * np.round(turn[:, 6:9] / (2 * np.pi))
@@ -116,8 +115,8 @@ def test_a_quadplane_is_its_aeroplane_and_its_rotors() -> None:
     start = {k: s * rng.uniform(-1, 1, count) for k, s in spread.items()} | {"h": np.full(count, 250.0)}
     start["u"] += 18.0
     u = rng.uniform(0.0, 0.6, (len(vehicle.inputs), count))
-    rows = parameter_rows(vehicle, None, count)
-    d, _ = vehicle.kernel().evaluate(rows, initial_states(vehicle, start, rows, u), u)
+    rows = vehicle.parameter_rows(None, count)
+    d, _ = vehicle.kernel().evaluate(rows, vehicle.initial_states(start, rows, u), u)
     plane, lifted = Aircraft(text, {}, {}), Multirotor(text, {})
     for b in range(count):
         named = dict(zip(vehicle.inputs, u[:, b].tolist(), strict=True))

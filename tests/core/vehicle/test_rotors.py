@@ -10,7 +10,6 @@ from naive.interpreted import Evaluate, interpreted
 from scipy.optimize import brentq
 
 from stoop.base.atmosphere import standard_density
-from stoop.simulation import initial_states, parameter_rows
 from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.vehicle.builtin import builtin_text, builtin_vehicle
 from stoop.vehicle.defaults import WIND_NUMBERS
@@ -33,8 +32,8 @@ def motors(vehicle: Vehicle, command: float, **others: float) -> np.ndarray:
 
 
 def rates(vehicle: Vehicle, evaluate: Evaluate, u: np.ndarray, start: Any, **numbers: float) -> Any:
-    rows = parameter_rows(vehicle, numbers)
-    d, y = evaluate(rows, initial_states(vehicle, start | {"h": start.get("h", 0.0)}, rows, u), u[:, None])
+    rows = vehicle.parameter_rows(numbers)
+    d, y = evaluate(rows, vehicle.initial_states(start | {"h": start.get("h", 0.0)}, rows, u), u[:, None])
     return dict(zip(vehicle.states, d[:, 0], strict=True)), dict(zip(vehicle.outputs, y[:, 0], strict=True))
 
 
@@ -105,8 +104,8 @@ def test_discs_draw_what_their_thrust_takes() -> None:
 
 def test_nothing_is_undefined_at_rest(template: tuple[Vehicle, Evaluate]) -> None:
     vehicle, evaluate = template
-    rows = parameter_rows(vehicle)
-    x = initial_states(vehicle, {"u": 0.0}, rows, np.zeros(len(vehicle.inputs)))
+    rows = vehicle.parameter_rows()
+    x = vehicle.initial_states({"u": 0.0}, rows, np.zeros(len(vehicle.inputs)))
     u = np.zeros((len(vehicle.inputs), 1))
     here = np.concatenate(evaluate(rows, x, u))
     assert np.isfinite(here).all()

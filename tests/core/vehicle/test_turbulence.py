@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from stoop.simulation import initial_states, parameter_rows
 from stoop.vehicle import parse_vehicle
 from stoop.vehicle.builtin import load_vehicle
 
@@ -39,14 +38,14 @@ def test_a_gust_is_felt_as_the_opposite_motion(twin_boom: str) -> None:
     calm, gusty = parse_vehicle(twin_boom, "calm"), parse_vehicle(twin_boom + TABLE, "gusty")
     start = {"V": 33.0, "alpha": 0.05, "beta": 0.02, "p": 0.1, "q": 0.2, "theta": 0.1, "h": 200.0}
     u = np.array([0.1, 0.02, 0.03, 0.0, 0.0, 0.0])
-    rows, at = parameter_rows(gusty), {name: i for i, name in enumerate(gusty.states)}
-    x = np.repeat(initial_states(gusty, start, rows, u), 3, axis=1)
+    rows, at = gusty.parameter_rows(), {name: i for i, name in enumerate(gusty.states)}
+    x = np.repeat(gusty.initial_states(start, rows, u), 3, axis=1)
     x[at["w"], 0] -= 0.7
     x[at["gust.w.fast"], 1] = 0.7 / np.sqrt(3.0)
     rates, readings = gusty.kernel().evaluate(np.repeat(rows, 3, axis=1), x, np.tile(u[:, None], 3))
     assert np.allclose(readings[:, 0], readings[:, 1], rtol=1e-12, atol=1e-12)
-    rows = parameter_rows(calm)
-    still = calm.kernel().evaluate(rows, initial_states(calm, start, rows, u[:3]), u[:3, None])
+    rows = calm.parameter_rows()
+    still = calm.kernel().evaluate(rows, calm.initial_states(start, rows, u[:3]), u[:3, None])
     assert np.allclose(rates[: len(calm.states), 2:], still[0], rtol=1e-13, atol=1e-13)
     assert np.allclose(readings[:, 2:], still[1], rtol=1e-13, atol=1e-13)
 
@@ -57,10 +56,10 @@ def test_a_gust_does_not_turn_with_what_hovers() -> None:
     gusty = parse_vehicle(text, "gusty")
     blown, turned = np.array([1.0, -0.7, 0.4]), {"phi": 0.3, "theta": -0.2, "psi": 1.9}
     through_air = Rotation.from_euler("ZYX", [1.9, -0.2, 0.3]).inv().apply(-blown)
-    rows, u = parameter_rows(gusty), np.array([0.6, 0.55, 0.6, 0.62, 0.0, 0.0, 0.0])
-    still = initial_states(gusty, {"h": 50.0, **turned}, rows, u)
+    rows, u = gusty.parameter_rows(), np.array([0.6, 0.55, 0.6, 0.62, 0.0, 0.0, 0.0])
+    still = gusty.initial_states({"h": 50.0, **turned}, rows, u)
     start = {"h": 50.0, **turned, **dict(zip("uvw", through_air, strict=True))}
-    moving = initial_states(gusty, start, rows, u)
+    moving = gusty.initial_states(start, rows, u)
     at = {name: i for i, name in enumerate(gusty.states)}
     for axis, value in zip("uvw", blown, strict=True):
         still[[i for name, i in at.items() if name.startswith(f"gust.{axis}")]] = value

@@ -11,10 +11,9 @@ from naive import march
 from naive.aircraft import Aircraft, rotation
 from naive.texts import V_TAIL_LATERAL, V_TAIL_MIXERS
 
-from stoop.simulation import initial_states, parameter_rows
 from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.vehicle.builtin import builtin_text
-from stoop.vehicle.vehicle import motion_input
+from stoop.vehicle.channels import motion_input
 
 DT, N = 0.003, 101  #: short steps: the twin turns a rotation matrix where the model turns a quaternion
 RTOL = 1e-9
@@ -127,8 +126,8 @@ def flown(twin: Any, names: Any, start: Mapping[str, float], u: np.ndarray, dt: 
 
 def check_points(vehicle: Vehicle, twin: Any, start: Any, u: np.ndarray, rtol: float, off: Any) -> None:
     """Compare rates and readings at states where lags are off their commands, (n, count), without an integrator."""
-    rows = parameter_rows(vehicle, None, u.shape[1])
-    x = initial_states(vehicle, start, rows, u)
+    rows = vehicle.parameter_rows(None, u.shape[1])
+    x = vehicle.initial_states(start, rows, u)
     lags = [i for i, s in enumerate(vehicle.states) if s.endswith(".lag")]
     x[lags] += off(x[lags].shape)
     d, y = vehicle.kernel().evaluate(rows, x, u)
@@ -153,8 +152,8 @@ def test_trajectories_and_cost(name: str) -> None:
     means, swings = np.array([spec.inputs[name] for name in vehicle.inputs]).T
     waves = [0.7 * np.sin((2.0 + i) * t + i) + 0.3 * np.sign(np.sin(5.0 * t + i)) for i in range(len(means))]
     u = means + swings * np.array(waves).T  # smooth, with corners, different on each channel
-    rows = parameter_rows(vehicle, {n: np.array([c[n] for c in candidates]) for n in candidates[0]}, 2)
-    start = initial_states(vehicle, spec.start, rows, u[0])
+    rows = vehicle.parameter_rows({n: np.array([c[n] for c in candidates]) for n in candidates[0]}, 2)
+    start = vehicle.initial_states(spec.start, rows, u[0])
     y = vehicle.kernel().trajectories(rows, start, u, DT)
     twins = [Aircraft(spec.text, c, spec.extra) for c in candidates]
     expected = np.array([flown(twin, vehicle.inputs, spec.start, u, DT) for twin in twins])
@@ -257,9 +256,9 @@ def test_held_states_follow_the_record(name: str) -> None:
     told |= {n: m + s * np.sin((2.0 + i) * t + i) for i, (n, (m, s)) in enumerate(inputs.items())}
     u = np.column_stack([told[name] for name in vehicle.inputs])
     (changes,) = changed(vehicle, 1)
-    rows = parameter_rows(vehicle, {n: np.array([v]) for n, v in changes.items()}, 1)
+    rows = vehicle.parameter_rows({n: np.array([v]) for n, v in changes.items()}, 1)
     begin = TURNED | {"V": 34.0}
-    states = initial_states(vehicle, begin, rows, u[0])
+    states = vehicle.initial_states(begin, rows, u[0])
     y = vehicle.kernel().trajectories(rows, states, u, HELD_DT)[0]
 
     twin = Decoupled(case, reduce, changes, vehicle.inputs)

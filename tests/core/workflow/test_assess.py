@@ -10,7 +10,7 @@ from helpers.flown import maneuver, with_few_free
 
 from stoop.assessment.assessment import Finding, Watch, pack, unpack
 from stoop.assessment.bootstrap import CHUNK, bootstrap_plan
-from stoop.assessment.error_bars import ErrorBars, error_bars
+from stoop.assessment.error_bars import ErrorBars
 from stoop.assessment.modes import conditions, modes
 from stoop.assessment.uncertainty import repeatability, scatter
 from stoop.base.notices import notice
@@ -32,7 +32,7 @@ from stoop.workflow.summary import repeatability_lines
 
 
 def plan_of(job: FittedModel, count: int) -> Plan:
-    return bootstrap_plan(job.estimate, error_bars(job.estimate), 0, count)
+    return bootstrap_plan(job.estimate, ErrorBars.of(job.estimate), 0, count)
 
 
 def here() -> Given:
@@ -224,7 +224,7 @@ def test_intervals_hold_the_truth_as_often_as_they_should(aircraft: Vehicle) -> 
         flight = simulate_flight(vehicle, flown, seed, name="sim")
         found = fit(vehicle, {"sim": flight}, [Window("sim", 0.0, 12.0)])
         names = tuple(p.name for p in found.problem.layout.parameters)
-        (condition,) = modes(found, names, error_bars(found).covariance[: len(names), : len(names)])
+        (condition,) = modes(found, names, ErrorBars.of(found).covariance[: len(names), : len(names)])
         short = next(m for m in condition.modes if m.name == "short period")
         truth = linearize(vehicle, trim(vehicle, condition.airspeed, condition.altitude)).modes[0]
         off.append((short.frequency.estimate - truth.frequency) / short.frequency.std_error)

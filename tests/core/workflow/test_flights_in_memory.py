@@ -10,7 +10,7 @@ import pytest
 import stoop
 from stoop.errors import FlightError, StoopError
 from stoop.flight import Flight
-from stoop.problem.windows import Window, as_windows
+from stoop.problem.windows import Window
 from stoop.workflow.flights import as_flight
 
 TIME = np.arange(100) * 0.02
@@ -75,12 +75,12 @@ def test_a_window_in_every_form(flight: Flight) -> None:
         np.array(pair), np.array([pair]), [np.array(pair)], (np.float32(0.5), np.float64(20.0)),
     )  # fmt: skip
     for form in forms:
-        assert as_windows(form, flights) == (one,), form  # type: ignore[arg-type]
-    assert [w.stop for w in as_windows(["0:2", (3, 4), slice(5, 6)], flights)] == [2.0, 4.0, 6.0]
-    assert as_windows((), flights) == ()
+        assert Window.several(form, flights) == (one,), form  # type: ignore[arg-type]
+    assert [w.stop for w in Window.several(["0:2", (3, 4), slice(5, 6)], flights)] == [2.0, 4.0, 6.0]
+    assert Window.several((), flights) == ()
     for wrong in (np.zeros((2, 3)), np.zeros((2, 2, 2)), np.ones(3), 3.0, np.float64(3.0), [None], (1, "x")):
         with pytest.raises(FlightError, match=r"140:145|START:STOP"):
-            as_windows(wrong, flights)  # type: ignore[arg-type]
+            Window.several(wrong, flights)  # type: ignore[arg-type]
     for none in ((), [], np.empty((0, 2))):
         with pytest.raises(FlightError, match="no maneuver is given"):
             stoop.fit("twin-boom", table(), none)

@@ -12,9 +12,8 @@ from helpers.flown import Input, maneuver
 from stoop.base.notices import Notice
 from stoop.checks.rotors import _limited
 from stoop.flight import Flight, from_columns
-from stoop.problem.windows import whole
+from stoop.problem.windows import Window
 from stoop.simulation.fly import simulate_flight
-from stoop.simulation.rotors import channel_range
 from stoop.vehicle import Vehicle, parse_vehicle
 from stoop.vehicle.builtin import load_vehicle
 from stoop_draft.checks.motors import check_motors
@@ -34,7 +33,7 @@ def hexa() -> Flight:
 
 
 def found(text: str, flight: Flight) -> list[Notice]:
-    return check_motors(parse_vehicle(text, "my.toml"), flight, whole({"sim": flight}))
+    return check_motors(parse_vehicle(text, "my.toml"), flight, Window.whole({"sim": flight}))
 
 
 def edited(rotor: str, pattern: str, new: str) -> str:
@@ -48,7 +47,7 @@ def test_a_right_file_is_not_accused(hexa: Flight) -> None:
     assert found(right.text, hexa) == []
     wrong = {"rotors.T2": 2.0, "rotors.lag": 0.4, "mass.inertia.xx": 2.0, "rotors.torque_ratio": 0.5}
     guess = right.with_numbers({n: {"value": right.value(n) * f} for n, f in wrong.items()})
-    assert check_motors(guess, hexa, whole({"sim": hexa})) == []
+    assert check_motors(guess, hexa, Window.whole({"sim": hexa})) == []
     calm = flown(right)
     for text in (right.text, edited("m3", 'spin = "cw"', 'spin = "ccw"')):
         assert found(text, calm) == []
@@ -62,7 +61,7 @@ def test_exchanged_channels_are_named(delay: float | None, lag: float | None, he
         late = {"rotors.delay": {"value": delay}, "rotors.lag": {"value": lag}}
         text = right.text.replace("[rotors]", "[rotors]\ndelay = 0.0")
         right = parse_vehicle(text, "my.toml").with_numbers(late)
-        assert check_motors(right, hexa, whole({"sim": hexa})) == []
+        assert check_motors(right, hexa, Window.whole({"sim": hexa})) == []
     names = {"motor_1": "motor_2", "motor_2": "motor_1"}
     (one,) = found(re.sub("motor_[12]", lambda m: names[m[0]], right.text), hexa)
     assert (one.code, one.values["kind"], one.values["axis"]) == ("moments-contradicted", "exchange", "roll")
@@ -125,7 +124,7 @@ def test_commands_in_any_other_order_are_put_in_theirs_at_once(name: str) -> Non
 
 def test_commands_at_an_end_of_their_range_are_named() -> None:
     vehicle = load_vehicle("hexa-x")
-    area, rng = channel_range(vehicle), np.random.default_rng(0)
+    area, rng = vehicle.rotor_range, np.random.default_rng(0)
     inputs = rng.uniform(0.3, 0.7, (1000, len(vehicle.inputs)))
     for column, end in ((area.columns[0], area.full[0]), (area.columns[1], area.idle[1])):
         inputs[:100, column] = end

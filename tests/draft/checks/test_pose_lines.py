@@ -13,8 +13,8 @@ from scipy.spatial.transform import Rotation
 from stoop.base.arrays import FloatArray
 from stoop.errors import FlightError
 from stoop.flight import load_flight
-from stoop.flight.apply_mapping import apply_mapping
-from stoop.flight.mapping import flight_mapping
+from stoop.flight.apply_mapping import Mapped
+from stoop.flight.mapping import FlightMapping
 from stoop.logs import Recording, Stream
 from stoop.simulation.fly import simulate_flight
 from stoop.vehicle.builtin import load_vehicle
@@ -79,7 +79,7 @@ def test_a_pose_in_a_bag_of_ros_comes_out_north_east_down() -> None:
         log = Recording(Path("bag"), "rosbag", streams, info=frames)
         text = draft_of(log).text
         assert ('frame = ["flu", "enu"]' in text) is framed
-        channels = apply_mapping(flight_mapping("m.toml", tomllib.loads(text)), log).channels
+        channels = Mapped.of(FlightMapping.parse("m.toml", tomllib.loads(text)), log).channels
         found = {name: (group.time, x) for group in channels for name, x in group.values.items()}
         for name in ("pn", "pe", "pd", "motor_3"):
             time, x = found[name]

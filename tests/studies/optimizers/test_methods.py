@@ -6,7 +6,9 @@ from naive.landscapes import Only, rosenbrock, sphere
 
 from stoop import optimize
 from stoop.optimize import Stop, minimize
+from stoop.optimize.libraries import LARGE, finite_costs
 from stoop.optimize.population import MEMBERS
+from stoop_studies.optimizers.libraries import Escape
 
 METHODS = (
     "ps-gde", "de-rand-1-bin", "de-best-2-bin", "weighted-centroid", "multi-population", "hybrid",
@@ -76,3 +78,19 @@ def test_names_keep_their_promises(name: str) -> None:
     outcome = minimize(planned, problem, seed=0, stop=Stop(generations=10**6, budget=500.0))
     assert outcome.trajectories == problem.asked <= 500
     assert outcome.status == "budget"
+
+
+def test_an_exception_is_carried_past_a_library() -> None:
+    problem = Only(sphere, 2)
+    ledger = optimize.Ledger(problem, optimize.Evaluations.none(problem), budget=3.0)
+    escape = Escape(ledger)
+    assert escape.costs(np.full((2, 2), 0.5)).max() < 1.0
+    escape.check()
+    assert escape.costs(np.full((4, 2), 0.5)).tolist() == [LARGE] * 4
+    assert escape.costs(np.full((1, 2), 0.5)).tolist() == [LARGE]
+    assert problem.asked == 3
+    with pytest.raises(optimize.ledger.Halt):
+        escape.check()
+    fresh = optimize.Ledger(problem, optimize.Evaluations.none(problem))
+    finite_costs(fresh, np.array([[1.0 + 1e-16, -1e-18]]))
+    assert problem.outside <= 0.0, "points beside the box are evaluated on its bound"

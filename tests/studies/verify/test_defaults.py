@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 
 from stoop.flight import load_flight
-from stoop.simulation import initial_states, parameter_rows
 from stoop.vehicle import parse_vehicle
 from stoop_studies.verify import instruments, truths
 from stoop_studies.verify.defaults import fly, right, scores, spoiled
@@ -52,9 +51,9 @@ def test_truth_of_a_file_gives_the_same_forces() -> None:
         true = own | {n: m.gain * own[n] + m.offset for n, m in surfaces.items()}
         rates = []
         for vehicle, deflected in ((plain, true), (file, own)):
-            rows = parameter_rows(vehicle)
+            rows = vehicle.parameter_rows()
             inputs = np.array([deflected[c] for c in vehicle.inputs])
-            state = initial_states(vehicle, start, rows, inputs)
+            state = vehicle.initial_states(start, rows, inputs)
             rates.append(vehicle.kernel().evaluate(rows, state, inputs[:, None])[0])
         assert rates[1] == pytest.approx(rates[0], rel=1e-9, abs=1e-9)
 

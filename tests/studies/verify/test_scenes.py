@@ -1,10 +1,9 @@
 import numpy as np
 import pytest
 
-from stoop.assessment.error_bars import error_bars
+from stoop.assessment.error_bars import ErrorBars
 from stoop.estimate import methods
 from stoop.estimate.fit import Options
-from stoop.vehicle.vehicle import leaves
 from stoop_studies.verify import closed_loop
 from stoop_studies.verify.defects import RIGHT, defects, fly, late, truth, turned, user_file
 from stoop_studies.verify.scenes import Scene, aircraft, maneuvers, with_biases
@@ -21,7 +20,7 @@ def test_recorded_surfaces_follow_the_recorded_motion() -> None:
 
 def test_a_file_is_wrong_in_one_thing() -> None:
     for name, defect in defects().items():
-        a, b = ({n: q.value for n, q in leaves(v.file)} for v in (truth(name), user_file(name)))
+        a, b = ({n: q.value for n, q in v.quantities.items()} for v in (truth(name), user_file(name)))
         differing = {n for n in a.keys() | b.keys() if a.get(n) != b.get(n)}
         if name in RIGHT or defect.record is not None:
             assert not differing, name
@@ -33,7 +32,7 @@ def test_a_file_is_wrong_in_one_thing() -> None:
 def worst(scene: Scene, method: str) -> float:
     fitter = methods.find(method).fitter()
     fit = fitter(scene.start, scene.flights, scene.windows, Options(method=method), None, None)
-    std = dict(zip(fit.estimates, error_bars(fit).std, strict=False))
+    std = dict(zip(fit.estimates, ErrorBars.of(fit).std, strict=False))
     return float(max(abs(fit.estimates[n] - v) / std[n] for n, v in scene.truth.items()))
 
 

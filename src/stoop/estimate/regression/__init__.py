@@ -14,7 +14,7 @@ import numpy as np
 
 from stoop.base.arrays import FloatArray
 from stoop.estimate.regression.aircraft import AircraftEquations, complete
-from stoop.estimate.regression.least_squares import TimeDomain, estimate
+from stoop.estimate.regression.least_squares import TimeDomain
 from stoop.estimate.regression.rotors import RotorEquations
 from stoop.problem import Layout, Piece
 from stoop.problem.observation import observation_model
@@ -36,5 +36,5 @@ def start_value(layout: Layout, pieces: Sequence[Piece]) -> FloatArray | None:
     equations = kind_of(layout.vehicle).of(layout, pieces)
     if equations.linear and not all(complete(layout.vehicle, p).mean() > MIN_COMPLETE for p in pieces):
         return None
-    found = estimate(equations, TimeDomain(), bounded=True)
+    found = equations.estimate(TimeDomain(), bounded=True)
     return None if found is None else np.clip(equations.vector(found.values)[: layout.dimension], 0.0, 1.0)

@@ -29,15 +29,12 @@ from stoop.estimate.regression.least_squares import Equations, Rows
 from stoop.flight.flight import MIN_SEGMENT
 from stoop.problem import Layout, Piece
 from stoop.problem.observation import at_center_of_gravity, recorded_motion, true_values
-from stoop.simulation import START_NAMES, parameter_rows
-from stoop.simulation.delays import first_order_lag
-from stoop.simulation.initial import commanded, initial_states, rigid_states
+from stoop.simulation import START_NAMES
 from stoop.vehicle import Vehicle, terms
+from stoop.vehicle.channels import rigid_states
+from stoop.vehicle.delays import first_order_lag
 from stoop.vehicle.schema import Term
 
-COEFFICIENTS: Final = {
-    "full": ("CL", "CD", "CQ", "Cl", "Cm", "Cn"), "longitudinal": ("CL", "CD", "Cm"), "lateral": ("CQ", "Cl", "Cn"),
-}  #: estimated, by the vehicle's reduction; as many as there are accelerations  # fmt: skip
 NOT_NEEDED: Final = ("psi", *POSITION)  #: no force depends on them
 MIN_SAMPLES: Final = 8  #: of a stretch
 
@@ -57,10 +54,10 @@ class Motion:
     def of(cls, vehicle: Vehicle, piece: Piece) -> Motion:
         """Return the motion of a piece; delays and lags are those of the vehicle file."""
         samples = np.flatnonzero(complete(vehicle, piece))
-        rows = parameter_rows(vehicle, piece.changes, len(samples))
+        rows = vehicle.parameter_rows(piece.changes, len(samples))
         late, deflections = piece.received(vehicle, rows[:, :1]), {}
         for c in vehicle.controls:
-            angle = commanded(vehicle, c, np.repeat(rows[:, :1], len(late), axis=1), late.T)
+            angle = vehicle.commanded(c, np.repeat(rows[:, :1], len(late), axis=1), late.T)
             if vehicle.file.controls[c].lag is not None:
                 angle = first_order_lag(angle, float(rows[vehicle.rows[f"controls.{c}.lag"], 0]), piece.dt)
             deflections[c] = angle[samples]
@@ -75,7 +72,7 @@ class Motion:
 
     def kernel_states(self, vehicle: Vehicle) -> FloatArray:
         """Return the kernel's states (n_x, n)."""
-        out = initial_states(vehicle, {}, self.rows, self.inputs, rigid_states(self.states, vehicle))
+        out = vehicle.initial_states({}, self.rows, self.inputs, rigid_states(self.states, vehicle))
         for i, name in enumerate(vehicle.states):
             if name.endswith(".lag"):
                 out[i] = self.deflections[name.removesuffix(".lag")]
@@ -135,30 +132,30 @@ class History:
         parsed = _parsed(term, frozenset(self.variables))
         return np.full(len(self.time), terms.convert(parsed, self.variables), dtype=float)
 
+    @staticmethod
+    def of(
+        vehicle: Vehicle, piece: Piece, motion_of: Callable[[Vehicle, Piece], Motion] = Motion.of
+    ) -> tuple[History, ...]:
+        """Return the coefficient histories of every complete stretch of a piece that is long enough."""
+        present = complete(vehicle, piece)
+        if not present.any():
+            return ()
+        motion = motion_of(vehicle, piece)
+        shortest, edges = max(MIN_SAMPLES, round(0.5 * MIN_SEGMENT / piece.dt)), np.cumsum([0, *present])
+        stretches = [slice(edges[a], edges[b]) for a, b in runs(present) if b - a >= shortest]
+        rates, time = [motion.states[c] for c in RATES if c in vehicle.outputs], piece.time[motion.samples]
+        angular = np.full((len(rates), len(time)), np.nan)
+        for s in stretches:
+            angular[:, s] = [CubicSpline(time[s], rate[s])(time[s], 1) for rate in rates]
+        found, variables = coefficients(vehicle, motion, angular), motion.variables(vehicle)
+        each = [[{n: v[s] for n, v in columns.items()} for columns in (found, variables)] for s in stretches]
+        pairs = zip(stretches, each, strict=True)
+        return tuple(History(piece.maneuver, time[s], piece.dt, *own) for s, own in pairs)
+
 
 @lru_cache(maxsize=1000)
 def _parsed(term: str, names: frozenset[str]) -> Any:
     return terms.parse(term, names, "term")
-
-
-def histories(
-    vehicle: Vehicle, piece: Piece, motion_of: Callable[[Vehicle, Piece], Motion] = Motion.of
-) -> tuple[History, ...]:
-    """Return the coefficient histories of every complete stretch of a piece that is long enough."""
-    present = complete(vehicle, piece)
-    if not present.any():
-        return ()
-    motion = motion_of(vehicle, piece)
-    shortest, edges = max(MIN_SAMPLES, round(0.5 * MIN_SEGMENT / piece.dt)), np.cumsum([0, *present])
-    stretches = [slice(edges[a], edges[b]) for a, b in runs(present) if b - a >= shortest]
-    rates, time = [motion.states[c] for c in RATES if c in vehicle.outputs], piece.time[motion.samples]
-    angular = np.full((len(rates), len(time)), np.nan)
-    for s in stretches:
-        angular[:, s] = [CubicSpline(time[s], rate[s])(time[s], 1) for rate in rates]
-    found, variables = coefficients(vehicle, motion, angular), motion.variables(vehicle)
-    each = [[{n: v[s] for n, v in columns.items()} for columns in (found, variables)] for s in stretches]
-    pairs = zip(stretches, each, strict=True)
-    return tuple(History(piece.maneuver, time[s], piece.dt, *own) for s, own in pairs)
 
 
 def coefficients(vehicle: Vehicle, motion: Motion, angular: FloatArray) -> dict[str, FloatArray]:
@@ -174,12 +171,12 @@ def coefficients(vehicle: Vehicle, motion: Motion, angular: FloatArray) -> dict[
     known = np.asarray(np.isfinite(wanted).all(axis=1) & np.isfinite(gains).all(axis=(1, 2)))
     known[known] = np.linalg.det(gains[known]) != 0.0
     solved[known] = np.linalg.solve(gains[known], wanted[known, :, None])[:, :, 0]
-    return dict(zip(COEFFICIENTS[vehicle.reduce], solved.T, strict=True))
+    return dict(zip(AircraftEquations.COEFFICIENTS[vehicle.reduce], solved.T, strict=True))
 
 
 def balance(vehicle: Vehicle, motion: Motion) -> tuple[FloatArray, FloatArray]:
     """Return the accelerations (a, n) without aerodynamics, and what a unit of each coefficient adds (a, c, n)."""
-    estimated = COEFFICIENTS[vehicle.reduce]
+    estimated = AircraftEquations.COEFFICIENTS[vehicle.reduce]
     constants, probed = _constants(vehicle), vehicle
     if len(constants) < len(estimated):  # a vehicle whose coefficients are constants, and nothing else
         only = {c: {f"{c}0": Term(term="1")} for c in estimated}
@@ -207,9 +204,10 @@ def balance(vehicle: Vehicle, motion: Motion) -> tuple[FloatArray, FloatArray]:
 
 def _constants(vehicle: Vehicle) -> list[str]:
     """Return a constant term, tied to nothing, of each coefficient that has one."""
-    targets = [q.tie for c in COEFFICIENTS["full"] for q in getattr(vehicle.file.aerodynamics, c).values()]
+    every = AircraftEquations.COEFFICIENTS["full"]
+    targets = [q.tie for c in every for q in getattr(vehicle.file.aerodynamics, c).values()]
     out = []
-    for c in COEFFICIENTS[vehicle.reduce]:
+    for c in AircraftEquations.COEFFICIENTS[vehicle.reduce]:
         group: Mapping[str, Term] = getattr(vehicle.file.aerodynamics, c)
         alone = [n for n, t in group.items() if t.term.strip() == "1" and t.tie is None and n not in targets]
         out += alone[:1]
@@ -220,6 +218,10 @@ def _constants(vehicle: Vehicle) -> list[str]:
 class AircraftEquations(Equations):
     """The coefficients of an aircraft as a linear regression on its free terms; other free numbers keep the file's values."""
 
+    #: estimated, by the vehicle's reduction; as many as there are accelerations
+    COEFFICIENTS: ClassVar = {
+        "full": ("CL", "CD", "CQ", "Cl", "Cm", "Cn"), "longitudinal": ("CL", "CD", "Cm"), "lateral": ("CQ", "Cl", "Cn"),
+    }  # fmt: skip
     histories: tuple[History, ...]
 
     linear = True
@@ -243,7 +245,7 @@ class AircraftEquations(Equations):
         """Return the equations of measured maneuvers."""
         if not any("." not in p.name for p in layout.parameters):
             return cls(layout, ())
-        return cls(layout, tuple(h for piece in pieces for h in histories(layout.vehicle, piece)))
+        return cls(layout, tuple(h for piece in pieces for h in History.of(layout.vehicle, piece)))
 
     @cached_property
     def places(self) -> tuple[int, ...]:
@@ -264,7 +266,7 @@ class AircraftEquations(Equations):
         vehicle = self.layout.vehicle
         column = {vehicle.rows[name]: k for k, name in enumerate(self.names)}
         out = []
-        for coefficient in COEFFICIENTS[vehicle.reduce]:
+        for coefficient in AircraftEquations.COEFFICIENTS[vehicle.reduce]:
             y = history.coefficients[coefficient].copy()
             X = np.zeros((len(y), len(self.places)))
             for name, text in vehicle.terms[coefficient].items():

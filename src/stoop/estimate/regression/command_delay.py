@@ -26,8 +26,8 @@ from stoop.base.variables import EFFECTS, RATES
 from stoop.estimate.noise import correlation_times
 from stoop.estimate.regression.least_squares import TimeDomain
 from stoop.problem import Piece
-from stoop.simulation.delays import delayed, first_order_lag
 from stoop.vehicle import Vehicle
+from stoop.vehicle.delays import delayed, first_order_lag
 
 LONGEST: Final = 0.5  #: s, the longest delay that is looked for
 LEVEL: Final = 1e-4  #: of a rise of the likelihood by chance

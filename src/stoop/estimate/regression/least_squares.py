@@ -271,19 +271,18 @@ class Equations(ABC):
         """Return which equations or data the estimates do not rest on."""
         return []
 
+    def estimate(self, domain: Domain, bounded: bool = False) -> Estimates | None:
+        """Estimate the unknowns, within bounds or not.
 
-def estimate(equations: Equations, domain: Domain, bounded: bool = False) -> Estimates | None:
-    """Estimate the unknowns, within bounds or not.
-
-    None where the motion was nowhere measured completely, or the equations diverge. A constant that the domain does not keep
-    is found afterwards, from the means.
-    """
-    first = _gauss_newton(equations, domain, bounded)
-    if first is None:
-        return None
-    found, kept = equations.reviewed(first, domain)
-    again = None if kept is equations else _gauss_newton(kept, domain, bounded)
-    return found if again is None else kept.reviewed(again, domain)[0]
+        None where the motion was nowhere measured completely, or the equations diverge. A constant that the domain does not keep
+        is found afterwards, from the means.
+        """
+        first = _gauss_newton(self, domain, bounded)
+        if first is None:
+            return None
+        found, kept = self.reviewed(first, domain)
+        again = None if kept is self else _gauss_newton(kept, domain, bounded)
+        return found if again is None else kept.reviewed(again, domain)[0]
 
 
 def _gauss_newton(equations: Equations, domain: Domain, bounded: bool) -> Estimates | None:

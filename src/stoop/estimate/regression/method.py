@@ -26,7 +26,6 @@ from stoop.estimate.regression.least_squares import (
     Estimates,
     FrequencyDomain,
     TimeDomain,
-    estimate,
 )
 from stoop.estimate.regression.rotors import RotorEquations
 from stoop.estimate.shooting_windows import outputs_by_window
@@ -254,7 +253,7 @@ def regression(
     held = vehicle.with_numbers({n: {"free": False} for n in fixed})
     problem, prepared = estimation_problem(held, flights, windows, options)
     equations = kind.of(problem.layout, problem.pieces)
-    found = estimate(equations, domain, bounded=not kind.linear)
+    found = equations.estimate(domain, bounded=not kind.linear)
     if found is None:
         raise IdentificationError(f"{vehicle.where}: no regression is possible: {kind.needed}")
     z = equations.vector(found.values)

@@ -41,10 +41,9 @@ from stoop.flight.flight import MIN_SEGMENT
 from stoop.problem import Layout, Nuisance, Piece
 from stoop.problem.color import least_squares_autoregression
 from stoop.problem.observation import imu_axes, integrated_attitude, through_air, true_values
-from stoop.simulation import parameter_rows
-from stoop.simulation.delays import at_samples, first_order_lag
-from stoop.simulation.initial import commanded, initial_states, rigid_states
 from stoop.vehicle import Vehicle
+from stoop.vehicle.channels import rigid_states
+from stoop.vehicle.delays import at_samples, first_order_lag
 from stoop.vehicle.schema import WIND
 
 STEP: Final = 1e-5  #: of finite differences, in widths of the bounds or scales of the biases
@@ -87,7 +86,7 @@ class Stretch:
         climbed = cumulative_trapezoid(self.motion["vd"], dx=piece.dt, initial=0)
         height = float(piece.start.get("h", 0.0)) - climbed
         rigid = rigid_states(through_air(motion) | {"h": height})
-        states = initial_states(vehicle, {}, every, inputs, rigid)
+        states = vehicle.initial_states({}, every, inputs, rigid)
         for i, name in enumerate(vehicle.states):
             if name.endswith(".lag"):
                 follower = name.removesuffix(".lag")
@@ -139,7 +138,7 @@ def lagged_command(
     key = b"".join((name.encode(), id(piece).to_bytes(8, "little"), rows[involved, 0].tobytes()))
     if key not in cache:
         late = piece.received(vehicle, rows)
-        command = commanded(vehicle, name, np.repeat(rows, len(late), axis=1), late.T)
+        command = vehicle.commanded(name, np.repeat(rows, len(late), axis=1), late.T)
         lag = vehicle.rows.get(f"{prefix}.lag")
         cache[key] = command if lag is None else first_order_lag(command, float(rows[lag, 0]), piece.dt)
     return cache[key]
@@ -177,7 +176,7 @@ class RotorEquations(Equations):
     def kernel_parameters(self, piece: Piece, values: FloatArray) -> FloatArray:
         """Return kernel parameters (n_p, 1) of a piece for values (j,)."""
         vehicle, d = self.layout.vehicle, self.layout.dimension
-        out = parameter_rows(vehicle, piece.changes)
+        out = vehicle.parameter_rows(piece.changes)
         out[self.layout.rows, 0] = values[:d]
         for bias, value in zip(self.biases, values[d:], strict=True):
             if bias.maneuver == piece.maneuver:

@@ -25,7 +25,7 @@ from stoop.base.rotations import quaternions_of, to_ground
 from stoop.base.units import STANDARD_GRAVITY
 from stoop.base.variables import EULER, SPECIFIC_FORCE, VELOCITY
 from stoop.flight import Flight
-from stoop.simulation.delays import delayed
+from stoop.vehicle.delays import delayed
 
 STRETCH: Final = 4.0  #: s
 STRETCHES: Final = 8  #: that are compared, at least

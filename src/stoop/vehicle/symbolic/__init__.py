@@ -15,19 +15,12 @@ import sympy as sp
 from stoop.base.variables import EULER
 from stoop.kernels import SymbolicModel
 from stoop.vehicle.atmosphere import polynomial_density
+from stoop.vehicle.channels import AIR_FRAME, GROUND_FRAME, RIGID_STATES, Frame, motion_input, slope_input
 from stoop.vehicle.symbolic import frames
 from stoop.vehicle.symbolic.forces import Surroundings, lagged, spins, total
 from stoop.vehicle.symbolic.frames import Air, Attitude, Numbers, Quaternion, Vector, add, cross, scale
 from stoop.vehicle.symbolic.latex import equations
-from stoop.vehicle.vehicle import (
-    AIR_FRAME,
-    GROUND_FRAME,
-    RIGID_STATES,
-    Frame,
-    Vehicle,
-    motion_input,
-    slope_input,
-)
+from stoop.vehicle.vehicle import Vehicle
 
 _ZERO_STATES = {"full": (), "longitudinal": ("v", "p", "r", "e1", "e3"), "lateral": ("q",)}
 _CONSTANT_STATES = {"full": (), "longitudinal": (), "lateral": ("u", "w", "q", "h")}

@@ -42,6 +42,7 @@ import sympy as sp
 
 from stoop.base.atmosphere import SEA_LEVEL_DENSITY
 from stoop.vehicle import terms
+from stoop.vehicle.channels import slope_input
 from stoop.vehicle.defaults import COEFFICIENTS, MOMENT_ARMS, SHORTEST_LAG
 from stoop.vehicle.schema import Propeller
 from stoop.vehicle.symbolic.frames import (
@@ -56,7 +57,7 @@ from stoop.vehicle.symbolic.frames import (
     scale,
     subtract,
 )
-from stoop.vehicle.vehicle import Vehicle, slope_input
+from stoop.vehicle.vehicle import Vehicle
 
 _STILL: Final = 0.05  #: m/s; keeps roots smooth at rest without thrust
 _STOPPED: Final = 1e-9  #: rad/s; separates rotors that turn from those at rest

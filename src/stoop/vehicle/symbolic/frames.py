@@ -33,7 +33,8 @@ from typing import Any
 
 import sympy as sp
 
-from stoop.vehicle.vehicle import GUST_STATES, Vehicle, noise_input
+from stoop.vehicle.channels import GUST_STATES, noise_input
+from stoop.vehicle.vehicle import Vehicle
 
 Vector = tuple[Any, Any, Any]
 Quaternion = tuple[Any, Any, Any, Any]

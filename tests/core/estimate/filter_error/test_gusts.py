@@ -19,11 +19,12 @@ from stoop.problem.windows import Window
 from stoop.strategy import gusts as decision
 from stoop.strategy.decision import Fitted
 from stoop.strategy.method import MIN_MOTOR_RATE
-from stoop.strategy.run import FIT_ALONE, choose_method, fit, setup_of
+from stoop.strategy.run import choose_method, fit, setup_of
 from stoop.vehicle import parse_vehicle
 
 from .conftest import MANEUVER
 
+FIT_ALONE = Strategy.default().without("faults", "assumptions", "sensor-delays")
 WINDOWS = (Window("sim", 0.0, 15.0),)
 GUSTS = "\n[turbulence]\n" + "".join(f"{a} = {{{{ intensity = {{0}}, length = 150.0 }}}}\n" for a in "uvw")
 ERRORS = {

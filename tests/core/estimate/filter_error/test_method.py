@@ -10,7 +10,7 @@ from helpers.fits import fit_by
 from scipy.stats import norm
 
 from stoop import FittedModel, Flight, Options, Vehicle, simulate_flight, validate
-from stoop.assessment.error_bars import error_bars
+from stoop.assessment.error_bars import ErrorBars
 from stoop.base.arrays import FloatArray
 from stoop.estimate import methods
 from stoop.estimate.filter_error import raised
@@ -29,7 +29,7 @@ WINDOW = Window("sim", 0.0, 15.0)
 
 def errors(vehicle, flight, method, **options):
     found = fit_by(method, vehicle, {"sim": flight}, [WINDOW], **options)
-    truth, std = json.loads(flight.data.attrs["truth"]), error_bars(found).std
+    truth, std = json.loads(flight.data.attrs["truth"]), ErrorBars.of(found).std
     off = np.array([found.estimates[p.name] - truth[p.name] for p in found.problem.layout.parameters])
     return found, off, std[: len(off)]
 

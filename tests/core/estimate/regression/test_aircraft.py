@@ -10,19 +10,18 @@ from helpers.flown import with_few_free
 from stoop import Flight, Vehicle, load_vehicle
 from stoop.base.rotations import matrices_of_angles
 from stoop.base.variables import RATES, SPECIFIC_FORCE
-from stoop.estimate.regression.aircraft import History, Motion, balance, histories
-from stoop.estimate.regression.least_squares import Estimates, TimeDomain, estimate
+from stoop.estimate.regression.aircraft import History, Motion, balance
+from stoop.estimate.regression.least_squares import Estimates, TimeDomain
 from stoop.estimate.regression.rotors import MOMENTS, RotorEquations
 from stoop.flight.flight import from_columns
-from stoop.simulation import initial_states, parameter_rows
-from stoop.simulation.delays import first_order_lag
 from stoop.vehicle import parse_vehicle
+from stoop.vehicle.delays import first_order_lag
 from stoop.vehicle.document import with_entries
 
 
 def of(vehicle: Vehicle, flight: Flight) -> History:
     problem = posed(vehicle, flight)
-    (found,) = (h for piece in problem.pieces for h in histories(problem.layout.vehicle, piece))
+    (found,) = (h for piece in problem.pieces for h in History.of(problem.layout.vehicle, piece))
     return found
 
 
@@ -110,8 +109,8 @@ def flown(vehicle: Vehicle, mixed: bool, truth: dict[str, float], **noise: np.nd
     inputs = np.zeros((len(t), len(vehicle.inputs)))
     motors = [vehicle.inputs.index(vehicle.file.rotor[name].channel) for name in vehicle.rotors]
     inputs[:, motors] = 0.6 + common[:, None] + own
-    rows = parameter_rows(vehicle, truth)
-    start = initial_states(vehicle, {"u": 3.0, "v": -1.0, "w": 0.5, "h": 50.0}, rows, inputs[0])
+    rows = vehicle.parameter_rows(truth)
+    start = vehicle.initial_states({"u": 3.0, "v": -1.0, "w": 0.5, "h": 50.0}, rows, inputs[0])
     out, told = vehicle.kernel().trajectories(rows, start, inputs, DT)[0], inputs.copy()
     if mixed:
         told[:, motors] -= 2.0 * own  # what the log holds turns the vehicle the other way
@@ -129,7 +128,7 @@ def regressed(mixed: bool) -> tuple[dict[str, float], Estimates]:
 def solved_for(vehicle: Vehicle, flight: Flight, free: tuple[str, ...]) -> tuple[dict[str, float], Estimates]:
     """Fit some numbers and hold the others."""
     problem = posed(with_few_free(vehicle, free), flight, 3.99)
-    solved = estimate(RotorEquations.of(problem.layout, problem.pieces), TimeDomain(), bounded=True)
+    solved = RotorEquations.of(problem.layout, problem.pieces).estimate(TimeDomain(), bounded=True)
     assert solved is not None
     return {p.name: v for p, v in zip(problem.layout.parameters, solved.values, strict=False)}, solved
 
@@ -171,5 +170,5 @@ def test_a_turned_inertial_unit_with_scale_errors_is_in_the_equations() -> None:
     problem = posed(vehicle, flown(vehicle, False, {}), 3.99)
     (stretch,) = RotorEquations.of(problem.layout, problem.pieces).stretches
     inside = slice(20, -20)
-    error = (stretch.measured - stretch.modeled(vehicle, parameter_rows(vehicle, {})))[inside]
+    error = (stretch.measured - stretch.modeled(vehicle, vehicle.parameter_rows({})))[inside]
     assert np.all(np.abs(error).max(axis=0) < 0.02 * np.ptp(stretch.measured[inside], axis=0))

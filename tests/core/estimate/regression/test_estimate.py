@@ -13,7 +13,7 @@ from scipy.signal import lfilter
 from stoop import Flight, Options, Vehicle, load_vehicle
 from stoop.assessment.bootstrap import Bootstrap, bootstrap_plan, refit_chunk
 from stoop.assessment.covariance import data_information, standard_errors
-from stoop.assessment.error_bars import error_bars, estimate_uncertainty
+from stoop.assessment.error_bars import ErrorBars, estimate_uncertainty
 from stoop.assessment.goodness_of_fit import left_out_residuals, press_notices
 from stoop.errors import IdentificationError
 from stoop.estimate.estimate import Estimate
@@ -40,7 +40,7 @@ NAMES = ("CLalpha", "Cmalpha", "Cmq", "Clp", "Cnbeta", "Cmelevator", "Claileron"
 def regressed(vehicle: Vehicle, flight: Flight, domain: ls.Domain) -> tuple[AircraftEquations, ls.Estimates]:
     problem = posed(vehicle, flight)
     equations = AircraftEquations.of(problem.layout, problem.pieces)
-    found = ls.estimate(equations, domain)
+    found = equations.estimate(domain)
     assert found is not None
     return equations, found
 
@@ -127,7 +127,7 @@ def test_error_bars_are_the_scatter(domain: ls.Domain, memory: float) -> None:
             linear = LinearProblem.of(misfit, z, evidence, solved.sigma, domain.period(dt), False)
             outcome: Any = None
             fit = RegressionEstimate(misfit, Prepared((), ()), z, outcome, 0.0, 0.0, (), evidence, linear)
-            runs = bootstrap_plan(fit, error_bars(fit), record, 50).runs
+            runs = bootstrap_plan(fit, ErrorBars.of(fit), record, 50).runs
             values = [refit_chunk(run.arguments, [None])[0]["values"] for run in runs]  # type: ignore[call-overload, index]
             drawn.append(np.std(np.concatenate(values), axis=0, ddof=1))
     scatter = np.sqrt(np.mean(np.square(errors), axis=0))
@@ -151,7 +151,7 @@ def test_methods_of_identify(full: Vehicle, noisy: Flight, method: Callable[...,
     still = replace(noisy, data=noisy.data.assign(elevator=0.0 * noisy.data["elevator"] - 0.05))
     changes = {"mass.inertia.yy": {"free": True, "prior": 10.0}, "Clr": {"free": False}}
     found = method(full.with_numbers(changes), {"noisy": still}, WINDOW, Options())
-    bars = error_bars(found)
+    bars = ErrorBars.of(found)
     for name in ("Cmelevator", "Cm0"):
         one = bars.identifiability[name]
         assert (one.identifiable, getattr(one.reason, "code", "")) == (False, "not-seen")
@@ -175,8 +175,8 @@ def fit(request: pytest.FixtureRequest, full: Vehicle, noisy: Flight) -> Estimat
 
 
 def test_the_bootstrap_agrees_with_the_corrected_errors(fit: Estimate) -> None:
-    found = Bootstrap(300, Given(ThreadPoolExecutor(1)))(fit, error_bars(fit), 0, lambda _: None).intervals
-    std = dict(zip(fit.estimates, error_bars(fit).std, strict=False))
+    found = Bootstrap(300, Given(ThreadPoolExecutor(1)))(fit, ErrorBars.of(fit), 0, lambda _: None).intervals
+    std = dict(zip(fit.estimates, ErrorBars.of(fit).std, strict=False))
     ratios = [found.parameters[name].std_error / std[name] for name in NAMES]
     assert np.median(ratios) == pytest.approx(1.0, abs=0.15)
     assert found.figures == {"replicates": 300.0, "refined": 0.0, "failed": 0.0}

@@ -16,9 +16,7 @@ from stoop.estimate import multiple_shooting
 from stoop.estimate.fit import estimation_problem
 from stoop.estimate.multiple_shooting import MultipleShooting
 from stoop.flight import from_columns
-from stoop.kernels import filtering
 from stoop.problem.windows import Window
-from stoop.simulation import initial_states, parameter_rows
 from stoop.simulation.maneuver import parse_maneuver
 from stoop.vehicle import parse_vehicle
 from stoop.workflow import demo
@@ -41,8 +39,8 @@ def unstable():
 def flight(unstable):
     """What sensors record while the elevator damps pitch rate and holds the angle of attack."""
     point = trim(unstable)
-    kernel, rows = unstable.kernel(), parameter_rows(unstable, point.changes)
-    x = initial_states(unstable, point.start, rows, point.inputs)
+    kernel, rows = unstable.kernel(), unstable.parameter_rows(point.changes)
+    x = unstable.initial_states(point.start, rows, point.inputs)
     pilot, u, inputs, readings = MANEUVER.deflections()["elevator"], point.inputs[:, None], [], []
     for k in range(len(MANEUVER.time)):
         _, y = kernel.evaluate(rows, x, u)
@@ -50,7 +48,7 @@ def flight(unstable):
         readings.append(y[:, 0])
         alpha, q = y[1, 0] - point.start["alpha"], y[2, 0]
         after = point.inputs[:, None] + pilot[min(k + 1, len(pilot) - 1)] + 3.0 * alpha + 0.3 * q
-        x, _ = filtering.step(kernel, rows, x, u, after, DT)
+        x, _ = kernel.step(rows, x, u, after, DT)
         u = after
     sigma = np.array([getattr(unstable.file.sensors, c).sigma for c in unstable.outputs])
     noise = np.random.default_rng(2).standard_normal((len(readings), len(sigma)))

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from stoop.base.arrays import FloatArray, IntArray
 from stoop.errors import SimulationError
-from stoop.simulation.initial import initial_states, parameter_rows
-from stoop.vehicle import Vehicle
 from stoop.vehicle.defaults import full_command
+
+if TYPE_CHECKING:
+    from stoop.vehicle.vehicle import Vehicle
 
 EXCITATIONS: Final = {"roll": "rad/s2", "pitch": "rad/s2", "yaw": "rad/s2", "heave": "m/s2"}
 """Angular accelerations and specific force up the body, by unit, that an autopilot commands and a maneuver adds to."""
@@ -39,7 +40,7 @@ class Range:
         return np.asarray(np.minimum(np.maximum(commands, self.idle), self.full))
 
 
-def channel_range(vehicle: Vehicle) -> Range:
+def rotor_range(vehicle: Vehicle) -> Range:
     """Return the range of a vehicle's rotor channels; of a vehicle without rotors it is empty."""
     names = tuple(dict.fromkeys(rotor.channel for rotor in vehicle.file.rotor.values()))
     gain, idle = vehicle.value("rotors.gain", 1.0), vehicle.value("rotors.idle", 0.0)
@@ -60,31 +61,31 @@ def accelerations(
 
     `rows` are kernel parameters (n_p, B); the vehicle's own when absent.
     """
-    rows = parameter_rows(vehicle, None, inputs.shape[1]) if rows is None else rows
-    states = initial_states(vehicle, start, rows, inputs)
+    rows = vehicle.parameter_rows(None, inputs.shape[1]) if rows is None else rows
+    states = vehicle.initial_states(start, rows, inputs)
     rates, _ = vehicle.kernel().evaluate(rows, states, np.ascontiguousarray(inputs))
     return rates[[vehicle.states.index(s) for s in of]]
 
 
-def effects(
+def rotor_effects(
     vehicle: Vehicle, start: Mapping[str, ArrayLike], inputs: FloatArray, changes: Mapping[str, ArrayLike]
 ) -> FloatArray:
     """Return the accelerations `AXES` per unit of each rotor channel about `inputs` (n_u,), (4, m), after all lags.
 
-    `start` is as in :func:`~stoop.simulation.initial.initial_states`; `changes` replace numbers of the vehicle.
+    `start` is as in :func:`~stoop.vehicle.channels.initial_states`; `changes` replace numbers of the vehicle.
     """
-    area = channel_range(vehicle)
+    area = vehicle.rotor_range
     step = 1e-4 * np.maximum(np.abs(inputs[area.columns] - area.idle), 1e-3)
     change = np.zeros((len(inputs), 2 * len(step)))
     for i, column in enumerate(area.columns):
         change[column, [2 * i, 2 * i + 1]] = step[i], -step[i]
-    rows = parameter_rows(vehicle, changes, change.shape[1])
-    rates = accelerations(vehicle, start, inputs[:, None] + change, rows)
+    rows = vehicle.parameter_rows(changes, change.shape[1])
+    rates = vehicle.accelerations(start, inputs[:, None] + change, rows)
     up = np.vstack([rates[3:], -rates[2:3]])
     return np.asarray((up[:, 0::2] - up[:, 1::2]) / (2.0 * step))
 
 
-def allocation(vehicle: Vehicle, effect: FloatArray) -> FloatArray:
+def rotor_allocation(vehicle: Vehicle, effect: FloatArray) -> FloatArray:
     """Return the smallest channels (m, 4) that give one unit of each acceleration and nothing of the others.
 
     Raises

@@ -9,13 +9,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from stoop.base.arrays import FloatArray, IntArray
 from stoop.base.variables import WRAPPED
-from stoop.vehicle import Vehicle
-from stoop.vehicle.vehicle import slope_input
+from stoop.vehicle.channels import slope_input
+
+if TYPE_CHECKING:
+    from stoop.vehicle.vehicle import Vehicle
 
 OFFSETS = (1, 0, -1, -2)  #: samples of the interpolation, relative to the one before the point
 
@@ -148,7 +151,7 @@ def positions(command: FloatArray, dead_zone: float, step: float, delay: float) 
     return delayed(rate_limited(play(command, dead_zone), step), delay)
 
 
-def input_actuators(vehicle: Vehicle) -> tuple[Actuator, ...]:
+def actuators(vehicle: Vehicle) -> tuple[Actuator, ...]:
     """Return the actuators of all channels that are not received as they are recorded."""
     pairs: dict[str, dict[int, list[tuple[int, int | None]]]] = {"dead_zone": {}, "rate_limit": {}}
     for control in vehicle.controls:
@@ -159,7 +162,7 @@ def input_actuators(vehicle: Vehicle) -> tuple[Actuator, ...]:
                 if f"{base}.{kind}" in vehicle.rows:
                     own = found.setdefault(vehicle.inputs.index(channel), [])
                     own.append((vehicle.rows[f"{base}.{kind}"], gain))
-    late, (zones, limits) = dict(input_delays(vehicle)), pairs.values()
+    late, (zones, limits) = dict(vehicle.input_delays()), pairs.values()
     return tuple(
         Actuator(column, late.get(column), tuple(zones.get(column, ())), tuple(limits.get(column, ())))
         for column in sorted({*late, *zones, *limits})
@@ -168,7 +171,7 @@ def input_actuators(vehicle: Vehicle) -> tuple[Actuator, ...]:
 
 def actuator_rows(vehicle: Vehicle) -> list[int]:
     """Return the kernel rows that decide how channels are received; empty where they are received as recorded."""
-    return sorted({row for actuator in input_actuators(vehicle) for row in actuator.rows})
+    return sorted({row for actuator in vehicle.actuators() for row in actuator.rows})
 
 
 def output_delays(vehicle: Vehicle) -> list[tuple[int, int]]:
@@ -196,7 +199,7 @@ def late_inputs(
     -------
     (n, n_u) array, or (n, n_u, B) where candidates differ in an actuator
     """
-    actuators = input_actuators(vehicle)
+    actuators = vehicle.actuators()
     if not actuators and not vehicle.sloped:
         return inputs
     numbers = [actuator.numbers(rows, dt) for actuator in actuators]
@@ -221,7 +224,7 @@ def distinct_inputs(
 ) -> tuple[FloatArray, IntArray]:
     """Return inputs (k, n, n_u) as different actuators receive them, and which of them each candidate (B,) has."""
     at, which = distinct_actuators(rows[actuator_rows(vehicle)])
-    return np.stack([late_inputs(vehicle, inputs, rows[:, i : i + 1], dt, before) for i in at]), which
+    return np.stack([vehicle.late_inputs(inputs, rows[:, i : i + 1], dt, before) for i in at]), which
 
 
 def distinct_actuators(late: FloatArray) -> tuple[IntArray, IntArray]:
@@ -287,3 +290,15 @@ def late_outputs(
             readings = outputs[some, :, channel].T
             outputs[some, :, channel] = late(readings, behind[some], vehicle.outputs[channel] in WRAPPED).T
     return outputs
+
+
+def held_numbers(vehicle: Vehicle, kinds: Sequence[str]) -> tuple[str, ...]:
+    """Return name, value and unit of each number of these kinds of controls, rotors and observed instruments."""
+    owners = (
+        *(f"controls.{c}" for c in vehicle.controls),
+        "rotors",
+        *(f"sensors.{c}" for c in vehicle.outputs),
+    )
+    rows = [vehicle.rows.get(name) for name in (f"{owner}.{kind}" for owner in owners for kind in kinds)]
+    own = [vehicle.parameters[row] for row in dict.fromkeys(rows) if row is not None]
+    return tuple(f"{p.name} = {p.value:g} {p.unit}" for p in own if p.value)

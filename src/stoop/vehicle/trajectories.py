@@ -8,18 +8,17 @@ grid `FINER` times finer than the samples: increments of the gusts over neighbor
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from stoop.base.arrays import BoolArray, FloatArray
-from stoop.base.rotations import to_ground
-from stoop.kernels.filtering import innovations, step
-from stoop.simulation.delays import late_inputs, with_slopes
-from stoop.simulation.trim import Trim
-from stoop.vehicle import Vehicle
-from stoop.vehicle.vehicle import GUST_STATES, noise_input
+from stoop.base.arrays import FloatArray
+from stoop.kernels.filtering import innovations
+from stoop.vehicle.channels import GUST_STATES, noise_input
+from stoop.vehicle.delays import with_slopes
+
+if TYPE_CHECKING:
+    from stoop.vehicle.vehicle import Vehicle
 
 FINER: Final = 20  #: steps of the simulation in a sample
 BLOCK: Final = 10_000  #: samples evaluated together: each has a copy of all parameters
@@ -84,7 +83,7 @@ def arriving(
     noise : (FINER (n - 1) + 1, gusts)
         As of :func:`gust_noise`.
     """
-    received = late_inputs(vehicle, inputs, rows, dt)
+    received = vehicle.late_inputs(inputs, rows, dt)
     return (driven(vehicle, received, noise, dt), FINER) if vehicle.gusts else (received, 1)
 
 
@@ -98,41 +97,6 @@ def readings_along(
         x, u = states[a : a + BLOCK].T.copy(), received[a : a + BLOCK].T.copy()
         out[a : a + BLOCK] = kernel.evaluate(every[:, : x.shape[1]].copy(), x, u)[1].T
     return out
-
-
-@dataclass(frozen=True)
-class Flown:
-    """A simulated flight without sensor noise."""
-
-    trim: Trim
-    time: FloatArray  #: (n,), s
-    inputs: FloatArray  #: (n, n_u), recorded channels
-    outputs: FloatArray  #: (n, n_y), noise-free readings in the order of ``vehicle.outputs``
-    #: (n, 3), over ground, m/s; of aircraft only in the wind of a maneuver
-    velocity: FloatArray | None = None
-    clipped: BoolArray | None = None  #: (n, m), on rotors: where a channel reached an end of its range
-    states: FloatArray | None = None  #: (n, n_x), on rotors
-
-
-def over_ground(vehicle: Vehicle, point: Trim, states: FloatArray) -> FloatArray:
-    """Return velocities (n, 3) over ground of states (n, n_x), which are relative to the steady wind."""
-    x = dict(zip(vehicle.states, states.T, strict=True))
-    zero = np.zeros(len(states))
-    body, q = ([x.get(name, zero) for name in names] for names in ("uvw", ("e0", "e1", "e2", "e3")))
-    return np.asarray(to_ground(np.column_stack(q), np.column_stack(body)) + np.asarray(point.wind))
-
-
-def traveled(velocity: FloatArray, dt: float) -> FloatArray:
-    """Return positions (n, 3), m, from velocities (n, 3) by the trapezoidal rule, starting at zero."""
-    steps = 0.5 * dt * (velocity[1:] + velocity[:-1])
-    return np.vstack([np.zeros((1, velocity.shape[1])), np.cumsum(steps, axis=0)])
-
-
-def next_state(
-    vehicle: Vehicle, rows: FloatArray, state: FloatArray, inputs: FloatArray, noise: FloatArray, dt: float
-) -> FloatArray:
-    """Return the state (n_x,) one sample later: :func:`next_states` of one lane, inputs (2, n_u)."""
-    return next_states(vehicle, rows, state[:, None], inputs[:, :, None], [noise], dt)[:, 0]
 
 
 def next_states(
@@ -151,15 +115,15 @@ def next_states(
     states : (n_x, B)
     inputs : (2, n_u, B)
         As they arrive, at this sample and at the next.
-    noise : B arrays (FINER + 1, gusts)
+    noise : B arrays (FINER + 1, gusts), or (gusts,)
         Driving the gusts from this sample to the next.
     dt : float, s
     """
     if not vehicle.gusts:
-        return step(vehicle.kernel(), rows, states, inputs[0], inputs[1], dt)[0]
+        return vehicle.kernel().step(rows, states, inputs[0], inputs[1], dt)[0]
     fine = (driven(vehicle, inputs[:, :, i], one, dt) for i, one in enumerate(noise))
     ends = [
-        states_along(vehicle, rows[:, i : i + 1], states[:, i : i + 1], one, dt / FINER)[-1]
+        vehicle.states_along(rows[:, i : i + 1], states[:, i : i + 1], one, dt / FINER)[-1]
         for i, one in enumerate(fine)
     ]
     return np.column_stack(ends)

@@ -1,21 +1,65 @@
-"""Kernel parameters, initial states, and the mixing of control deflections into recorded channels."""
+"""States and inputs of vehicles: names, kernel parameters, initial states, and the mixing of deflections into channels."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from stoop.base.arrays import FloatArray
+from stoop.base.atmosphere import SEA_LEVEL_DENSITY
 from stoop.base.rotations import quaternions_of
 from stoop.base.text import nearest
 from stoop.base.variables import EULER
 from stoop.errors import SimulationError
-from stoop.vehicle import Vehicle
-from stoop.vehicle.vehicle import AIR_FRAME, GROUND_FRAME
+from stoop.vehicle.schema import CHANNELS, WIND
 
+if TYPE_CHECKING:
+    from stoop.vehicle.vehicle import Vehicle
+
+RIGID_STATES = ("u", "v", "w", "p", "q", "r", "e0", "e1", "e2", "e3", "h")
+#: of the Dryden filters, m/s
+GUST_STATES = {"u": ("gust.u",), **{axis: (f"gust.{axis}.fast", f"gust.{axis}.slow") for axis in "vw"}}
+
+
+@dataclass(frozen=True)
+class Frame:
+    """Frame in which the velocity of a kind of vehicle is observed: of the air, or of the ground.
+
+    Every package attaches to it what differs by the kind: equations, checks, the usual method, how windows begin.
+    """
+
+    outputs: tuple[str, ...]
+    start: tuple[str, ...]  #: names of an initial state: m/s and rad, rad/s, rad, m
+    reductions: tuple[str, ...]  #: sets of equations that it can be reduced to
+
+
+#: of an aircraft: airspeed and flow angles
+AIR_FRAME = Frame(CHANNELS, (*CHANNELS[:9], "h"), ("full", "longitudinal", "lateral"))
+#: of a vehicle with rotors
+GROUND_FRAME = Frame((*WIND, *CHANNELS[3:]), ("u", "v", "w", *CHANNELS[3:9], "h"), ("full",))
+
+
+OUT_OF_GROUND_EFFECT: Final = 1e4  #: m
 START_NAMES = AIR_FRAME.start  #: of a vehicle without rotors; Vehicle.start_names has those of any
+
+
+def noise_input(axis: str) -> str:
+    """Return the name of the white noise (unit intensity) that drives the gust along an axis."""
+    return f"gust.{axis}.noise"
+
+
+def motion_input(state: str) -> str:
+    """Return the name of the input that stands for a state which a reduced model takes from the record."""
+    return f"motion.{state}"
+
+
+def slope_input(channel: str) -> str:
+    """Return the name of the slope of a recorded channel, per s."""
+    return f"{channel}.slope"
 
 
 def parameter_rows(
@@ -75,7 +119,7 @@ def initial_states(
     out = np.empty((len(vehicle.states), rows.shape[1]))
     for i, name in enumerate(vehicle.states):
         if name.endswith(".lag"):
-            command = commanded(vehicle, name.removesuffix(".lag"), rows, inputs)
+            command = vehicle.commanded(name.removesuffix(".lag"), rows, inputs)
             out[i] = command + np.asarray(start.get(name, 0.0))
         else:
             out[i] = rigid[name] if name in rigid else np.asarray(start.get(name, 0.0))
@@ -121,15 +165,15 @@ def mixed_inputs(vehicle: Vehicle, deflections: Mapping[str, float], base: Float
     names = vehicle.controls
     if not names:
         return base
-    rows = parameter_rows(vehicle)
-    now = np.array([commanded(vehicle, c, rows, base)[0] for c in names])
+    rows = vehicle.parameter_rows()
+    now = np.array([vehicle.commanded(c, rows, base)[0] for c in names])
     wanted = np.array([deflections.get(c, n) for c, n in zip(names, now, strict=True)])
-    return np.asarray(base + mixing_of(vehicle, rows)[0] @ (wanted - now))
+    return np.asarray(base + vehicle.mixing(rows)[0] @ (wanted - now))
 
 
-def mixing_of(vehicle: Vehicle, rows: FloatArray) -> FloatArray:
+def mixing(vehicle: Vehicle, rows: FloatArray) -> FloatArray:
     """Return the smallest changes of the channels (B, n_u, c) for one radian of each control, by kernel parameters (n_p, B)."""
-    gains = channel_gains(vehicle, rows)
+    gains = vehicle.channel_gains(rows)
     return np.asarray(np.linalg.pinv(gains)) if vehicle.controls else gains.transpose(0, 2, 1)
 
 
@@ -141,3 +185,50 @@ def channel_gains(vehicle: Vehicle, rows: FloatArray) -> FloatArray:
             row = vehicle.rows.get(f"controls.{control}.mix.{channel}")
             gains[:, j, vehicle.inputs.index(channel)] = 1.0 if row is None else rows[row]
     return gains
+
+
+def neutral_inputs(
+    vehicle: Vehicle, density: float = SEA_LEVEL_DENSITY, height: float = OUT_OF_GROUND_EFFECT
+) -> FloatArray:
+    """Return channels (n_u,) at their centers, rotors and propellers at idle, the battery at its nominal voltage.
+
+    The density, kg/m3, and the height above the ground, m, are those of the channels that have them.
+    """
+    file, area = vehicle.file, vehicle.rotor_range
+    at = [(c, f"controls.{name}.center.{c}") for name in vehicle.controls for c in vehicle.channels_of(name)]
+    at.append(("voltage", "rotors.nominal_voltage"))
+    if file.propulsion is not None and file.propulsion.kind == "propeller":
+        at.append((file.propulsion.channel, "propulsion.idle"))
+    values = {channel: vehicle.value(number) for channel, number in at if number in vehicle.rows}
+    values |= dict(zip(area.names, area.idle.tolist(), strict=True))
+    values["density"] = density
+    if file.ground_effect is not None:
+        values[file.ground_effect.channel] = height
+    return np.array([values.get(channel, 0.0) for channel in vehicle.inputs])
+
+
+def model_inputs(vehicle: Vehicle) -> tuple[str, ...]:
+    """Return the names of the linear model's inputs: controls, then channels of thrust and rotors."""
+    propulsion = vehicle.file.propulsion
+    channels = [rotor.channel for rotor in vehicle.file.rotor.values()]
+    if propulsion is not None and propulsion.kind != "constant":
+        channels.insert(0, propulsion.channel)
+    return tuple(dict.fromkeys((*vehicle.controls, *channels)))
+
+
+def model_mixing(vehicle: Vehicle, rows: FloatArray) -> FloatArray:
+    """Return the channels (B, n_u, m) for one unit of each of the inputs of linear models, by kernel parameters (n_p, B)."""
+    direct = [vehicle.inputs.index(name) for name in vehicle.model_inputs()[len(vehicle.controls) :]]
+    single = np.broadcast_to(
+        np.eye(len(vehicle.inputs))[:, direct], (rows.shape[1], len(vehicle.inputs), len(direct))
+    )
+    return np.concatenate([vehicle.mixing(rows), single], axis=2)
+
+
+_PRODUCTS: Final = (("xx", "xy", "xz"), ("xy", "yy", "yz"), ("xz", "yz", "zz"))
+
+
+def inertia_tensor(vehicle: Vehicle) -> FloatArray:
+    """Return the tensor (3, 3) about the center of gravity, kg m2, axes forward, right, down."""
+    products = np.array([[vehicle.value(f"mass.inertia.{n}", 0.0) for n in row] for row in _PRODUCTS])
+    return np.asarray(products * (2.0 * np.eye(3) - 1.0))
