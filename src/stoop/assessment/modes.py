@@ -36,13 +36,7 @@ from stoop.estimate.estimate import Estimate
 from stoop.problem.observation import at_center_of_gravity, observation_model, true_values
 from stoop.results.modes import ConditionModes, DerivedValue, MeasuredMode, ModeEstimate, StateEquations
 from stoop.simulation import Trim, trim
-from stoop.simulation.linearize import (
-    LinearModel,
-    Mode,
-    linear_models,
-    oscillates,
-    tracked_modes,
-)
+from stoop.simulation.linearize import LinearModel, Mode, linear_models, oscillates, tracked_modes
 from stoop.simulation.trim import Trims
 from stoop.vehicle import Vehicle
 

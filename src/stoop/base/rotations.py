@@ -23,14 +23,8 @@ def quaternions_of(angles: FloatArray) -> FloatArray:
     """Return unit quaternions (..., 4) of Euler angles (..., 3), rad; signs as the half angles give them."""
     half = _apart(np.asarray(angles, dtype=float)) / 2.0
     (c1, c2, c3), (s1, s2, s3) = np.cos(half), np.sin(half)
-    return _together(
-        [
-            c1 * c2 * c3 + s1 * s2 * s3,
-            s1 * c2 * c3 - c1 * s2 * s3,
-            c1 * s2 * c3 + s1 * c2 * s3,
-            c1 * c2 * s3 - s1 * s2 * c3,
-        ]
-    )
+    e0, e1 = c1 * c2 * c3 + s1 * s2 * s3, s1 * c2 * c3 - c1 * s2 * s3
+    return _together([e0, e1, c1 * s2 * c3 + s1 * c2 * s3, c1 * c2 * s3 - s1 * s2 * c3])
 
 
 def euler_angles(q: FloatArray) -> FloatArray:

@@ -256,9 +256,8 @@ def reader(option: Option) -> Callable[[str], Any]:
     """Return what reads a value of an option; an angle within limits is returned in rad."""
     if (least := WHOLE.get(option.kind)) is not None:
         first, last = option.range or (least, MAX_COUNT)
-        return _reader(
-            lambda n: first <= n <= last, f"a whole number from {first:.0f} to {last:.0f}", whole=True
-        )
+        whole = f"a whole number from {first:.0f} to {last:.0f}"
+        return _reader(lambda n: first <= n <= last, whole, whole=True)
     if option.range is None and option.kind not in NUMBERS:
         return READERS[option.kind]
     allowed, what = NUMBERS["positive" if option.kind == "positive" else "finite"]

@@ -88,10 +88,8 @@ def agreement(arguments: argparse.Namespace) -> int:
     results = {str(path): load(path).result for path in arguments.result}
     found, out = compared(results), page()
     told = {name: one for name, one in found.parameters.items() if one.verdict}
-    columns = [
-        words("parameter", told),
-        words("unit", (results[str(arguments.result[0])].parameters[n].unit for n in told)),
-    ]
+    of_first = results[str(arguments.result[0])].parameters
+    columns = [words("parameter", told), words("unit", (of_first[n].unit for n in told))]
     for i, path in enumerate(arguments.result, 1):
         own = [one.singles[i - 1] for one in told.values()]
         out.line(f"{i}: {path}")

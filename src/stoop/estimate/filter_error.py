@@ -334,10 +334,8 @@ def _estimate(
         problem, prepared, z, outcome, best.cost, runs, (), likelihood, best.z, growth.excessive, score
     )
     process = found.process_noise
-    notices = [
-        unstable if growth.excessive else notice("filter-error"),
-        notice("innovation-correlation", correlation=found.innovation_correlation),
-    ]
+    correlated = notice("innovation-correlation", correlation=found.innovation_correlation)
+    notices = [unstable if growth.excessive else notice("filter-error"), correlated]
     if process.states:
         notices.append(notice("process-noise", states=process.states, intensities=process.intensities))
     if len(costs) > 1 and not 0.5 * (costs[1] - costs[0]) < Tolerances.agreement:

@@ -224,10 +224,8 @@ def measured_points(vehicle: Vehicle, piece: Piece, points: IntArray) -> Points:
     rows = vehicle.parameter_rows(piece.changes)
     means = {name: mean(values) for name, values in start.items()}
     inputs = np.array([mean(column) for column in piece.inputs.T])
-    states = [
-        vehicle.initial_states({n: m[r] for n, m in means.items()}, rows, inputs[:, r])
-        for r in range(inputs.shape[1])
-    ]
+    starts = [{n: m[r] for n, m in means.items()} for r in range(inputs.shape[1])]
+    states = [vehicle.initial_states(one, rows, inputs[:, r]) for r, one in enumerate(starts)]
     return Points(np.concatenate(states, axis=1), inputs)
 
 

@@ -167,10 +167,8 @@ class ExtendedModel:
                 for at, own in zip(trajectories, parts, strict=True):
                     changes[own, n_x + i, j] += self._lateness(one, at, i, base.reading(i)[own])
         sizes = np.array([one.step for one in self.extensions])
-        found = [
-            at.responses(changes[own, :n_x], changes[own, n_x:])
-            for at, own in zip(trajectories, parts, strict=True)
-        ]
+        both = zip(trajectories, parts, strict=True)
+        found = [at.responses(changes[own, :n_x], changes[own, n_x:]) for at, own in both]
         return [(dx / sizes, dy / sizes) for dx, dy in found]
 
     def late(self, at: Trajectory, dy: FloatArray, known: FloatArray, moved: tuple[int, ...]) -> FloatArray:

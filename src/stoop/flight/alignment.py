@@ -155,12 +155,8 @@ def align(
                 f"check signs and axes, or give the offset under [clock.{name}]"
             )
         lag = with_drift(lag, moving, fixed) if one.drift else lag
-        values = {
-            "shift": lag.shift,
-            "std": lag.sigma,
-            "correlation": lag.correlation,
-            "overlap": lag.overlap,
-        }
+        std = lag.sigma
+        values = {"shift": lag.shift, "std": std, "correlation": lag.correlation, "overlap": lag.overlap}
         notices.append(notice("clock-aligned", name, reference=one.reference, using=lag.using, **values))
         if lag.drift:
             notices.append(notice("clock-drift", name, ppm=1e6 * lag.drift, std=1e6 * lag.drift_sigma))

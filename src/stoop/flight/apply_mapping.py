@@ -108,9 +108,8 @@ class Mapped:
         contradicted: list[Notice] = []
         beyond: list[Notice] = []
         if mapping.alignments:
-            timed, aligned = align(
-                mapping.place, mapping.alignments, timed, lambda log, n: _all(mapping, log, n)
-            )
+            at = mapping.place
+            timed, aligned = align(at, mapping.alignments, timed, lambda log, n: _all(mapping, log, n))
         channels: list[Channels] = []
         places: dict[str, str] = {}
         of_ready: dict[str, tuple[Source, str]] = {}

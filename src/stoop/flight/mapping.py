@@ -302,16 +302,15 @@ def _source(at: str, table: SourceTable) -> Source:
     units = _each(at, "unit", table.unit, len(names))
     factors = [_unit_factor(at, name, unit) for name, unit in zip(names, units, strict=True)]
     scales = _each(at, "scale", table.scale, len(names))
-    offsets = _each(at, "offset", table.offset, len(names))
+    zeros = (UNITS[unit].zero if unit else 0.0 for unit in units)
+    offsets = zip(zeros, _each(at, "offset", table.offset, len(names)), strict=True)
     return Source(
         at,
         names,
         table.stream,
         tuple(columns),
         factors=tuple(factor * scale for factor, scale in zip(factors, scales, strict=True)),
-        offsets=tuple(
-            (UNITS[unit].zero if unit else 0.0) + offset for unit, offset in zip(units, offsets, strict=True)
-        ),
+        offsets=tuple(zero + offset for zero, offset in offsets),
         units=units,
         valid=_each(at, "valid", table.valid, len(names)),
         stamp=table.stamp,

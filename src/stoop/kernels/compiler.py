@@ -28,14 +28,8 @@ class Target:
     def machine(self) -> Any:
         """Return LLVM's generator of code; whoever loads code with it owns it."""
         found = llvm.Target.from_triple(self.triple)
-        return found.create_target_machine(
-            cpu=self.processor,
-            features=self.features,
-            opt=3,
-            reloc="default",
-            codemodel="jitdefault",
-            jit=True,
-        )
+        options = {"reloc": "default", "codemodel": "jitdefault", "jit": True}
+        return found.create_target_machine(cpu=self.processor, features=self.features, opt=3, **options)
 
     def doubles(self) -> int:
         """Return how many doubles a vector register holds."""

@@ -111,13 +111,9 @@ class Function:
         """Write a loop around what is written inside; its index counts up from `begin` below `end`."""
         self._names += 1
         here = self._names
-        for line in (
-            f"br label %before{here}",
-            f"\nbefore{here}:",
-            f"br label %head{here}",
-            f"\nhead{here}:",
-        ):
-            self.write(line)
+        for block in (f"before{here}", f"head{here}"):
+            self.write(f"br label %{block}")
+            self.write(f"\n{block}:")
         self.write(f"%i{here} = phi i64 [ {begin}, %before{here} ], [ %next{here}, %end{here} ]")
         self.write(f"%more{here} = icmp slt i64 %i{here}, {end}")
         self.write(f"br i1 %more{here}, label %body{here}, label %after{here}")

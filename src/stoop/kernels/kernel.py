@@ -239,12 +239,7 @@ class Kernel:
             other.result()
 
     def step(
-        self,
-        parameters: FloatArray,
-        states: FloatArray,
-        inputs: FloatArray,
-        following: FloatArray,
-        dt: float,
+        self, parameters: FloatArray, states: FloatArray, inputs: FloatArray, following: FloatArray, dt: float
     ) -> tuple[FloatArray, FloatArray]:
         """Return states (n_x, B) one sample later, and outputs (n_y, B) now.
 

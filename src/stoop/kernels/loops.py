@@ -255,9 +255,8 @@ def _outputs(per_lane: bool) -> Callable[[Function, Model], None]:
 
 def _evaluate(code: Function, model: Model) -> None:
     sizes = model.sizes
-    state, inputs, constants, found = map(
-        code.rows, (sizes.states, sizes.inputs, sizes.constants, sizes.states + sizes.outputs)
-    )
+    counts = (sizes.states, sizes.inputs, sizes.constants, sizes.states + sizes.outputs)
+    state, inputs, constants, found = map(code.rows, counts)
     with code.loop(0, "%count", code.lanes) as first:
         prepare(code, model, constants, first)
         gather(code, "%X", state, first)

@@ -234,10 +234,8 @@ class Rewriter:
     def _move(self, node: int, factor: Any, users: Sequence[tuple[int, Product]]) -> None:
         self.algebra.replace(node, {p: c * factor for p, c in (self.algebra.terms(node) or {}).items()})
         for owner in dict.fromkeys(o for o, _ in users):
-            signed = [
-                (quotient(c, factor) if any(n == node for n, _ in p) else c, p)
-                for c, p in self.products(owner)
-            ]
+            products = self.products(owner)
+            signed = [(quotient(c, factor) if any(n == node for n, _ in p) else c, p) for c, p in products]
             self.algebra.replace(owner, self._with(owner, signed))
 
     def separate(self, inputs: Iterable[Any]) -> list[int]:

@@ -226,12 +226,8 @@ def cma() -> Library:
             values: list[float] = finite_costs(ledger, np.array(points)).tolist()
             return values
 
-        options: dict[str, Any] = {
-            "bounds": [0.0, 1.0],
-            "seed": draw_seed(generator),
-            "signals_filename": None,
-        }
-        silent = {"verbose": -10, "verb_log": 0, "verb_disp": 0}
+        options: dict[str, Any] = {"bounds": [0.0, 1.0], "seed": draw_seed(generator)}
+        silent = {"verbose": -10, "verb_log": 0, "verb_disp": 0, "signals_filename": None}
         width = 0.3  # first standard deviation, of the box
         run = require("cma").fmin2
         run(None, mean, width, options | silent, parallel_objective=costs, restarts=RESTARTS, bipop=True)

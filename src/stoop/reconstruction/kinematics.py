@@ -74,11 +74,8 @@ def model() -> SymbolicModel:
         **dict(zip(("vn", "ve", "vd"), ground, strict=True)),
         **{name: x[name] for name in ("pn", "pe", "pd")},
     }  # fmt: skip
-    rates: tuple[Any, ...] = (
-        *frames.body_acceleration(force, sp.Float(STANDARD_GRAVITY), turned.down, velocity, omega),
-        *frames.quaternion_rate(e, omega),
-        *ground,
-    )
+    acceleration = frames.body_acceleration(force, sp.Float(STANDARD_GRAVITY), turned.down, velocity, omega)
+    rates: tuple[Any, ...] = (*acceleration, *frames.quaternion_rate(e, omega), *ground)
     return SymbolicModel(
         states=tuple(x.values()),
         inputs=tuple(z.values()),

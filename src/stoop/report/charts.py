@@ -35,9 +35,7 @@ def convergence_panel(history: FloatArray) -> Markup | None:
     return plot([best], "trajectories", "cost", description, log_y=decades)
 
 
-def autocorrelation_panels(
-    channels: Mapping[str, tuple[FloatArray, float, int]],
-) -> dict[str, Markup]:
+def autocorrelation_panels(channels: Mapping[str, tuple[FloatArray, float, int]]) -> dict[str, Markup]:
     """Return the autocorrelation of each channel with the band in which 95 % of white residuals lie, drawn on the same axes.
 
     `channels` are name to values (lags + 1,), sample period in s, and number of samples.

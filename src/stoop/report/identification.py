@@ -74,16 +74,14 @@ def render_validation(identification: Model) -> str:
     pairs = zip(maneuvers, identification.traces, strict=True)
     pages = [sheet.Section(m.title, maneuver_parts(identification, m, own)) for m, own in pairs]
     warned = (sheet.Bullets(more, "warnings"),)
-    sections = (
-        sheet.Section("Prediction", overview_parts(identification, "validation")),
-        *_folded(
-            sheet.Section("Further warnings", warned, "Warnings") if more else None,
-            sheet.Section("Figures of merit", figures, "Figures"),
-            *pages,
-            sheet.Section("Found while preparing the data", found, "Data") if result.data_notices else None,
-            _provenance_section(identification, validation=True),
-        ),
+    folded = _folded(
+        sheet.Section("Further warnings", warned, "Warnings") if more else None,
+        sheet.Section("Figures of merit", figures, "Figures"),
+        *pages,
+        sheet.Section("Found while preparing the data", found, "Data") if result.data_notices else None,
+        _provenance_section(identification, validation=True),
     )
+    sections = (sheet.Section("Prediction", overview_parts(identification, "validation")), *folded)
     judged = prediction_verdict(maneuvers, result.verdict.grade == "do not use")
     supports = tuple(filter(None, (_match(result, "validation"),)))
     verdict = replace(judged, against=tuple(result.warnings[:REASONS]), supports=supports)

@@ -41,11 +41,8 @@ def compatibility_sheet(result: Compatibility, command: str) -> Sheet:
         channels.append((name, number(factor * left.rms, 3), number(factor * left.movement, 3), unit))
     head = ("unknown", "estimate", "std error", "if white", "prior", "unit", "what it is", "identifiable")
     caption = "Measured minus reconstructed, beside how much the channel moves within the pieces"
-    sensors = (
-        Prose(READING),
-        Table("Estimates with standard errors", head, tuple(estimates)),
-        Table(caption, ("channel", "rms left", "rms movement", "unit"), tuple(channels)),
-    )
+    residuals = Table(caption, ("channel", "rms left", "rms movement", "unit"), tuple(channels))
+    sensors = (Prose(READING), Table("Estimates with standard errors", head, tuple(estimates)), residuals)
     inconsistent = Bullets(of_severity(result.notices, "warning") or ["nothing evident"])
     sections = [
         Section("What is inconsistent", (inconsistent,)),

@@ -192,12 +192,7 @@ def _finite(vehicle: Vehicle, flown: Flown, advice: str) -> Flown | SimulationEr
 
 
 def _open_loop(
-    vehicle: Vehicle,
-    time: FloatArray,
-    inputs: FloatArray,
-    point: Trim,
-    rng: np.random.Generator,
-    windy: bool,
+    vehicle: Vehicle, time: FloatArray, inputs: FloatArray, point: Trim, rng: np.random.Generator, windy: bool
 ) -> Flown:
     """Fly recorded channels (n, n_u) from a trim; with wind, or where it is observed, give the velocity over ground."""
     dt, rows = float(time[1] - time[0]), vehicle.parameter_rows(point.changes)

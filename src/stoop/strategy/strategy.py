@@ -15,7 +15,6 @@ from stoop.strategy.assumptions import ASSUMPTIONS
 from stoop.strategy.bounds import BOUNDS
 from stoop.strategy.decision import Change, Decision, Fitted, Fitter, Setup
 from stoop.strategy.extensions import EXTENSIONS
-from stoop.strategy.faults import FAULTS
 from stoop.strategy.gusts import GUSTS
 from stoop.strategy.inertia import hold_inertia
 from stoop.strategy.instability import INSTABILITY
@@ -24,9 +23,21 @@ from stoop.strategy.sensor_delays import SENSOR_DELAYS
 
 #: at which functions of packages decide, and what they return
 POINTS: Final = {"data": Change | None, "problem": Change | None, "around": Fitted}
+
+
+def drop_faults(setup: Setup) -> Change | None:
+    """Return the fit in which samples of clipped and stuck sensors count as not measured."""
+    flights = {name: flight.without_faults() for name, flight in setup.flights.items()}
+    lost = [name for name, flight in flights.items() if flight is not setup.flights[name]]
+    if not lost:
+        return None
+    found = f"samples at a limit or held constant in {', '.join(lost)}"
+    return Change(replace(setup, flights=flights), found, "treated as not measured")
+
+
 #: in the order in which they change the problem; of those around a fit each encloses the ones before it
 _BUILT_IN: Final[tuple[Decision, ...]] = (
-    FAULTS,
+    Decision("faults", "Are samples at a limit or held constant?", data=drop_faults),
     METHOD,
     INSTABILITY,
     BOUNDS,

@@ -83,12 +83,8 @@ def rigid_states(start: Mapping[str, ArrayLike], vehicle: Vehicle | None = None)
     zero = np.zeros(np.broadcast_shapes(*shapes) or (1,))
     g = {name: zero + np.asarray(start.get(name, 0.0), dtype=float) for name in names}
     if "V" in g:
-        plane = g["V"] * np.cos(g["beta"])
-        g |= {
-            "u": plane * np.cos(g["alpha"]),
-            "v": g["V"] * np.sin(g["beta"]),
-            "w": plane * np.sin(g["alpha"]),
-        }
+        plane, side = g["V"] * np.cos(g["beta"]), g["V"] * np.sin(g["beta"])
+        g |= {"u": plane * np.cos(g["alpha"]), "v": side, "w": plane * np.sin(g["alpha"])}
     turned = EULER if vehicle is None or not vehicle.motion else vehicle.modeled_angles
     e = quaternions_of(np.stack([g[a] if a in turned else zero for a in EULER], axis=-1))
     return {n: g[n] for n in "uvwhpqr"} | {f"e{i}": e[..., i] for i in range(4)}
@@ -219,9 +215,8 @@ def model_inputs(vehicle: Vehicle) -> tuple[str, ...]:
 def model_mixing(vehicle: Vehicle, rows: FloatArray) -> FloatArray:
     """Return the channels (B, n_u, m) for one unit of each of the inputs of linear models, by kernel parameters (n_p, B)."""
     direct = [vehicle.inputs.index(name) for name in vehicle.model_inputs()[len(vehicle.controls) :]]
-    single = np.broadcast_to(
-        np.eye(len(vehicle.inputs))[:, direct], (rows.shape[1], len(vehicle.inputs), len(direct))
-    )
+    single = np.eye(len(vehicle.inputs))[:, direct]
+    single = np.broadcast_to(single, (rows.shape[1], *single.shape))
     return np.concatenate([vehicle.mixing(rows), single], axis=2)
 
 

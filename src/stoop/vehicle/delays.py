@@ -294,11 +294,8 @@ def late_outputs(
 
 def held_numbers(vehicle: Vehicle, kinds: Sequence[str]) -> tuple[str, ...]:
     """Return name, value and unit of each number of these kinds of controls, rotors and observed instruments."""
-    owners = (
-        *(f"controls.{c}" for c in vehicle.controls),
-        "rotors",
-        *(f"sensors.{c}" for c in vehicle.outputs),
-    )
+    sensors = (f"sensors.{c}" for c in vehicle.outputs)
+    owners = (*(f"controls.{c}" for c in vehicle.controls), "rotors", *sensors)
     rows = [vehicle.rows.get(name) for name in (f"{owner}.{kind}" for owner in owners for kind in kinds)]
     own = [vehicle.parameters[row] for row in dict.fromkeys(rows) if row is not None]
     return tuple(f"{p.name} = {p.value:g} {p.unit}" for p in own if p.value)

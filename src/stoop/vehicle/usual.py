@@ -85,16 +85,13 @@ def usual_size(key: str, raw: Mapping[str, Any]) -> str:
             return f"usual: {formula} of an airplane"
         sizes = _range(mass * (low * span) ** 2, mass * (high * span) ** 2)
         return f"usual: {formula} = {sizes} kg m2 for this mass and span"
+    airspeed = math.sqrt(16.0 * mass / area) if area else 0.0
     usual = {
         "mass.mass": (USUAL.mass_by_span, span**2, "kg for this span"),
         "reference.span": (_roots(USUAL.mass_by_span), math.sqrt(mass), "m for this mass"),
         "reference.chord": (_inverse(USUAL.aspect_ratios), span, "m for this span"),
         "reference.area": (_inverse(USUAL.aspect_ratios), span**2, "m2 for this span"),
-        "reference.airspeed": (
-            _roots(LIFT),
-            math.sqrt(16.0 * mass / area) if area else 0.0,
-            "m/s for this mass and area",
-        ),
+        "reference.airspeed": (_roots(LIFT), airspeed, "m/s for this mass and area"),
         "propulsion.diameter": ((0.15, 0.24), math.cbrt(mass), "m for this mass"),
     }
     if key in usual:

@@ -246,10 +246,8 @@ class Vehicle:
         estimated = {n for c in _REDUCTIONS[self.reduce].identified for n in getattr(file.aerodynamics, c)}
         absent = {n for c in COEFFICIENTS for n in getattr(file.aerodynamics, c) if c not in self.terms}
         # Numbers of gusts that the kept equations lack, unless a number of another gust is tied to them.
-        gusts = {
-            a: dict(leaves(getattr(file.turbulence, a, None), f"turbulence.{a}"))
-            for a in channels.GUST_STATES
-        }
+        known = {a: getattr(file.turbulence, a, None) for a in channels.GUST_STATES}
+        gusts = {a: dict(leaves(gust, f"turbulence.{a}")) for a, gust in known.items()}
         used = {q.tie or name for a in self.gusts for name, q in gusts[a].items()}
         absent |= {name for found in gusts.values() for name in found} - used
         out = []

@@ -82,11 +82,8 @@ def fitted_model(decided: Fitted) -> FittedModel:
     failed = [*decided.tested.notices]  # of error bars, then of detectors
     found = attempt(failed, (), modes, fit, result.covariance.names, result.covariance.matrix)
     flown = (model.vehicle.coupled_to(()), flights, maneuvers, traces)
-    left = tuple(
-        one
-        for find in hooks("response_misfits", list[ResponseMisfit])
-        for one in attempt(failed, (), find, *flown)
-    )
+    detectors = hooks("response_misfits", list[ResponseMisfit])
+    left = tuple(one for find in detectors for one in attempt(failed, (), find, *flown))
     result = replace(result, modes=found, extensions=decided.tested.tests, response_misfits=left)
     terms = flown_model(result, fit)
     result = with_uncertainty(result, fit, bars, terms)

@@ -148,10 +148,8 @@ class FittedModel(ModelMethods):
 
     def __getstate__(self) -> dict[str, Any]:
         """Return the fields for pickle; the estimate of this session becomes its archive."""
-        return {f.name: getattr(self, f.name) for f in fields(self)} | {
-            "fresh": None,
-            "archive": self.evidence,
-        }
+        kept = {f.name: getattr(self, f.name) for f in fields(self)}
+        return kept | {"fresh": None, "archive": self.evidence}
 
     def with_result(self, result: Result) -> FittedModel:
         """Return this model with another result, its verdict made anew."""
@@ -249,9 +247,8 @@ class FittedModel(ModelMethods):
     def extrapolation(self, *airspeeds: float) -> list[Notice]:
         """Return a notice where airspeeds, m/s, lie more than a tenth outside those of the fitted maneuvers."""
         fitted = [t for t, m in zip(self.traces, self.result.maneuvers, strict=True) if m.role == "fit"]
-        flown = np.concatenate(
-            [np.empty(0), *(t.channels["V"].measured for t in fitted if "V" in t.channels)]
-        )
+        speeds = [t.channels["V"].measured for t in fitted if "V" in t.channels]
+        flown = np.concatenate([np.empty(0), *speeds])
         if not np.isfinite(flown).any():
             return []
         first, last = float(np.nanmin(flown)), float(np.nanmax(flown))

@@ -168,24 +168,20 @@ def _check(result: Result, file: Path) -> None:
     driven = all(0.0 < x < np.inf for x in process.intensities) and 0.0 <= process.share <= 1.0
     driven = driven and len(process.intensities) == len(process.states)
     places = {b.maneuver for b in result.biases} | {i.maneuver for i in result.initial_states}
+    positive = is_covariance(noise.matrix * noise.inflation)
+    unnamed = places - set(range(len(result.maneuvers)))
     checks = (
         (lost is not None, f"has no estimate of {lost}"),
         (set(covariance.names) - set(estimates), "has a covariance of other parameters than its estimates"),
         *((n != names, f"has a covariance of {n} rows for {names} names") for n, names in rows),
         (tiny or (sizes[np.isfinite(sizes)] > MAX_NUMBER).any(), "has numbers out of range (1e-30 to 1e30)"),
         (not whole, "has a covariance that is not symmetric, has holes or negative variances"),
-        (
-            not is_covariance(noise.matrix * noise.inflation),
-            "has a noise covariance that is not positive definite",
-        ),
+        (not positive, "has a noise covariance that is not positive definite"),
         (not driven, "has process noise without positive intensities"),
         (any(p.prior_std <= 0.0 for p in estimates.values()), "has a prior without a standard deviation"),
         (plain and set(estimates) - set(plain.parameters), "lacks the intervals of some of its estimates"),
         (all(m.role != "fit" for m in result.maneuvers), "names no maneuver that was fitted"),
-        (
-            places - set(range(len(result.maneuvers))),
-            "has biases or initial states of a maneuver that it does not name",
-        ),
+        (unnamed, "has biases or initial states of a maneuver that it does not name"),
     )
     for wrong, text in checks:
         if wrong:

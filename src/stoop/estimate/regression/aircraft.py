@@ -96,10 +96,7 @@ def complete(vehicle: Vehicle, piece: Piece) -> BoolArray:
 
 
 def states_of(
-    vehicle: Vehicle,
-    start: Mapping[str, Any],
-    readings: Mapping[str, FloatArray],
-    inputs: FloatArray,
+    vehicle: Vehicle, start: Mapping[str, Any], readings: Mapping[str, FloatArray], inputs: FloatArray
 ) -> dict[str, FloatArray]:
     """Return the states at the center of gravity.
 

@@ -20,13 +20,7 @@ from stoop.estimate.noise import channel_residuals, noise_variance
 from stoop.estimate.refit_problem import RefitProblem
 from stoop.estimate.regression import kind_of
 from stoop.estimate.regression.aircraft import AircraftEquations
-from stoop.estimate.regression.least_squares import (
-    Domain,
-    Equations,
-    Estimates,
-    FrequencyDomain,
-    TimeDomain,
-)
+from stoop.estimate.regression.least_squares import Domain, Equations, Estimates, FrequencyDomain, TimeDomain
 from stoop.estimate.regression.rotors import RotorEquations
 from stoop.estimate.shooting_windows import outputs_by_window
 from stoop.flight import Flight
@@ -92,10 +86,8 @@ class LinearProblem(RefitProblem):
     def arrays(self) -> dict[str, Any]:
         """Arrays that :meth:`restored` takes beside `problem`."""
         out: dict[str, Any] = {n: np.array(getattr(self, n)) for n in ("center", "dt", "bounded")}
-        out |= {
-            "equations": np.array(list(self.deviations)),
-            "deviations": np.array(list(self.deviations.values())),
-        }
+        names, values = list(self.deviations), list(self.deviations.values())
+        out |= {"equations": np.array(names), "deviations": np.array(values)}
         for i, stretch in enumerate(self.stretches):
             out |= {f"errors.{i}": stretch.residual, f"regressors.{i}": stretch.jacobian}
         return out

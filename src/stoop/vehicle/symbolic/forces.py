@@ -114,14 +114,10 @@ def aerodynamics(s: Surroundings) -> Load:
     c["CL"] *= lift_gain(n, s.channels)
     pressure_area = s.density / 2 * n["reference.area"] * a.V2 * a.attached
     drag_and_side = c["CD"] * a.cos_beta + c["CQ"] * a.sin_beta
-    force = scale(
-        pressure_area,
-        (
-            c["CL"] * a.sin_alpha - drag_and_side * a.cos_alpha,
-            c["CQ"] * a.cos_beta - c["CD"] * a.sin_beta,
-            -c["CL"] * a.cos_alpha - drag_and_side * a.sin_alpha,
-        ),
-    )
+    x = c["CL"] * a.sin_alpha - drag_and_side * a.cos_alpha
+    y = c["CQ"] * a.cos_beta - c["CD"] * a.sin_beta
+    z = -c["CL"] * a.cos_alpha - drag_and_side * a.sin_alpha
+    force = scale(pressure_area, (x, y, z))
     roll, pitch, yaw = (
         relative_inertia(n.vehicle, n.__getitem__, axis) * n[f"reference.{length}"] * c[name]
         for name, (length, axis) in MOMENT_ARMS.items()
@@ -211,11 +207,8 @@ def spins(
     if "rotors.lag" in n:
         moved = {r: lagged(states[f"{r}.lag"], x, n["rotors.lag"]) for r, x in commands.items()}
         rates = {name: rate for name, (_, rate) in moved.items()}
-        return (
-            {name: x for name, (x, _) in moved.items()},
-            rates,
-            {f"{name}.lag": x for name, x in rates.items()},
-        )
+        lags = {f"{name}.lag": x for name, x in rates.items()}
+        return {name: x for name, (x, _) in moved.items()}, rates, lags
     rates = {}
     if n.vehicle.sloped:
         nominal = n.get("rotors.nominal_voltage", _ONE)

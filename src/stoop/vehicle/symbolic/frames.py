@@ -220,11 +220,8 @@ def body_rates(rates: Sequence[Any], phi: tuple[Any, Any], theta: tuple[Any, Any
     """Return the body rates, rad/s, for rates of phi, theta, psi: the inverse of :func:`euler_rates`."""
     (sin_phi, cos_phi), (sin_theta, cos_theta) = phi, theta
     across = cos_theta * rates[2]
-    return (
-        rates[0] - sin_theta * rates[2],
-        cos_phi * rates[1] + sin_phi * across,
-        cos_phi * across - sin_phi * rates[1],
-    )
+    q, r = cos_phi * rates[1] + sin_phi * across, cos_phi * across - sin_phi * rates[1]
+    return rates[0] - sin_theta * rates[2], q, r
 
 
 def body_acceleration(
