@@ -24,7 +24,7 @@ FLAG = re.compile(
 )  #: tests whether a vehicle has rotors
 #: package, or room of the core -> lines at most; "stoop" is the whole core
 BUDGETS = {
-    "stoop": 53022,
+    "stoop": 53017,
     "stoop_analysis": 6466,
     "stoop_app": 4018,
     "stoop_draft": 7304,
@@ -46,13 +46,13 @@ BUDGETS = {
     "optimize": 2664,
     "parallel": 1272,
     "prediction": 624,
-    "problem": 1988,
+    "problem": 1987,
     "reconstruction": 826,
     "report": 3134,
     "results": 1355,
-    "simulation": 2234,
+    "simulation": 2231,
     "strategy": 1459,
-    "vehicle": 4453,
+    "vehicle": 4452,
     "workflow": 2372,
 }
 #: modules that an allowed import cycle goes through, imports in functions counted: registries that name their entries

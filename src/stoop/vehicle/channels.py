@@ -219,9 +219,8 @@ def model_inputs(vehicle: Vehicle) -> tuple[str, ...]:
 def model_mixing(vehicle: Vehicle, rows: FloatArray) -> FloatArray:
     """Return the channels (B, n_u, m) for one unit of each of the inputs of linear models, by kernel parameters (n_p, B)."""
     direct = [vehicle.inputs.index(name) for name in vehicle.model_inputs()[len(vehicle.controls) :]]
-    single = np.broadcast_to(
-        np.eye(len(vehicle.inputs))[:, direct], (rows.shape[1], len(vehicle.inputs), len(direct))
-    )
+    single = np.eye(len(vehicle.inputs))[:, direct]
+    single = np.broadcast_to(single, (rows.shape[1], *single.shape))
     return np.concatenate([vehicle.mixing(rows), single], axis=2)
 
 
