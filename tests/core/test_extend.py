@@ -24,6 +24,7 @@ def python(*words: str, folder: Path = ROOT) -> str:
 def test_each_name_exists_and_a_group_loads_nothing_before() -> None:
     groups = [import_module(f"stoop.extend.{path.stem}") for path in (SOURCE / "stoop/extend").glob("*.pyi")]
     names = [getattr(group, name) for group in groups for name in group.__all__]
+    assert len({name for group in groups for name in group.__all__}) == len(names)  # no two meanings
     assert f"{len(names)} names" in (DOCS / "extending.md").read_text("utf-8")
     code = "".join(f"import {group.__name__}\n" for group in groups)
     assert python("-c", f"{code}import sys\nprint({set(HEAVY)} & set(sys.modules))") == "set()\n"

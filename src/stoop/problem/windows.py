@@ -75,8 +75,7 @@ class Window:
         """
         several: Any = given.tolist() if isinstance(given, np.ndarray) else given
         pair = isinstance(several, tuple | list) and len(several) == 2
-        pair = pair and all(isinstance(x, Real) for x in several)
-        if pair or isinstance(several, str | slice | Window):
+        if (pair and all(isinstance(x, Real) for x in several)) or isinstance(several, str | slice | Window):
             several = [several]
         if not isinstance(several, Iterable):
             kind = type(given).__name__

@@ -92,11 +92,8 @@ class Trim:
 
     def numbers_set(self, vehicle: Vehicle) -> dict[str, float]:
         """Return the numbers that a trim set to a value other than the vehicle file's (by 0.1 %), less the wind."""
-        return {
-            name: value
-            for name, value in self.changes.items()
-            if name not in WIND_NUMBERS and abs(value - vehicle.value(name)) > 1e-3 * abs(vehicle.value(name))
-        }
+        changed = [(n, x, vehicle.value(n)) for n, x in self.changes.items() if n not in WIND_NUMBERS]
+        return {name: value for name, value, own in changed if abs(value - own) > 1e-3 * abs(own)}
 
     def neighbors(self) -> Callable[[Mapping[str, FloatArray]], Trims]:
         """Return a function that gives the trims of the vehicle with some numbers slightly changed, (B,) each.

@@ -134,8 +134,8 @@ MANEUVER_DIVERGING = maneuver(4.0, ("elevator", "3-2-1-1", 0.5, 0.3, 0.05))
 STATUSES = {"converged", "stalled", "budget", "generations", "interrupted", "target"}
 #: entry points of the compiled model, through which every trajectory of an estimator comes
 ENTRIES = (
-    (Kernel, "cost"), (Kernel, "trajectories"), (Kernel, "evaluate"), (filtering, "innovations"), (filtering, "step"),
-    (shooting_windows, "windows"), (trajectories, "innovations"), (trajectories, "step"),
+    (Kernel, "cost"), (Kernel, "trajectories"), (Kernel, "evaluate"), (filtering, "innovations"), (Kernel, "step"),
+    (shooting_windows, "windows"), (trajectories, "innovations"),
 )  # fmt: skip
 
 

@@ -48,7 +48,7 @@ def test_the_page_reaches_for_nothing_outside_itself_and_is_written_alike(tmp_pa
     sheets.write_sheet(page, tmp_path / "one.html")
     assert (tmp_path / "one.html").read_text("utf-8") == render_sheet(page)
     with pytest.raises(OutputError):
-        sheets.write_sheet(sheet(), tmp_path / "one.html" / "page.html")
+        sheets.write_sheet(sheet(), tmp_path / "no" / "page.html")
 
 
 def test_prose_has_paragraphs_lists_and_code() -> None:
