@@ -15,13 +15,7 @@ from stoop.errors import VehicleError
 from stoop.flight import OUTPUTS, VARIABLES
 from stoop.flight.alignment import QUANTITIES
 from stoop.flight.conversion import MIXERS
-from stoop.flight.mapping import (
-    FlightMapping,
-    GroupTable,
-    SourceTable,
-    TimeUnit,
-    VariableTable,
-)
+from stoop.flight.mapping import FlightMapping, GroupTable, SourceTable, TimeUnit, VariableTable
 from stoop.simulation import maneuver
 from stoop.simulation.maneuver import parse_maneuver
 from stoop.vehicle import parse_vehicle, rotor_channels, schema

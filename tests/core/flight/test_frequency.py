@@ -11,12 +11,7 @@ from scipy.special import stdtrit
 
 from stoop.base.arrays import FloatArray
 from stoop.flight import from_columns
-from stoop.flight.frequency_responses import (
-    POINTS_PER_OCTAVE,
-    FrequencyResponse,
-    Stretch,
-    frequencies,
-)
+from stoop.flight.frequency_responses import POINTS_PER_OCTAVE, FrequencyResponse, Stretch, frequencies
 from stoop.flight.spectra import frequency_responses, power_spectra, spectrogram
 
 RATE = 50.0
