@@ -286,8 +286,10 @@ def _moves(
 ) -> dict[str, float]:
     """Return the largest changes of parameters, in their standard errors."""
     shift = found.shifts[:, index] * found.change[index]
-    rows = [(row, unknowns[i], bars.std[i]) for row, i in enumerate(free) if 0.0 < bars.std[i] < np.inf]
-    moved = {u.name: float(shift[row] / std) for row, u, std in rows if u.kind == "parameter"}
+    rows = [(row, i) for row, i in enumerate(free) if unknowns[i].kind == "parameter"]  # noise has no error
+    moved = {
+        unknowns[i].name: float(shift[row] / bars.std[i]) for row, i in rows if 0.0 < bars.std[i] < np.inf
+    }
     largest = sorted(moved, key=lambda name: -abs(moved[name]))[: Limits.moves]
     return {name: moved[name] for name in largest if abs(moved[name]) >= Limits.least_move}
 

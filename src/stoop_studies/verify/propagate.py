@@ -7,7 +7,6 @@ from typing import Any, Final
 
 import numpy as np
 
-import stoop
 from stoop.assessment.error_bars import ErrorBars
 from stoop.base.arrays import FloatArray
 from stoop.errors import StoopError
@@ -18,6 +17,7 @@ from stoop.simulation.linearize import modes_of
 from stoop.vehicle import Vehicle
 from stoop.vehicle.builtin import load_vehicle
 from stoop.workflow.fitted_model import FittedModel
+from stoop.workflow.identification import fit as fit_model
 from stoop_analysis.draws import Draws, from_covariance, truncated_normal
 from stoop_analysis.propagation.propagation import propagate_draws
 from stoop_analysis.propagation.quantities import ON_PRIOR
@@ -131,7 +131,7 @@ def twin(seed: int) -> float:
 def marks(seed: int) -> list[dict[str, Any]]:
     """Return the figures of a fit in which one control never moves, with their share of priors by draws and by single trims."""
     scene = scenes.in_white_noise(seed, still=STILL[seed % len(STILL)])
-    model = stoop.fit(
+    model = fit_model(
         scene.start, list(scene.flights.values()), scene.windows, seed=seed,
         method="output-error", strategy="textbook",
     )  # fmt: skip
