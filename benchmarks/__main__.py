@@ -10,7 +10,7 @@ from pathlib import Path
 
 from benchmarks.clock import machine
 from benchmarks.table import Row, markdown
-from stoop.base.interrupts import keep_freed_memory
+from stoop.base.memory import keep_freed_memory
 
 QUICK = ("engine", "accuracy", "startup", "overhead", "paper", "joint")
 PARTS = (

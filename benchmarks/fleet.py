@@ -34,7 +34,7 @@ _MEMORY = """
 import sys
 from pathlib import Path
 import stoop_fleet.logs as logs
-from stoop.base.interrupts import keep_freed_memory
+from stoop.base.memory import keep_freed_memory
 keep_freed_memory()
 def peak():
     lines = Path("/proc/self/status").read_text().splitlines()

@@ -24,7 +24,7 @@ FLAG = re.compile(
 )  #: tests whether a vehicle has rotors
 #: package, or room of the core -> lines at most; "stoop" is the whole core
 BUDGETS = {
-    "stoop": 52903,
+    "stoop": 52912,
     "stoop_analysis": 6466,
     "stoop_app": 4018,
     "stoop_draft": 7304,
@@ -34,10 +34,10 @@ BUDGETS = {
     "stoop_studies": 15091,
     "stoop_tune": 4475,
     "api": 57,
-    "assessment": 4743,
-    "base": 2796,
+    "assessment": 4744,
+    "base": 2803,
     "checks": 572,
-    "cli": 1999,
+    "cli": 2000,
     "estimate": 7066,
     "extend": 101,
     "flight": 5243,

@@ -202,8 +202,9 @@ class ErrorBars:
         covariance = np.sum([c.covariance for c in given], axis=0)
         scatter = _scatter(fit, uncertainty, sum(u.kind == "parameter" for u in estimated))
         held = nonzero(Component("held", of_held_mass_properties(fit, uncertainty.coloring)))
-        between = None if scatter is None else Component("maneuvers", of_scatter(scatter, covariance))
-        maneuvers = () if between is None else nonzero(between)
+        maneuvers: tuple[Component, ...] = ()
+        if scatter is not None:
+            maneuvers = nonzero(Component("maneuvers", of_scatter(scatter, covariance)))
         at_bound = np.array([u.fixed == "bound" for u in unknowns])
         plain, apart = uncertainty, fit.disagreement[free]
         if fit.white_evidence is not evidence:

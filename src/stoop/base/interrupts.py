@@ -1,8 +1,7 @@
-"""Ctrl-C and SIGTERM: other handlers for a while, and waiting for the end of a block; the memory of the process."""
+"""Ctrl-C and SIGTERM: other handlers for a while, and waiting for the end of a block."""
 
 from __future__ import annotations
 
-import ctypes
 import os
 import signal
 import sys
@@ -11,12 +10,10 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, Final
+from typing import Any
 
 MESSAGE = "\nstoop: the search is done; writing its result (Ctrl-C again throws it away)\n"
 Handler = Callable[[int, Any], Any]
-_TRIM_THRESHOLD: Final = (-1, 2**28)  #: parameter of mallopt, bytes
-_MMAP_THRESHOLD: Final = (-3, 2**25)  #: the largest that glibc takes
 
 
 @contextmanager
@@ -109,15 +106,3 @@ def deferred_interrupt() -> Iterator[Deferred]:
     deferred = Deferred()
     with handle_signals(lambda _: deferred.take):
         yield deferred
-
-
-def keep_freed_memory() -> None:
-    """Let glibc keep what is freed, up to 256 MB, instead of returning it to the system.
-
-    Fresh pages are cleared and mapped when they are first touched. For arrays of a few megabytes, made and freed again and
-    again, that takes as long as what is done with them (`python -m benchmarks joint`). It is a matter of the whole process: the
-    command line and its workers ask for it, `import stoop` does not. Other C libraries are left alone.
-    """
-    if sys.platform == "linux" and hasattr(libc := ctypes.CDLL(None), "mallopt"):
-        libc.mallopt(*_TRIM_THRESHOLD)
-        libc.mallopt(*_MMAP_THRESHOLD)

@@ -24,7 +24,8 @@ from typing import Any, Final, NoReturn
 
 from stoop.base.cache import fonts_folder
 from stoop.base.files import recorded_inputs
-from stoop.base.interrupts import keep_freed_memory, restore_interrupts, unblock_interrupts
+from stoop.base.interrupts import restore_interrupts, unblock_interrupts
+from stoop.base.memory import keep_freed_memory
 from stoop.base.packages import PREFIX, culprit, guarded, others
 from stoop.base.streams import flush_or_discard, open_missing_streams
 from stoop.base.text import nearest, printable, show

@@ -21,7 +21,7 @@ from queue import SimpleQueue
 from typing import Any, Final, Protocol, TypeAlias, final
 
 from stoop.base.extras import install
-from stoop.base.interrupts import keep_freed_memory
+from stoop.base.memory import keep_freed_memory
 from stoop.errors import CampaignError, StoopError
 from stoop.parallel.plan import Task
 from stoop.parallel.worker import Report, perform

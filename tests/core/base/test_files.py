@@ -197,7 +197,7 @@ def test_arrays_at_the_bound_are_read() -> None:
 CODE = """
 import resource
 import numpy as np
-from stoop.base.interrupts import keep_freed_memory
+from stoop.base.memory import keep_freed_memory
 
 def faults():
     before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt
